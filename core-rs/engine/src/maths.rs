@@ -1,0 +1,8 @@
+//! Transcendentals that give the same bytes on every machine (`libm`, compiled with the engine).
+
+pub use libm::{asin, atan2, cos, exp, expm1, floor, log, log1p, log10, pow, sin, sincos, sqrt, tanh};
+
+/// Ratio of amplitudes for a level in decibels.
+pub fn decibels(level: f64) -> f64 {
+    pow(10.0, level / 20.0)
+}

@@ -1,0 +1,1 @@
+"""Ergon: write the gesture, hear the matter."""

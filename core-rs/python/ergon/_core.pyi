@@ -1,0 +1,421 @@
+"""The compiled core: everything that turns values into samples.
+
+Sizes: n_mat MATs, n_lia LIAs, n_out outputs, n_frames frames, n_channels loudspeakers.
+SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules, hertz.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__version__: str
+
+Floats = NDArray[np.float64]
+
+class EngineError(ValueError):
+    """A network, law or timeline that the engine will not run."""
+
+    module: str | None  # as the composer wrote it, e.g. `bell.m`
+
+class UnstableError(EngineError):
+    """The scheme would diverge at this rate; `module` moves most."""
+
+class LawError(EngineError):
+    """A law that cannot be compiled; `offset` and `length` mark the characters."""
+
+    offset: int
+    length: int
+
+class DivergedError(EngineError):
+    """A part went non-finite while it ran; `frame` is the sample index."""
+
+    frame: int
+
+# --- arithmetic whose last bit does not depend on the machine -----------------------------------
+
+def ln(x: float) -> float: ...
+def exp(x: float) -> float: ...
+def pow(x: float, y: float) -> float: ...
+def decibels(level: float) -> float:
+    """Ratio of amplitudes for a level [dB]."""
+
+@final
+class Chance:
+    """PCG64 keyed by SHA-256 of (seed, kind, name, member, occurrence): no draw depends on another."""
+
+    def __init__(self, seed: int, kind: str, name: str, member: int, occurrence: int) -> None: ...
+    def uniform(self, low: float, high: float) -> float: ...
+    def logarithmic(self, low: float, high: float) -> float: ...
+    def exponential(self, mean: float) -> float: ...
+
+# --- what is ------------------------------------------------------------------------------------
+
+@final
+class Law:
+    """An LNL law: `f = expression(d) + damping(d, v)`, or straight lines through `points`.
+
+    `expression` and `damping` are texts of the law language (score reference, LNL); `constants`
+    are SI numbers. With `reach` s the law is seen through a lever: f(d/s)/s.
+    Raises LawError (`offset` counts characters of the text at fault; `LawError.args[1]` names it:
+    "law" or "damping").
+    """
+
+    def __init__(
+        self,
+        expression: str | None = None,
+        damping: str | None = None,
+        constants: Mapping[str, float] = ...,
+        points: Sequence[tuple[float, float]] | None = None,
+        reach: float = 1.0,
+    ) -> None: ...
+    def force(self, d: float, v: float = 0.0) -> float:
+        """Force at elongation d [m] and its rate v [m/s]."""
+    def potential(self, d: float) -> float:
+        """Energy stored at elongation d [J]; zero at d = 0."""
+    def is_active(self, d_max: float, v_max: float) -> bool:
+        """Whether damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max: the link can give energy."""
+
+@final
+class Network:
+    """What is: MATs and LIAs with SI parameters, grouped into named parts.
+
+    Every adding method returns the index of the (first) module it made. Names are local: module
+    `m` of part `bell` is reported as `bell.m`, member i of a generator as `bell.string.i`; a module
+    whose name is "" bears the name of its part.
+    """
+
+    def __init__(self) -> None: ...
+    n_mat: int
+    n_lia: int
+    n_out: int
+    def part(self, name: str, *, ca_rate: float | None = None) -> None:
+        """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
+        Z of the discrete network at that rate, which then is the truth (GENESIS habit)."""
+    def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int: ...
+    def sol(self, name: str, *, X0: float = 0.0) -> int: ...
+    def cel(
+        self,
+        name: str,
+        *,
+        M: float,
+        K: float | None = None,
+        Z: float | None = None,
+        f: float | None = None,
+        t60: float | None = None,
+        X0: float = 0.0,
+        V0: float = 0.0,
+        rest: float = 0.0,
+    ) -> int:
+        """A MAS tied to the ground: by K [N/m] and Z [N·s/m], or by its damped frequency f [Hz] and
+        decay t60 [s] (None: no decay)."""
+    def string(
+        self,
+        name: str,
+        *,
+        masses: int,
+        M: float,
+        f: float,
+        t60: float | None = None,
+        ends: Literal["fixed", "free", "left"] = "fixed",
+        stiffness: float = 0.0,
+        hardening: float = 0.0,
+    ) -> int:
+        """`masses` MAS in a row, whole mass M [kg], tuned so that the lowest non-rigid mode is f."""
+    def plate(
+        self,
+        name: str,
+        *,
+        shape: Literal["hex", "square"],
+        radius: int,
+        M: float,
+        f: float,
+        t60: float | None = None,
+        rim: Literal["free", "fixed"] = "free",
+        hardening: float = 0.0,
+    ) -> int:
+        """A mesh: `hex` of `radius` rings round its centre, or `square` of 2·radius+1 masses a side."""
+    def bank(
+        self,
+        name: str,
+        *,
+        count: int,
+        M: float,
+        f: tuple[float, float],
+        t60: tuple[float, float],
+        spread: Literal["random", "even"] = "even",
+        place: Literal["line", "spiral"] = "line",
+        seed: int = 0,
+    ) -> int:
+        """`count` CELs, f over [low, high] (by logarithm), t60 from low f's (second) to high f's
+        (first) when even, drawn when random."""
+    def count(self, first: int) -> int:
+        """How many MATs the module that begins at index `first` has (1, or a generator's)."""
+    def centre(self, first: int) -> int:
+        """Index of the middle MAT of the module that begins at `first`."""
+    def start(self, index: int, X0: float, V0: float) -> None:
+        """Set the initial position [m] and velocity [m/s] of one MAT."""
+    def position_of(self, index: int) -> tuple[float, float]:
+        """Where the MAT lies on the bench, (x, y) in metres (for pictures and `nearest`)."""
+    def ref(
+        self, name: str, a: int, b: int, *, K: float = 0.0, Z: float = 0.0, rest: float = 0.0
+    ) -> int:
+        """Spring and damper between MATs a and b (RES: Z = 0, FRO: K = 0). Returns the LIA index."""
+    def but(
+        self,
+        name: str,
+        a: int,
+        b: int,
+        *,
+        K: float,
+        Z: float = 0.0,
+        gap: float = 0.0,
+        side: Literal["below", "above"] = "below",
+        contact: Literal["plain", "exact", "magic"] = "plain",
+        restitution: float = 1.0,
+        exponent: float = 1.0,
+        clamp: bool = False,
+        steps: int = 2,
+    ) -> int:
+        """One-sided contact of the striker a on b. `magic` chooses K and Z itself from
+        `restitution` and the number of `steps` a contact lasts."""
+    def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int: ...
+    def impose(self, index: int) -> None:
+        """The MAT's position is imposed (ENX): the timeline's `drive` says where it goes."""
+    def listen(
+        self,
+        name: str,
+        *,
+        positions: Sequence[tuple[int, int, float]] = (),
+        forces: Sequence[tuple[int, int, float]] = (),
+        ground_forces: Sequence[tuple[int, int, float]] = (),
+    ) -> int:
+        """An output: the sum of weight · (position of MATs / force of LIAs on their second point /
+        K·(x-rest) of CELs) over ranges (first, count, weight). Returns the output's index."""
+    def certify(self, rate: float) -> Certificate:
+        """Whether the CA scheme is stable at `rate`. Raises UnstableError, naming the module."""
+    def modes(self, part: str, n_modes: int) -> list[tuple[float, float]]:
+        """Lowest modes of a linear part as (f [Hz], t60 [s]) of the continuous network."""
+
+@final
+class Certificate:
+    """λmax(M⁻¹(K+2Z)) < 4 (Jury; every BUT closed, every LNL at its slope at rest)."""
+
+    lambda_max: float
+    method: Literal["gershgorin", "dense", "lanczos"]
+    word: Literal["proved", "guarded"]
+    oversampling: int  # ceil(sqrt(λmax/4)): 1 when stable
+
+@final
+class Take:
+    """A captured movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
+
+    `trim` keeps t in [from, to] and calls `from` zero; `smooth` is a 4th-order Butterworth low-pass
+    [Hz], forward and back. t must rise; everything finite; at most 20,000,000 samples.
+    """
+
+    def __init__(
+        self,
+        t: Floats,
+        x: Floats,
+        *,
+        trim: tuple[float, float] | None = None,
+        smooth: float | None = None,
+    ) -> None: ...
+    duration: float
+    n_samples: int
+    def at(self, t: float) -> tuple[float, float, float]:
+        """Position, velocity, acceleration at t [s]."""
+
+# --- what will happen ---------------------------------------------------------------------------
+
+@final
+class Timeline:
+    """What will happen, by sample index. Build it after the Network is complete (it keeps a copy)."""
+
+    def __init__(self, network: Network, rate: float) -> None: ...
+    def key(self, name: str, struck: int, *, travel: tuple[float, float] | None = None) -> int:
+        """A key: its part is copied as the free key that gestures are written for."""
+    def gesture(
+        self,
+        key: int,
+        t: Sequence[float],
+        x: Sequence[float],
+        curve: Sequence[Literal["smooth", "line", "hold", "throw"]],
+        *,
+        touch: Literal["open", "tracked"] = "open",
+        ergons: Literal["event", "particle"] = "event",
+        grain: float | None = None,
+        join: float = 0.02,
+        force_limit: float | None = None,
+        layer: bool = False,
+        sources: Sequence[int] = (),
+    ) -> int:
+        """A narrative gesture: pass x[i] [m] at t[i] [s] of the piece; curve[i] is the way into
+        point i (curve[0] is ignored). `sources[i]` is any number that comes back in the stream of
+        ergons (a source place). Returns the gesture's index (reports come in that order)."""
+    def take(
+        self,
+        key: int,
+        take: Take,
+        at: float,
+        *,
+        scale: float = 1.0,
+        stretch: float = 1.0,
+        reverse: bool = False,
+        until: float | None = None,
+        touch: Literal["open", "tracked"] = "open",
+        ergons: Literal["event", "particle"] = "event",
+        grain: float | None = None,
+        join: float = 0.02,
+        force_limit: float | None = None,
+        layer: bool = False,
+        source: int = 0,
+    ) -> int:
+        """A take played as a gesture from `at` [s]: x·scale at t·stretch."""
+    def strike(
+        self,
+        mat: int,
+        at: float,
+        *,
+        impulse: float | None = None,
+        mass: float | None = None,
+        speed: float | None = None,
+        source: int = 0,
+    ) -> None:
+        """An ergon meets a MAT at `at` [s]: with an impulse [N·s], or a mass [kg] and speed [m/s]."""
+    def rain(
+        self,
+        mats: Sequence[int],
+        *,
+        start: float,
+        stop: float,
+        rate: float,
+        impulse: tuple[float, float],
+        seed: int,
+        name: str,
+        source: int = 0,
+    ) -> int:
+        """Each MAT struck by a Poisson process of its own (rate [Hz], impulses drawn uniformly);
+        member i draws from Chance(seed, "strikes", name, i, 0). Returns the number of strikes."""
+    def couple(self, link: int, start: float, stop: float | None = None) -> None:
+        """The LIA acts only from `start` to `stop` [s]: it fades in and out over 20 ms."""
+    def drive(
+        self,
+        mat: int,
+        kind: Literal["position", "force"],
+        *,
+        constant: float | None = None,
+        take: Take | None = None,
+        at: float = 0.0,
+        scale: float = 1.0,
+    ) -> None:
+        """ENX / ENF: a constant, or a take from `at` [s] (before it its first value, after it its
+        last)."""
+
+# --- what moves ---------------------------------------------------------------------------------
+
+@final
+class Report:
+    """What became of one gesture, over the frames it ran."""
+
+    gesture: int
+    n_ergons: int
+    start: float  # first and last instant it ran [s]
+    stop: float
+    worst: float  # largest |done - asked| on the loaded key [m], and when [s]
+    worst_at: float
+    rms: float  # [m]
+    low: float  # excursion of the free key from the gesture's start to the next one's [m]
+    high: float
+    strongest: float  # largest velocity step of one ergon [m/s]
+    force_max: float  # largest |force| of one ergon [N]
+    missed: int  # steps that needed more than force_limit
+    first_point_missed: bool  # it cut an earlier gesture and had to join after its start
+
+@final
+class Energy:
+    """The ledger [J]: start + injected = stored + lost - produced + residual."""
+
+    start: float
+    stored: float
+    injected: float
+    lost: float
+    produced: float
+    residual: float
+    flow: float  # Σ|injected|, |lost|, |produced| so far: what residual is compared with
+
+@final
+class Snapshot: ...
+
+@final
+class Simulation:
+    """Plan + State: steps frames, taps outputs, keeps the ledger."""
+
+    def __init__(
+        self,
+        network: Network,
+        timeline: Timeline,
+        *,
+        ledger: bool = False,
+        record: bool = False,
+        on_fault: Literal["stop", "mute"] = "stop",
+    ) -> None: ...
+    rate: float
+    frame: int
+    n_out: int
+    def process(self, out: Floats) -> None:
+        """Fill out (n_frames, n_out), C-contiguous, with the next frames. Raises DivergedError."""
+    def positions(self) -> Floats:
+        """Positions now (n_mat,) [m]."""
+    def velocities(self) -> Floats:
+        """Backward differences now (n_mat,) [m/s]."""
+    def asked(self) -> Floats:
+        """Where each key's gesture wants it now, NaN when none runs (n_keys,) [m]."""
+    def snapshot(self) -> Snapshot: ...
+    def restore(self, snapshot: Snapshot) -> None: ...
+    def energy(self) -> Energy:
+        """The ledger; EngineError unless built with ledger=True."""
+    def reports(self) -> list[Report]: ...
+    def ergons(self) -> dict[str, NDArray[np.float64]]:
+        """Ergons since the last call (built with record=True): columns `time` [s], `mat`, `mass`
+        [kg], `speed` [m/s], `impulse` [N·s], `source`, each (n_ergons,)."""
+    def muted(self) -> list[tuple[str, int]]:
+        """Parts put to silence (name, frame) under on_fault="mute"."""
+
+# --- from outputs to loudspeakers ---------------------------------------------------------------
+
+@final
+class Mixer:
+    """Routes of outputs to channels, with gains and second-order high-passes."""
+
+    def __init__(self, rate: float, n_out: int, n_channels: int) -> None: ...
+    def route(self, out: int, channel: int, gain: float = 1.0, highpass: float | None = None) -> None:
+        """Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2."""
+    def process(self, frames: Floats, mixed: Floats) -> None:
+        """(n_frames, n_out) -> (n_frames, n_channels)."""
+
+@final
+class Limiter:
+    """Look-ahead limiter: 5 ms ahead, 50 ms release, sample peak; all channels by one gain."""
+
+    def __init__(self, rate: float, n_channels: int, ceiling: float) -> None: ...
+    latency: int
+    def process(self, frames: Floats) -> None:
+        """In place, (n_frames, n_channels); what comes out is `latency` frames late."""
+
+@final
+class Meter:
+    """Peak and integrated loudness (ITU-R BS.1770) of what passes."""
+
+    def __init__(self, rate: float, n_channels: int) -> None: ...
+    def process(self, frames: Floats) -> None: ...
+    peak: float
+    loudness: float  # LUFS; -inf for silence
+
+def pcm(frames: Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
+    """frames · gain as integers in the top bits of an int32, rounded half to even, clipped."""
+
+def single(frames: Floats, gain: float) -> NDArray[np.float32]:
+    """frames · gain in single precision."""

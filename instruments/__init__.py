@@ -1,0 +1,1 @@
+"""The model language: modules of an instrument become a network."""

@@ -1,0 +1,1 @@
+"""The score language: text becomes a checked piece, with every mistake in its place."""

@@ -1,0 +1,1 @@
+"""Looking: curves in the terminal and as SVG."""
