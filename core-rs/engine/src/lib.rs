@@ -1,5 +1,23 @@
 //! The physics of ergon: CORDIS-ANIMA networks struck by ergons.
 //!
 //! No Python, no audio device, no clock: what a thing does is a function of its arguments.
+//!
+//! `Network` (what is) and `Timeline` (what will happen) make a `Simulation`, which is a `Plan` (what is
+//! computed at every step) and a state (what moves).
 
+pub mod cell;
+pub mod chance;
+pub mod generator;
+pub mod gesture;
+mod kernel;
+pub mod law;
 pub mod maths;
+pub mod mix;
+pub mod network;
+pub mod plan;
+mod section;
+pub mod simulation;
+pub mod spectrum;
+mod state;
+pub mod timeline;
+pub mod units;

@@ -1,0 +1,199 @@
+//! CEL: a mass tied to the ground by a spring and a damper, and its exact place in discrete time.
+//!
+//! m ẍ + z ẋ + k (x - rest) = 0 has a closed solution; the scheme
+//! x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M = m/T² runs through its very samples when κ
+//! and ζ are taken from the solution's poles. T is the step, θ the angle and r the decay of one step.
+
+#[cfg(test)]
+mod tests;
+
+use std::f64::consts::{LN_10, TAU};
+
+use crate::maths::{asin, exp, expm1, log1p, sin, sqrt};
+use crate::units::Rate;
+
+/// Decay rate σ [1/s] for a decay of 60 dB in `t60` [s]; none: no decay.
+pub fn decay(t60: Option<f64>) -> f64 {
+    t60.map_or(0.0, |t60| 3.0 * LN_10 / t60)
+}
+
+/// A CEL's parameters in the discrete scheme: κ = K/M and ζ = Z/M.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ratios {
+    /// K/M
+    pub kappa: f64,
+    /// Z/M
+    pub zeta: f64,
+}
+
+impl Ratios {
+    /// Of poles r e^{±iθ}, with r = e^-s.
+    fn of_poles(s: f64, theta: f64) -> Self {
+        let (loss, half) = (-expm1(-s), sin(0.5 * theta));
+        Self {
+            kappa: loss * loss + 4.0 * exp(-s) * (half * half),
+            zeta: -expm1(-2.0 * s),
+        }
+    }
+
+    /// Damped frequency [Hz] and T60 [s] (infinite without loss), where the poles are complex.
+    pub fn pitch(self, rate: Rate) -> Option<(f64, f64)> {
+        // 1-ζ is r²; where Z takes all the velocity in one step there is no oscillation.
+        let r = sqrt(1.0 - self.zeta);
+        let loss = self.zeta / (1.0 + r);
+        let half = (self.kappa - loss * loss) / (4.0 * r);
+        if !(half > 0.0 && half < 1.0) {
+            return None;
+        }
+        let f = 2.0 * asin(sqrt(half)) / TAU * rate.hertz();
+        Some((f, 6.0 * LN_10 * rate.step() / -log1p(-self.zeta)))
+    }
+}
+
+/// κ and ζ of a CEL with damped frequency `f` [Hz] and decay `t60` [s; none: no decay], exactly.
+///
+/// `f` is below half the rate; above, the poles are those of its alias.
+pub fn tune(f: f64, t60: Option<f64>, rate: Rate) -> Ratios {
+    let step = rate.step();
+    Ratios::of_poles(decay(t60) * step, TAU * f * step)
+}
+
+/// A continuous CEL.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    mass: f64,
+    /// σ = z/2m [1/s]
+    sigma: f64,
+    poles: Poles,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Poles {
+    /// -σ ± iω: ω [rad/s], 0 where damping is critical.
+    Oscillating { omega: f64 },
+    /// -slow and -fast [1/s]; 0 <= slow < fast.
+    Creeping { slow: f64, fast: f64 },
+}
+
+impl Cell {
+    /// From mass `m` [kg] > 0, stiffness `k` [N/m] >= 0 and viscosity `z` [N·s/m] >= 0.
+    pub fn new(m: f64, k: f64, z: f64) -> Self {
+        let sigma = 0.5 * z / m;
+        let squared = k / m;
+        let excess = sigma * sigma - squared;
+        let poles = if excess <= 0.0 {
+            Poles::Oscillating {
+                omega: sqrt(-excess),
+            }
+        } else {
+            let fast = sigma + sqrt(excess);
+            // Not σ - √…: the difference of two near numbers would lose a weak spring.
+            Poles::Creeping {
+                slow: squared / fast,
+                fast,
+            }
+        };
+        Self {
+            mass: m,
+            sigma,
+            poles,
+        }
+    }
+
+    /// From mass `m` [kg], damped frequency `f` [Hz] and decay `t60` [s; none: no decay].
+    pub fn tuned(m: f64, f: f64, t60: Option<f64>) -> Self {
+        Self {
+            mass: m,
+            sigma: decay(t60),
+            poles: Poles::Oscillating { omega: TAU * f },
+        }
+    }
+
+    /// Stiffness k [N/m].
+    pub fn stiffness(&self) -> f64 {
+        self.mass
+            * match self.poles {
+                Poles::Oscillating { omega } => omega * omega + self.sigma * self.sigma,
+                Poles::Creeping { slow, fast } => slow * fast,
+            }
+    }
+
+    /// Viscosity z [N·s/m].
+    pub fn viscosity(&self) -> f64 {
+        2.0 * self.mass * self.sigma
+    }
+
+    /// κ and ζ with exactly this cell's poles at `rate`, whatever the damping.
+    ///
+    /// Without stiffness κ is 0 and ζ = 1 - e^{-zT/m}; without viscosity ζ is 0.
+    pub fn ratios(&self, rate: Rate) -> Ratios {
+        let step = rate.step();
+        match self.poles {
+            Poles::Oscillating { omega } => Ratios::of_poles(self.sigma * step, omega * step),
+            // κ is (1-λ₁)(1-λ₂), ζ is 1-λ₁λ₂.
+            Poles::Creeping { slow, fast } => Ratios {
+                kappa: expm1(-slow * step) * expm1(-fast * step),
+                zeta: -expm1(-2.0 * self.sigma * step),
+            },
+        }
+    }
+
+    /// x(0) - x(-T) [m] of the free motion that is at `x` [m] with velocity `v` [m/s] at t = 0, its
+    /// ground at `rest` [m].
+    ///
+    /// Where one step forgets all velocity (1-ζ rounds to 0), the past has no effect and T·v is given.
+    pub fn last_step(&self, x: f64, v: f64, rest: f64, rate: Rate) -> f64 {
+        /// e^-FORGOTTEN is less than half the rounding unit.
+        const FORGOTTEN: f64 = 37.0;
+        let (y, step) = (x - rest, rate.step());
+        let s = self.sigma * step;
+        if 2.0 * s > FORGOTTEN {
+            return step * v;
+        }
+        // y(-T) = e^s (y C - (v + σy) S), S and C the (hyperbolic) sine over ω and cosine of one step:
+        // `turn` is 1 - e^s C, `slide` e^s S, both without taking near numbers from each other.
+        let (turn, slide) = match self.poles {
+            Poles::Oscillating { omega } => {
+                let half = sin(0.5 * omega * step);
+                let slide = if omega > 0.0 {
+                    sin(omega * step) / omega
+                } else {
+                    step
+                };
+                (2.0 * exp(s) * (half * half) - expm1(s), exp(s) * slide)
+            }
+            Poles::Creeping { slow, fast } => {
+                let gap = fast - slow;
+                let turn = -0.5 * (expm1(fast * step) + expm1(slow * step));
+                (turn, exp(slow * step) * expm1(gap * step) / gap)
+            }
+        };
+        y * turn + (v + self.sigma * y) * slide
+    }
+
+    /// Displacement per unit of initial velocity, `t` [s] >= 0 after it: m times the impulse response.
+    fn response(&self, t: f64) -> f64 {
+        match self.poles {
+            Poles::Oscillating { omega } if omega > 0.0 => {
+                exp(-self.sigma * t) * sin(omega * t) / omega
+            }
+            Poles::Oscillating { .. } => exp(-self.sigma * t) * t,
+            Poles::Creeping { slow, fast } => {
+                let gap = fast - slow;
+                -exp(-slow * t) * expm1(-gap * t) / gap
+            }
+        }
+    }
+
+    /// The forces [N] at samples n and n+1 that stand for an impulse [N·s] at (n + α)T, 0 <= α < 1:
+    /// from n+2 on (and at n+1 already) the scheme runs through the continuous motion's samples.
+    pub fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {
+        let step = rate.step();
+        let unit = impulse / (step * step);
+        let (rest, past) = ((1.0 - alpha) * step, alpha * step);
+        [
+            unit * self.response(rest),
+            unit * exp(-2.0 * self.sigma * rest) * self.response(past),
+        ]
+    }
+}

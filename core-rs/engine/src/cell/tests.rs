@@ -1,0 +1,215 @@
+use super::*;
+use proptest::prelude::*;
+
+fn rate(hertz: f64) -> Rate {
+    Rate::new(hertz).expect("rate")
+}
+
+fn close(a: f64, b: f64, tolerance: f64) -> bool {
+    (a - b).abs() <= tolerance * b.abs()
+}
+
+type Matrix = [[f64; 2]; 2];
+
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j]))
+}
+
+/// e^{At} by scaling and squaring a Taylor series: knows nothing of poles.
+fn expm(a: &Matrix, t: f64) -> Matrix {
+    let size = a
+        .iter()
+        .flatten()
+        .map(|x| (x * t).abs())
+        .fold(0.0, f64::max);
+    let mut halvings = 0;
+    let mut scale = t;
+    while size * (scale / t) > 1e-2 {
+        halvings += 1;
+        scale *= 0.5;
+    }
+    let scaled: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] * scale));
+    let mut sum = [[1.0, 0.0], [0.0, 1.0]];
+    let mut term = sum;
+    for n in 1..=12 {
+        term = product(&term, &scaled);
+        for row in &mut term {
+            row.iter_mut().for_each(|x| *x /= f64::from(n));
+        }
+        for i in 0..2 {
+            for j in 0..2 {
+                sum[i][j] += term[i][j];
+            }
+        }
+    }
+    (0..halvings).fold(sum, |root, _| product(&root, &root))
+}
+
+/// Position and velocity after `t` of m ẍ + z ẋ + k x = 0.
+fn flow(m: f64, k: f64, z: f64, t: f64, x: f64, v: f64) -> (f64, f64) {
+    // Time in units of |t|, so that one Taylor scale serves both entries.
+    let unit = t.abs();
+    let e = expm(
+        &[[0.0, 1.0], [-k / m * unit * unit, -z / m * unit]],
+        t / unit,
+    );
+    (
+        e[0][0] * x + e[0][1] * v * unit,
+        e[1][0] * x / unit + e[1][1] * v,
+    )
+}
+
+// Vectors computed by another program, in more digits.
+#[test]
+fn ratios_match_the_vectors() {
+    let vectors = [
+        (
+            440.0,
+            1.0,
+            44_100.0,
+            0.003_928_080_335_657_302,
+            0.000_313_227_817_321_603_7,
+        ),
+        (
+            440.0,
+            1.0,
+            4_410.0,
+            0.379_699_981_290_506_4,
+            0.003_127_866_834_002_217_7,
+        ),
+        (
+            8.0,
+            0.6,
+            4_410.0,
+            0.000_136_373_522_263_312_26,
+            0.005_207_674_192_967_996,
+        ),
+        (
+            5_000.0,
+            0.3,
+            44_100.0,
+            0.486_128_721_658_317_94,
+            0.001_043_711_232_153_786_8,
+        ),
+    ];
+    for (f, t60, hertz, kappa, zeta) in vectors {
+        let ratios = tune(f, Some(t60), rate(hertz));
+        assert!(close(ratios.kappa, kappa, 1e-15), "{f}: {ratios:?}");
+        assert!(close(ratios.zeta, zeta, 1e-15), "{f}: {ratios:?}");
+    }
+}
+
+#[test]
+fn the_split_matches_the_vector() {
+    let [now, next] = Cell::tuned(1.0, 440.0, Some(1.0)).split(1.0, 0.3, rate(44_100.0));
+    assert!(close(now, 30_856.709_804_9, 1e-12), "{now}");
+    assert!(close(next, 13_225.697_835_1, 1e-12), "{next}");
+}
+
+#[test]
+fn limits_are_exact() {
+    let rate = rate(1_000.0);
+    let free = Cell::new(2.0, 0.0, 0.0).ratios(rate);
+    assert_eq!(
+        free,
+        Ratios {
+            kappa: 0.0,
+            zeta: 0.0
+        }
+    );
+    let slowing = Cell::new(2.0, 0.0, 30.0).ratios(rate);
+    assert_eq!(slowing.kappa, 0.0);
+    assert!(close(slowing.zeta, -expm1(-0.015), 1e-15));
+    assert_eq!(Cell::new(2.0, 8e5, 0.0).ratios(rate).zeta, 0.0);
+    assert_eq!(
+        Ratios {
+            kappa: 0.1,
+            zeta: 0.0
+        }
+        .pitch(rate)
+        .map(|p| p.1),
+        Some(f64::INFINITY)
+    );
+    // No oscillation: critical, creeping, or a K beyond the scheme's reach.
+    for (kappa, zeta) in [(0.0, 0.1), (0.001, 0.1), (4.5, 0.0)] {
+        assert_eq!(Ratios { kappa, zeta }.pitch(rate), None);
+    }
+    // A step that forgets everything still starts from finite numbers.
+    assert_eq!(
+        Cell::new(1e-6, 1.0, 1e4).last_step(1.0, 2.0, 0.0, rate),
+        0.002
+    );
+    let tuned = Cell::tuned(2.0, 3.0, Some(4.0));
+    let again = Cell::new(2.0, tuned.stiffness(), tuned.viscosity());
+    assert!(close(
+        again.ratios(rate).kappa,
+        tuned.ratios(rate).kappa,
+        1e-14
+    ));
+}
+
+/// Mass, stiffness, viscosity of any damping at 1 kHz: over ω₀T and the damping ratio.
+fn cells() -> impl Strategy<Value = (f64, f64, f64)> {
+    let ratio = prop_oneof![
+        Just(0.0),
+        Just(1.0),
+        0.0..0.99f64,
+        0.99..1.01f64,
+        1.0..20.0f64
+    ];
+    (0.01..10.0f64, prop_oneof![Just(0.0), 1e-3..0.5f64], ratio).prop_map(|(m, angle, ratio)| {
+        let omega = angle * 1_000.0;
+        (m, m * omega * omega, 2.0 * m * ratio * omega.max(1.0))
+    })
+}
+
+proptest! {
+    // 20 Hz to 20 kHz: 1e-10 cents and 2e-16 in T60 were measured elsewhere.
+    #[test]
+    fn pitch_is_the_inverse(f in 20.0..20_000.0f64, t60 in 0.01..10.0f64) {
+        let rate = rate(44_100.0);
+        let (f_again, t60_again) = tune(f, Some(t60), rate).pitch(rate).expect("complex poles");
+        prop_assert!(close(f_again, f, 1e-12));
+        prop_assert!(close(t60_again, t60, 1e-11));
+    }
+
+    // From its own backward flow, the scheme runs through the continuous motion.
+    #[test]
+    fn the_scheme_is_the_continuous_motion(
+        (m, k, z) in cells(), x0 in -1.0..1.0f64, v0 in -300.0..300.0f64, rest in -1.0..1.0f64,
+    ) {
+        let rate = rate(1_000.0);
+        let cell = Cell::new(m, k, z);
+        let Ratios { kappa, zeta } = cell.ratios(rate);
+        let last = cell.last_step(x0, v0, rest, rate);
+        let (before, _) = flow(m, k, z, -rate.step(), x0 - rest, v0);
+        // What is forgotten in one step is as much larger one step before.
+        let size = exp(z / m * rate.step()) * (1.0 + (x0 - rest).abs() + v0.abs() * rate.step());
+        prop_assert!((x0 - last - rest - before).abs() <= 4e-12 * size, "{last} {before}");
+        let (mut x, mut delta) = (x0 - rest, last);
+        for n in 1..=20 {
+            delta = delta - kappa * x - zeta * delta;
+            x += delta;
+            let (exact, _) = flow(m, k, z, f64::from(n) * rate.step(), x0 - rest, v0);
+            prop_assert!((x - exact).abs() <= 4e-12 * size, "{n}: {x} {exact}");
+        }
+    }
+
+    // An impulse between two samples, split over both, leaves no difference afterwards.
+    #[test]
+    fn the_split_is_the_continuous_impulse((m, k, z) in cells(), alpha in 0.0..1.0f64) {
+        let rate = rate(1_000.0);
+        let cell = Cell::new(m, k, z);
+        let Ratios { kappa, zeta } = cell.ratios(rate);
+        let mass = m / rate.step() / rate.step();
+        let forces = cell.split(0.7, alpha, rate);
+        let (mut x, mut delta) = (0.0, 0.0);
+        for n in 0..20 {
+            delta = delta - kappa * x - zeta * delta + forces.get(n).unwrap_or(&0.0) / mass;
+            x += delta;
+            let t = (n as f64 + 1.0 - alpha) * rate.step();
+            let (exact, _) = flow(m, k, z, t, 0.0, 0.7 / m);
+            prop_assert!((x - exact).abs() <= 4e-12 * 0.7 / m * rate.step() * 20.0, "{n}: {x} {exact}");
+        }
+    }
+}

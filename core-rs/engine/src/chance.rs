@@ -1,0 +1,179 @@
+//! Chance that does not spread: every draw has a key of its own.
+
+use rand_core::Rng;
+use rand_pcg::Pcg64;
+use sha2::{Digest, Sha256};
+
+use crate::maths;
+
+/// PCG64 (XSL-RR 128/64, O'Neill 2014) keyed by SHA-256 of the text
+/// `{seed}/{kind}/{name}/{member}/{occurrence}`: digest bytes 0..16 are its state, 16..32 its
+/// stream, both little-endian.
+///
+/// Two keys share nothing, so a line added to a score changes no draw of another line.
+#[derive(Clone, Debug)]
+pub struct Chance(Pcg64);
+
+impl Chance {
+    /// The chance of one occurrence of one member of something named.
+    pub fn new(seed: i128, kind: &str, name: &str, member: u64, occurrence: u64) -> Self {
+        let key = format!("{seed}/{kind}/{name}/{member}/{occurrence}");
+        let digest: [u8; 32] = Sha256::digest(key.as_bytes()).into();
+        let half = |from: usize| u128::from_le_bytes(std::array::from_fn(|i| digest[from + i]));
+        Self(Pcg64::new(half(0), half(16)))
+    }
+
+    /// A multiple of 2⁻⁵³ in [0, 1).
+    fn unit(&mut self) -> f64 {
+        const STEP: f64 = 1.0 / (1u64 << 53) as f64;
+        (self.0.next_u64() >> 11) as f64 * STEP
+    }
+
+    /// A number from `low` to `high`, all as likely.
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// A number from `low` to `high`, both above zero, every octave as likely.
+    pub fn logarithmic(&mut self, low: f64, high: f64) -> f64 {
+        let (from, to) = (maths::log(low), maths::log(high));
+        // exp(ln x) may miss x by a bit, and a range is a promise.
+        maths::exp(from + (to - from) * self.unit()).clamp(low.min(high), low.max(high))
+    }
+
+    /// A waiting time of a Poisson process: exponential, with this `mean`.
+    pub fn exponential(&mut self, mean: f64) -> f64 {
+        -mean * maths::log1p(-self.unit())
+    }
+
+    /// The instants [s] of a Poisson process of `rate` [Hz] in [`start`, `stop`).
+    ///
+    /// What an instant carries is drawn between two of them, through [`PoissonTimes::chance`]: then
+    /// a later `stop` adds strikes and changes none.
+    pub fn poisson_times(&mut self, rate: f64, start: f64, stop: f64) -> PoissonTimes<'_> {
+        PoissonTimes {
+            chance: self,
+            rate,
+            t: start,
+            stop,
+        }
+    }
+}
+
+/// Instants of a Poisson process, in order; see [`Chance::poisson_times`].
+#[derive(Debug)]
+pub struct PoissonTimes<'a> {
+    chance: &'a mut Chance,
+    rate: f64,
+    t: f64,
+    stop: f64,
+}
+
+impl PoissonTimes<'_> {
+    /// The chance that draws the gaps.
+    pub fn chance(&mut self) -> &mut Chance {
+        self.chance
+    }
+}
+
+impl Iterator for PoissonTimes<'_> {
+    type Item = f64;
+
+    fn next(&mut self) -> Option<f64> {
+        // Written so that a rate of zero, whose gaps are infinite or NaN, ends.
+        self.t += self.chance.exponential(1.0 / self.rate);
+        (self.t < self.stop).then_some(self.t)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chance(name: &str) -> Chance {
+        Chance::new(20_181_110, "strikes", name, 3, 1)
+    }
+
+    /// hashlib.sha256(b"20181110/strikes/rain/3/1").digest(); then numpy.random.PCG64 with
+    /// inc = stream << 1 | 1 and state = (state + inc)·multiplier + inc (mod 2**128): random_raw(3).
+    #[test]
+    fn as_numpy() {
+        let mut chance = chance("rain");
+        assert_eq!([0; 3].map(|_: u64| chance.0.next_u64()), NUMPY);
+    }
+
+    const NUMPY: [u64; 3] = [
+        7_927_438_067_563_779_602,
+        10_989_747_340_591_375_924,
+        4_031_542_238_209_528_536,
+    ];
+
+    #[test]
+    fn moments() {
+        let mut chance = chance("rain");
+        let n = 200_000;
+        let mut mean = |draw: fn(&mut Chance) -> f64| {
+            (0..n).map(|_| draw(&mut chance)).sum::<f64>() / f64::from(n)
+        };
+        // Five standard errors of each mean.
+        assert!((mean(|c| c.uniform(-1.0, 3.0)) - 1.0).abs() < 5.0 * 1.155 / 447.0);
+        assert!((mean(|c| c.uniform(0.0, 1.0) * c.uniform(0.0, 1.0)) - 0.25).abs() < 3e-3);
+        assert!((mean(|c| c.exponential(0.2)) - 0.2).abs() < 5.0 * 0.2 / 447.0);
+        let square = |c: &mut Chance| {
+            let x = c.exponential(1.0);
+            x * x
+        };
+        assert!((mean(square) - 2.0).abs() < 5.0 * 4.472 / 447.0);
+        let octave = mean(|c| maths::log(c.logarithmic(20.0, 20_000.0) / 20.0));
+        assert!((octave - 0.5 * maths::log(1000.0)).abs() < 5.0 * 1.994 / 447.0);
+    }
+
+    #[test]
+    fn stays_in_range() {
+        let mut chance = chance("rain");
+        for _ in 0..100_000 {
+            assert!((0.1..0.3).contains(&chance.uniform(0.1, 0.3)));
+            assert!((0.1..=0.3).contains(&chance.logarithmic(0.1, 0.3)));
+            assert!(chance.exponential(1.0) >= 0.0);
+            assert_eq!(chance.logarithmic(0.3, 0.3), 0.3);
+        }
+    }
+
+    #[test]
+    fn keys_share_nothing() {
+        let first = |mut c: Chance| c.0.next_u64();
+        let base = first(chance("rain"));
+        for other in [
+            chance("rains"),
+            Chance::new(-20_181_110, "strikes", "rain", 3, 1),
+            Chance::new(20_181_110, "gesture", "rain", 3, 1),
+            Chance::new(20_181_110, "strikes", "rain", 1, 3),
+        ] {
+            assert_ne!(first(other), base);
+        }
+    }
+
+    #[test]
+    fn rain_falls_at_its_rate_and_a_longer_one_begins_alike() {
+        let fall = |stop: f64| {
+            let mut chance = chance("rain");
+            let mut times = chance.poisson_times(50.0, 2.0, stop);
+            let mut drops = Vec::new();
+            while let Some(t) = times.next() {
+                drops.push((t, times.chance().uniform(1.0, 2.0)));
+            }
+            drops
+        };
+        let long = fall(402.0);
+        assert!(
+            (long.len() as f64 - 20_000.0).abs() < 5.0 * 141.5,
+            "{}",
+            long.len()
+        );
+        assert!(long.windows(2).all(|w| w[0].0 < w[1].0) && long[0].0 >= 2.0);
+        assert!(long.iter().all(|drop| drop.0 < 402.0));
+        let short = fall(40.0);
+        assert_eq!(short[..], long[..short.len()]);
+        assert_eq!(chance("rain").poisson_times(0.0, 0.0, 1e9).count(), 0);
+    }
+}

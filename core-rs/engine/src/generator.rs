@@ -1,0 +1,175 @@
+//! STRING, PLATE and BANK: where the masses lie, what links them, and how they are tuned.
+//!
+//! Topologies are pure: masses and springs of 1. Masses are numbered row by row and links come in long runs of
+//! constant offset, over which the kernel loops.
+
+mod bank;
+mod plate;
+mod string;
+#[cfg(test)]
+mod tests;
+mod tune;
+
+pub use bank::{BankCell, BankForm, Place, Spread, bank};
+pub use plate::{Rim, Shape, plate};
+pub use string::{Ends, string};
+pub use tune::{Tuned, tune};
+
+/// Most MATs of one generator: enough for an hour of patience, too few to fill the memory.
+pub const MAX_MASSES: usize = 2_000_000;
+
+/// Links of one factor: link i of the run joins points a + i and b + i.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkRun {
+    /// First point of the first link.
+    pub a: usize,
+    /// Second point of the first link.
+    pub b: usize,
+    /// How many links.
+    pub len: usize,
+    /// Of the generator's k and z: 1, or a string's `stiffness`.
+    pub factor: f64,
+}
+
+/// What a generator makes: points 0..n_mat are MATs, n_mat..n_mat + n_fixed are SOLs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Topology {
+    /// MATs.
+    pub n_mat: usize,
+    /// SOLs.
+    pub n_fixed: usize,
+    /// Links.
+    pub runs: Vec<LinkRun>,
+    /// The middle MAT.
+    pub centre: usize,
+    /// (x, y) [m] of every point, the body 1 m wide and centred on (0, 0); (n_mat + n_fixed,).
+    pub positions: Vec<[f64; 2]>,
+    /// The lowest non-rigid λ where a formula gives it.
+    closed: Option<f64>,
+}
+
+/// A generator that cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum GeneratorError {
+    /// Too few or too many.
+    #[error("{what} must be from {least} to {most}; here it is {got}.")]
+    Count {
+        /// The field.
+        what: &'static str,
+        /// Bounds.
+        least: usize,
+        /// Bounds.
+        most: usize,
+        /// What was given.
+        got: usize,
+    },
+    /// A value out of its range.
+    #[error("{what} must be {range}; here it is {got}.")]
+    Range {
+        /// The field.
+        what: &'static str,
+        /// What it must be.
+        range: &'static str,
+        /// What was given.
+        got: f64,
+    },
+    /// Nothing moves against anything.
+    #[error("A body of one free mass has no mode to tune; give it more masses, or fix its edge.")]
+    NoMode,
+    /// Above half the rate no discrete network can have the pitch.
+    #[error("A discrete network at {rate} Hz cannot sound at {f} Hz: it ends at half its rate.")]
+    Pitch {
+        /// Asked frequency [Hz].
+        f: f64,
+        /// The network's rate [Hz].
+        rate: f64,
+    },
+}
+
+fn count(what: &'static str, got: usize, least: usize, most: usize) -> Result<(), GeneratorError> {
+    if (least..=most).contains(&got) {
+        return Ok(());
+    }
+    Err(GeneratorError::Count {
+        what,
+        least,
+        most,
+        got,
+    })
+}
+
+fn positive(what: &'static str, got: f64) -> Result<(), GeneratorError> {
+    if got > 0.0 && got.is_finite() {
+        return Ok(());
+    }
+    Err(GeneratorError::Range {
+        what,
+        range: "a positive number",
+        got,
+    })
+}
+
+impl Topology {
+    /// Whether nothing holds the body in place: it has a rigid mode.
+    pub fn is_rigid(&self) -> bool {
+        self.n_fixed == 0
+    }
+
+    /// Number of links.
+    pub fn n_links(&self) -> usize {
+        self.runs.iter().map(|run| run.len).sum()
+    }
+
+    /// y = K x of the network with springs of `factor`, x and y (n_mat,).
+    pub fn apply(&self, x: &[f64], y: &mut [f64]) {
+        y.fill(0.0);
+        for run in &self.runs {
+            let LinkRun { a, b, len, factor } = *run;
+            if a + len <= self.n_mat && b + len <= self.n_mat {
+                // Each end in a loop of its own: what is written then never overlaps what is read.
+                let (xa, xb) = (&x[a..a + len], &x[b..b + len]);
+                for (y, (xa, xb)) in y[a..a + len].iter_mut().zip(xa.iter().zip(xb)) {
+                    *y += factor * (xa - xb);
+                }
+                for (y, (xa, xb)) in y[b..b + len].iter_mut().zip(xa.iter().zip(xb)) {
+                    *y += factor * (xb - xa);
+                }
+                continue;
+            }
+            for i in 0..len {
+                let at = |point: usize| x[..self.n_mat].get(point).copied().unwrap_or(0.0);
+                let force = factor * (at(a + i) - at(b + i));
+                for (point, force) in [(a + i, force), (b + i, -force)] {
+                    if let Some(y) = y[..self.n_mat].get_mut(point) {
+                        *y += force;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Collects links one by one into runs.
+struct Links {
+    runs: Vec<LinkRun>,
+}
+
+impl Links {
+    fn new() -> Self {
+        Self { runs: Vec::new() }
+    }
+
+    fn join(&mut self, a: usize, b: usize, factor: f64) {
+        match self.runs.last_mut() {
+            Some(run) if run.a + run.len == a && run.b + run.len == b && run.factor == factor => {
+                run.len += 1;
+            }
+            _ => self.runs.push(LinkRun {
+                a,
+                b,
+                len: 1,
+                factor,
+            }),
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! BANK: cells beside each other, each with a pitch and a decay of its own.
+
+use super::{GeneratorError, MAX_MASSES, count, positive};
+use crate::maths::{cos, exp, log, sin, sqrt};
+
+/// How pitches and decays are spread over their ranges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spread {
+    /// Pitches even by logarithm, rising; decays from the longest (lowest pitch) to the shortest.
+    Even,
+    /// Both drawn by logarithm, each member for itself.
+    Random,
+}
+
+/// How members lie on the bench.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// In a row of 1 m, evenly.
+    Line,
+    /// On a sunflower's spiral that fills a disc of 1 m evenly (H. Vogel, Math. Biosci. 44, 1979).
+    Spiral,
+}
+
+/// What a bank is made from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BankForm {
+    /// How many members.
+    pub count: usize,
+    /// Lowest and highest pitch [Hz].
+    pub f: (f64, f64),
+    /// Shortest and longest decay [s].
+    pub t60: (f64, f64),
+    /// How they are spread.
+    pub spread: Spread,
+    /// Where they lie.
+    pub place: Place,
+}
+
+/// One member.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BankCell {
+    /// Damped frequency [Hz].
+    pub f: f64,
+    /// Decay [s].
+    pub t60: f64,
+    /// (x, y) [m]
+    pub position: [f64; 2],
+}
+
+/// π(3 - √5): the angle between one seed of a sunflower and the next.
+const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+
+/// The members. `draw(member)` gives two numbers from [0, 1), for pitch and decay; it is asked once for each
+/// member in turn, and only where the spread is random.
+///
+/// # Errors
+/// Numbers out of range.
+pub fn bank(
+    form: &BankForm,
+    mut draw: impl FnMut(usize) -> (f64, f64),
+) -> Result<Vec<BankCell>, GeneratorError> {
+    count("`count`", form.count, 1, MAX_MASSES)?;
+    range("`f`", form.f)?;
+    range("`t60`", form.t60)?;
+    let n = form.count as f64;
+    let member = |i: usize| {
+        let (pitch, length) = match form.spread {
+            Spread::Random => draw(i),
+            Spread::Even if form.count == 1 => (0.0, 1.0),
+            Spread::Even => (i as f64 / (n - 1.0), 1.0 - i as f64 / (n - 1.0)),
+        };
+        let position = match form.place {
+            Place::Line => [(i as f64 + 0.5) / n - 0.5, 0.0],
+            Place::Spiral => {
+                let radius = 0.5 * sqrt((i as f64 + 0.5) / n);
+                let angle = GOLDEN_ANGLE * i as f64;
+                [radius * cos(angle), radius * sin(angle)]
+            }
+        };
+        BankCell {
+            f: between(form.f, pitch),
+            t60: between(form.t60, length),
+            position,
+        }
+    };
+    Ok((0..form.count).map(member).collect())
+}
+
+fn range(what: &'static str, (low, high): (f64, f64)) -> Result<(), GeneratorError> {
+    positive(what, low)?;
+    positive(what, high)?;
+    if low <= high {
+        return Ok(());
+    }
+    Err(GeneratorError::Range {
+        what,
+        range: "a range from low to high",
+        got: low,
+    })
+}
+
+/// low·(high/low)^u, never outside, both ends exact.
+fn between((low, high): (f64, f64), u: f64) -> f64 {
+    match u {
+        0.0 => low,
+        1.0 => high,
+        _ => (low * exp(u * log(high / low))).clamp(low, high),
+    }
+}

@@ -1,0 +1,91 @@
+//! STRING: masses in a row.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
+use crate::maths::sin;
+
+/// Where a string is tied to SOLs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ends {
+    /// At both ends: n + 1 springs.
+    Fixed,
+    /// Nowhere: n - 1 springs.
+    Free,
+    /// Before its first mass: n springs.
+    Left,
+}
+
+/// Most masses of a string with stiffness: its lowest mode is found by iteration, whose steps grow with
+/// the number of masses.
+const MAX_STIFF: usize = 20_000;
+
+/// `masses` MATs in a row; `stiffness` s >= 0 adds links of factor s between neighbours but one.
+///
+/// # Errors
+/// Numbers out of range.
+pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, GeneratorError> {
+    let stiff = stiffness != 0.0;
+    let (what, most) = match stiff {
+        false => ("`masses`", MAX_MASSES),
+        true => ("`masses` of a string with stiffness", MAX_STIFF),
+    };
+    count(what, masses, 1, most)?;
+    if !(stiffness >= 0.0 && stiffness.is_finite()) {
+        let range = "0 or a positive number";
+        return Err(GeneratorError::Range {
+            what: "`stiffness`",
+            range,
+            got: stiffness,
+        });
+    }
+    let (left, right) = match ends {
+        Ends::Fixed => (true, true),
+        Ends::Left => (true, false),
+        Ends::Free => (false, false),
+    };
+    let n = masses;
+    let mut links = Links::new();
+    if left {
+        links.join(n, 0, 1.0);
+    }
+    (1..n).for_each(|i| links.join(i - 1, i, 1.0));
+    if right {
+        links.join(n - 1, n + 1, 1.0);
+    }
+    if stiff {
+        // The fixed ends are neighbours like others.
+        if left && n > 1 {
+            links.join(n, 1, stiffness);
+        }
+        (2..n).for_each(|i| links.join(i - 2, i, stiffness));
+        if right && n > 1 {
+            links.join(n - 2, n + 1, stiffness);
+        }
+    }
+    // Fixed points lie half a metre to either side; free ends too.
+    let (first, gaps) = (
+        f64::from(left),
+        (n - 1) as f64 + f64::from(left) + f64::from(right),
+    );
+    let at = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
+    let mut positions: Vec<[f64; 2]> = (0..n).map(|i| at(first + i as f64)).collect();
+    positions.extend(left.then(|| at(0.0)));
+    positions.extend(right.then(|| at(gaps)));
+    // λ₁ = 4 sin²(angle).
+    let wide = n as f64;
+    let angle = match ends {
+        Ends::Fixed => FRAC_PI_2 / (wide + 1.0),
+        Ends::Free => FRAC_PI_2 / wide,
+        Ends::Left => FRAC_PI_2 / (2.0 * wide + 1.0),
+    };
+    let known = !stiff && (ends != Ends::Free || n > 1);
+    Ok(Topology {
+        n_mat: n,
+        n_fixed: usize::from(left) + usize::from(right),
+        runs: links.runs,
+        centre: n / 2,
+        positions,
+        closed: known.then(|| 4.0 * sin(angle) * sin(angle)),
+    })
+}

@@ -1,0 +1,370 @@
+use super::*;
+use crate::cell;
+use crate::units::Rate;
+use proptest::prelude::*;
+use std::f64::consts::{LN_10, TAU};
+
+/// Links one by one, each from its lower point.
+fn links(topology: &Topology) -> Vec<(usize, usize)> {
+    let each = |run: &LinkRun| {
+        let run = *run;
+        (0..run.len).map(move |i| ((run.a + i).min(run.b + i), (run.a + i).max(run.b + i)))
+    };
+    let mut links: Vec<_> = topology.runs.iter().flat_map(each).collect();
+    links.sort_unstable();
+    links
+}
+
+fn distance(topology: &Topology, (a, b): (usize, usize)) -> f64 {
+    let ([ax, ay], [bx, by]) = (topology.positions[a], topology.positions[b]);
+    ((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt()
+}
+
+/// Every pair of points, not both SOLs, whose distance on the bench is one link's.
+fn neighbours(topology: &Topology, length: f64) -> Vec<(usize, usize)> {
+    let n = topology.n_mat + topology.n_fixed;
+    let pairs = (0..topology.n_mat).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
+    pairs
+        .filter(|pair| (distance(topology, *pair) / length - 1.0).abs() < 1e-9)
+        .collect()
+}
+
+fn dense(topology: &Topology) -> nalgebra::DMatrix<f64> {
+    let n = topology.n_mat;
+    let mut matrix = nalgebra::DMatrix::zeros(n, n);
+    for run in &topology.runs {
+        for i in 0..run.len {
+            let (a, b) = (run.a + i, run.b + i);
+            for (p, q) in [(a, b), (b, a)] {
+                if p < n {
+                    matrix[(p, p)] += run.factor;
+                }
+                if p < n && q < n {
+                    matrix[(p, q)] -= run.factor;
+                }
+            }
+        }
+    }
+    matrix
+}
+
+fn close(a: f64, b: f64, tolerance: f64) -> bool {
+    (a - b).abs() <= tolerance * b.abs()
+}
+
+#[test]
+fn plates_link_all_neighbours_and_nothing_else() {
+    for (shape, rim, radius) in [
+        (Shape::Hex, Rim::Free, 4),
+        (Shape::Hex, Rim::Fixed, 3),
+        (Shape::Hex, Rim::Fixed, 0),
+        (Shape::Square, Rim::Free, 3),
+        (Shape::Square, Rim::Fixed, 3),
+        (Shape::Square, Rim::Fixed, 0),
+    ] {
+        let plate = plate(shape, radius, rim).expect("plate");
+        let outer = radius + usize::from(rim == Rim::Fixed);
+        assert_eq!(
+            links(&plate),
+            neighbours(&plate, 0.5 / outer as f64),
+            "{shape:?} {rim:?}"
+        );
+        assert_eq!(plate.positions.len(), plate.n_mat + plate.n_fixed);
+        assert_eq!(plate.positions[plate.centre], [0.0, 0.0]);
+        let ring = match shape {
+            Shape::Hex => 6 * outer,
+            Shape::Square => 4 * (2 * radius + 1),
+        };
+        assert_eq!(plate.n_fixed, if rim == Rim::Fixed { ring } else { 0 });
+    }
+    let gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
+    assert_eq!((gong.n_mat, gong.n_links()), (10_267, 30_450));
+    assert!(
+        gong.runs.len() <= 3 * 117 - 2,
+        "one run a row and direction"
+    );
+    let square = plate(Shape::Square, 20, Rim::Free).expect("square");
+    assert_eq!(square.runs.len(), 41 + 1);
+}
+
+#[test]
+fn strings_have_their_springs() {
+    for (ends, springs, fixed) in [(Ends::Fixed, 8, 2), (Ends::Left, 7, 1), (Ends::Free, 6, 0)] {
+        let plain = string(7, ends, 0.0).expect("string");
+        assert_eq!(
+            (plain.n_links(), plain.n_fixed, plain.centre),
+            (springs, fixed, 3)
+        );
+        let gap = distance(&plain, (0, 1));
+        assert_eq!(links(&plain), neighbours(&plain, gap));
+        let stiff = string(7, ends, 0.02).expect("string");
+        // Neighbours but one, of which a fixed end may be one.
+        assert_eq!(stiff.n_links(), springs + 5 + fixed);
+        let extra: usize = stiff
+            .runs
+            .iter()
+            .filter(|run| run.factor == 0.02)
+            .map(|run| run.len)
+            .sum();
+        assert_eq!(extra, 5 + fixed);
+        assert!(stiff.lowest().expect("mode") > plain.lowest().expect("mode"));
+    }
+    assert!(string(2, Ends::Free, 0.5).is_ok_and(|s| s.n_links() == 1));
+}
+
+// Formulas and iteration against dense matrices of another library.
+#[test]
+fn lowest_modes_match_dense_eigenvalues() {
+    let bodies = [
+        string(40, Ends::Fixed, 0.0),
+        string(40, Ends::Free, 0.0),
+        string(40, Ends::Left, 0.0),
+        string(40, Ends::Fixed, 0.3),
+        string(41, Ends::Free, 0.3),
+        string(1, Ends::Left, 0.0),
+        plate(Shape::Square, 4, Rim::Free),
+        plate(Shape::Square, 4, Rim::Fixed),
+        plate(Shape::Square, 0, Rim::Fixed),
+        plate(Shape::Hex, 5, Rim::Free),
+        plate(Shape::Hex, 5, Rim::Fixed),
+        plate(Shape::Hex, 0, Rim::Fixed),
+    ];
+    for body in bodies {
+        let body = body.expect("body");
+        let mut values: Vec<f64> = dense(&body)
+            .symmetric_eigenvalues()
+            .iter()
+            .copied()
+            .collect();
+        values.sort_by(f64::total_cmp);
+        let value = values[usize::from(body.is_rigid())];
+        let lambda = body.lowest().expect("mode");
+        assert!((lambda - value).abs() <= 1e-12 * value + 1e-14 * values[values.len() - 1]);
+    }
+}
+
+// The gong of ten thousand masses, against ARPACK (shift-invert; λ₁ as the sum over links of its vector).
+#[test]
+fn a_large_gong_matches_arpack() {
+    let gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
+    let lambda = gong.lowest().expect("mode");
+    assert!(
+        close(lambda, 0.001_767_593_317_852_036_4, 1e-13),
+        "{lambda}"
+    );
+    let mut apply = |x: &[f64], y: &mut [f64]| gong.apply(x, y);
+    let crate::spectrum::Largest {
+        theta,
+        residual,
+        safe,
+        ..
+    } = crate::spectrum::largest(gong.n_mat, &mut apply);
+    let exact = 8.998_423_184_734_357;
+    assert!(
+        theta <= exact && theta + residual >= exact && safe >= exact,
+        "{theta} {residual}"
+    );
+    let null = [vec![1.0; gong.n_mat]];
+    let modes = crate::spectrum::lowest_modes(gong.n_mat, &mut apply, &null, 6);
+    let expected = [
+        0.001_767_593_317_852,
+        0.001_767_593_317_852,
+        0.004_741_437_800_798,
+        0.004_741_437_800_798,
+        0.007_630_716_347_664,
+        0.007_685_707_940_994,
+    ];
+    for (mode, expected) in modes.iter().zip(expected) {
+        assert!(
+            close(mode.lambda, expected, 1e-12),
+            "{} {expected}",
+            mode.lambda
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_made_is_refused_with_a_sentence() {
+    let sentence = |error: GeneratorError| error.to_string();
+    assert_eq!(
+        string(0, Ends::Fixed, 0.0).map_err(sentence),
+        Err("`masses` must be from 1 to 2000000; here it is 0.".into())
+    );
+    assert!(string(2_000_001, Ends::Fixed, 0.0).is_err());
+    assert!(string(20_001, Ends::Fixed, 0.1).is_err());
+    assert!(string(9, Ends::Fixed, -0.1).is_err());
+    assert!(string(9, Ends::Fixed, f64::NAN).is_err());
+    assert!(plate(Shape::Hex, 817, Rim::Free).is_err());
+    assert!(plate(Shape::Square, usize::MAX / 8, Rim::Free).is_err());
+    for lonely in [string(1, Ends::Free, 0.0), plate(Shape::Hex, 0, Rim::Free)] {
+        let lonely = lonely.expect("made");
+        assert_eq!(
+            tune(&lonely, 1.0, 440.0, None, None),
+            Err(GeneratorError::NoMode)
+        );
+    }
+    let string = string(9, Ends::Fixed, 0.0).expect("string");
+    for (mass, f, t60) in [(0.0, 1.0, 1.0), (1.0, f64::NAN, 1.0), (1.0, 1.0, 0.0)] {
+        assert!(tune(&string, mass, f, Some(t60), None).is_err());
+    }
+    let rate = Rate::new(1_000.0).ok();
+    assert!(matches!(
+        tune(&string, 1.0, 500.0, None, rate),
+        Err(GeneratorError::Pitch { .. })
+    ));
+}
+
+/// σ and damped frequency of the lowest mode of m ẍ + z L ẋ + k L x = 0, from the dense matrix.
+#[test]
+fn continuous_tuning_gives_pitch_and_decay() {
+    let plate = plate(Shape::Hex, 4, Rim::Free).expect("plate");
+    let (mass, f, t60) = (0.005, 65.4, 3.0);
+    let Tuned { k, z } = tune(&plate, mass, f, Some(t60), None).expect("tuned");
+    let mut values: Vec<f64> = dense(&plate)
+        .symmetric_eigenvalues()
+        .iter()
+        .copied()
+        .collect();
+    values.sort_by(f64::total_cmp);
+    let (squared, sigma) = (k * values[1] / mass, 0.5 * z * values[1] / mass);
+    assert!(close((squared - sigma * sigma).sqrt(), TAU * f, 1e-12));
+    assert!(close(3.0 * LN_10 / sigma, t60, 1e-12));
+    let lossless = tune(&plate, mass, f, None, None).expect("tuned");
+    assert_eq!(lossless.z, 0.0);
+    assert!(close(
+        (lossless.k * values[1] / mass).sqrt(),
+        TAU * f,
+        1e-12
+    ));
+}
+
+// The discrete network is run: its lowest mode is excited alone, and its pole read from three samples.
+#[test]
+fn discrete_tuning_gives_the_pole() {
+    let (rate, f, t60) = (Rate::new(44_100.0).expect("rate"), 880.0, 0.4);
+    let string = string(12, Ends::Fixed, 0.1).expect("string");
+    let mass = 3.0;
+    let Tuned { k, z } = tune(&string, mass, f, Some(t60), Some(rate)).expect("tuned");
+    let mut apply = |x: &[f64], y: &mut [f64]| string.apply(x, y);
+    let shape = crate::spectrum::lowest(12, &mut apply, &[])
+        .expect("mode")
+        .vector;
+    let (mut x, mut last) = (shape.clone(), shape);
+    let (mut elastic, mut viscous) = (vec![0.0; 12], vec![0.0; 12]);
+    let mut heard = Vec::new();
+    for _ in 0..4 {
+        heard.push(x[5]);
+        let delta: Vec<f64> = x.iter().zip(&last).map(|(x, last)| x - last).collect();
+        string.apply(&x, &mut elastic);
+        string.apply(&delta, &mut viscous);
+        last.clone_from(&x);
+        for i in 0..12 {
+            x[i] += delta[i] - (k * elastic[i] + z * viscous[i]) / mass;
+        }
+    }
+    // x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1], solved for κ and ζ from four samples.
+    let (a, b, c, d) = (heard[0], heard[1], heard[2], heard[3]);
+    let (p, q) = (
+        (b * c - a * d) / (b * b - a * c),
+        (c * c - b * d) / (b * b - a * c),
+    );
+    let zeta = 1.0 - q;
+    let ratios = cell::Ratios {
+        kappa: 2.0 - p - zeta,
+        zeta,
+    };
+    let (f_heard, t60_heard) = ratios.pitch(rate).expect("oscillates");
+    assert!(
+        close(f_heard, f, 1e-8) && close(t60_heard, t60, 1e-6),
+        "{f_heard} {t60_heard}"
+    );
+}
+
+fn form(count: usize, spread: Spread, place: Place) -> BankForm {
+    BankForm {
+        count,
+        f: (20.0, 10_000.0),
+        t60: (0.5, 8.0),
+        spread,
+        place,
+    }
+}
+
+#[test]
+fn an_even_bank_runs_from_low_and_long_to_high_and_short() {
+    let never = |_| unreachable!("nothing is drawn");
+    let bank = bank(&form(3, Spread::Even, Place::Line), never).expect("bank");
+    let of = |member: &BankCell| (member.f, member.t60);
+    assert_eq!((of(&bank[0]), of(&bank[2])), ((20.0, 8.0), (10_000.0, 0.5)));
+    assert!(close(bank[1].f, (20.0f64 * 10_000.0).sqrt(), 1e-14) && close(bank[1].t60, 2.0, 1e-14));
+    assert_eq!(bank[1].position, [0.0, 0.0]);
+}
+
+#[test]
+fn a_spiral_fills_the_disc_evenly() {
+    let bank = bank(&form(1_000, Spread::Random, Place::Spiral), |i| {
+        (0.5, i as f64 / 1e3)
+    })
+    .expect("bank");
+    let radius = |cell: &BankCell| {
+        let [x, y] = cell.position;
+        (x * x + y * y).sqrt()
+    };
+    assert!(bank.iter().all(|cell| radius(cell) < 0.5));
+    let inner = bank.iter().filter(|cell| radius(cell) < 0.25).count();
+    assert_eq!(inner, 250, "a quarter of the area");
+    let upper = bank.iter().filter(|cell| cell.position[1] > 0.0).count();
+    assert!((490..=510).contains(&upper), "{upper}");
+}
+
+#[test]
+fn bad_banks_are_refused() {
+    let refused = |form: BankForm| bank(&form, |_| (0.5, 0.5)).is_err();
+    let good = form(5, Spread::Even, Place::Line);
+    assert!(!refused(good));
+    assert!(refused(BankForm { count: 0, ..good }));
+    assert!(refused(BankForm {
+        count: 2_000_001,
+        ..good
+    }));
+    assert!(refused(BankForm {
+        f: (30.0, 20.0),
+        ..good
+    }));
+    assert!(refused(BankForm {
+        t60: (0.0, 20.0),
+        ..good
+    }));
+    assert!(refused(BankForm {
+        f: (20.0, f64::INFINITY),
+        ..good
+    }));
+}
+
+proptest! {
+    #[test]
+    fn drawn_members_lie_within(u in 0.0..1.0f64, w in 0.0..1.0f64) {
+        let bank = bank(&form(2, Spread::Random, Place::Line), |_| (u, w)).expect("bank");
+        for member in bank {
+            prop_assert!((20.0..=10_000.0).contains(&member.f));
+            prop_assert!((0.5..=8.0).contains(&member.t60));
+            prop_assert!(close(crate::maths::log(member.f / 20.0), u * crate::maths::log(500.0), 1e-9));
+        }
+    }
+
+    // Runs and their slices do what the links one by one do.
+    #[test]
+    fn apply_is_the_dense_matrix(seed in 0..1_000u32, fixed in any::<bool>()) {
+        let rim = if fixed { Rim::Fixed } else { Rim::Free };
+        let plate = plate(Shape::Hex, 3, rim).expect("plate");
+        let x: Vec<f64> = (0..plate.n_mat as u32)
+            .map(|i| f64::from((i * 7_919 + seed) * 729 % 1_009) / 500.0 - 1.0)
+            .collect();
+        let mut y = vec![9.0; plate.n_mat];
+        plate.apply(&x, &mut y);
+        let exact = dense(&plate) * nalgebra::DVector::from_vec(x);
+        for (y, exact) in y.iter().zip(exact.iter()) {
+            prop_assert!((y - exact).abs() < 1e-13);
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! From pitch and decay to springs and dampers, by the network's own lowest mode.
+
+use std::f64::consts::TAU;
+
+use super::{GeneratorError, Topology, positive};
+use crate::cell::{self, decay};
+use crate::spectrum;
+use crate::units::Rate;
+
+/// Stiffness and viscosity of every link of factor 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuned {
+    /// k [N/m], or the algorithmic K.
+    pub k: f64,
+    /// z [N·s/m], or the algorithmic Z.
+    pub z: f64,
+}
+
+impl Topology {
+    /// The lowest non-rigid λ of the network with masses and springs of 1 (and of `stiffness`).
+    ///
+    /// # Errors
+    /// [`GeneratorError::NoMode`] where nothing can move against anything.
+    pub fn lowest(&self) -> Result<f64, GeneratorError> {
+        if let Some(lambda) = self.closed {
+            return Ok(lambda);
+        }
+        let rigid = self.is_rigid().then(|| vec![1.0; self.n_mat]);
+        let mut apply = |x: &[f64], y: &mut [f64]| self.apply(x, y);
+        spectrum::lowest(self.n_mat, &mut apply, rigid.as_slice())
+            .map(|mode| mode.lambda)
+            .filter(|lambda| *lambda > 0.0)
+            .ok_or(GeneratorError::NoMode)
+    }
+}
+
+/// Springs and dampers that give the lowest mode damped frequency `f` [Hz] and `t60` [s; none: no decay].
+///
+/// `mass` is each MAT's [kg]; with `discrete` it is the algorithmic M at that rate, and k and z are the
+/// algorithmic K and Z whose discrete network has a pole of exactly `f` and `t60`. Otherwise
+/// ω₁² = (2πf)² + σ₁² is the undamped frequency, k = m ω₁²/λ₁ and z = 2σ₁k/ω₁².
+///
+/// # Errors
+/// Numbers out of range, a body without modes, a pitch beyond half the discrete rate.
+pub fn tune(
+    topology: &Topology,
+    mass: f64,
+    f: f64,
+    t60: Option<f64>,
+    discrete: Option<Rate>,
+) -> Result<Tuned, GeneratorError> {
+    positive("A mass", mass)?;
+    positive("`f`", f)?;
+    t60.map_or(Ok(()), |t60| positive("`t60`", t60))?;
+    let unit = mass / topology.lowest()?;
+    match discrete {
+        Some(rate) if 2.0 * f >= rate.hertz() => Err(GeneratorError::Pitch {
+            f,
+            rate: rate.hertz(),
+        }),
+        Some(rate) => {
+            let ratios = cell::tune(f, t60, rate);
+            Ok(Tuned {
+                k: ratios.kappa * unit,
+                z: ratios.zeta * unit,
+            })
+        }
+        None => {
+            let (sigma, omega) = (decay(t60), TAU * f);
+            Ok(Tuned {
+                k: (omega * omega + sigma * sigma) * unit,
+                z: 2.0 * sigma * unit,
+            })
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! The free key: the key alone, as a gesture was written for it.
+
+use std::sync::Arc;
+
+use crate::kernel;
+use crate::plan::{Laws, Plan};
+use crate::state::{Body, Target};
+use crate::timeline::Drive;
+
+/// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
+const ROUNDS_MAX: usize = 40;
+
+/// A key's part on its own. Constant while it runs; its motion is a `Body`.
+#[derive(Clone, Debug)]
+pub(crate) struct FreeKey {
+    pub(crate) plan: Arc<Plan>,
+    /// Index of the struck MAT in the free key.
+    pub(crate) struck: usize,
+    /// Index in the scene of each of the free key's MATs.
+    pub(crate) members: Vec<usize>,
+    /// Forces and imposed points inside the key (its weight, say), with indices of the free key.
+    pub(crate) drives: Vec<Drive>,
+}
+
+/// Scratch room of one voice.
+#[derive(Clone, Debug)]
+pub(crate) struct Room {
+    pub(crate) coast: Body,
+    pub(crate) laws: Laws,
+    pub(crate) targets: Vec<Target>,
+}
+
+impl FreeKey {
+    /// The key of a gesture that is laid over another: displacements from where the other holds it.
+    pub(crate) fn deviation(&self) -> Self {
+        let mut plan = (*self.plan).clone();
+        plan.rest.fill(0.0);
+        plan.runs
+            .iter_mut()
+            .chain(&mut plan.exact)
+            .for_each(|run| run.rest = 0.0);
+        Self {
+            plan: Arc::new(plan),
+            drives: Vec::new(),
+            ..self.clone()
+        }
+    }
+
+    /// Whether `steps` are more than a quarter of the key's own period: past it knots are met, but
+    /// the way between them swings far outside. A struck key at rest is back after half a period.
+    pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
+        let free = self.deviation();
+        let still = vec![0.0; free.plan.n_mat()];
+        let mut motion = Body::new(&free.plan, still.clone(), still);
+        let (mut laws, mut targets) = (free.plan.laws(), Vec::new());
+        // A push that moves the key by a micrometre in one step: small, so that contacts stay open.
+        let push = 1e-6 / self.plan.w[self.struck];
+        (0..2 * steps).any(|n| {
+            free.forces(&mut motion, n, &mut laws, &mut targets);
+            free.strike_and_move(&mut motion, if n == 0 { push } else { 0.0 }, &mut targets);
+            motion.x[free.struck] < 0.0
+        })
+    }
+
+    /// Sum the forces at frame `n`, but for the ergon's.
+    pub(crate) fn forces(
+        &self,
+        body: &mut Body,
+        n: u64,
+        laws: &mut Laws,
+        targets: &mut Vec<Target>,
+    ) {
+        kernel::links(&self.plan, &[], body, laws);
+        targets.clear();
+        for drive in &self.drives {
+            drive.apply(n, self.plan.rate, body, targets);
+        }
+    }
+
+    /// Add a force on the struck MAT and move to frame n + 1.
+    pub(crate) fn strike_and_move(&self, body: &mut Body, force: f64, targets: &mut [Target]) {
+        body.force[self.struck] += force;
+        kernel::contacts(&self.plan, &[], targets, body);
+        kernel::advance(&self.plan, targets, body);
+    }
+
+    /// Where the struck MAT is at frame `to`, from `body` at frame `n`, struck once now [m].
+    fn coast(&self, body: &Body, n: u64, to: u64, force: f64, room: &mut Room) -> f64 {
+        let Room {
+            coast,
+            laws,
+            targets,
+        } = room;
+        coast.copy_motion(body);
+        for k in n..to {
+            self.forces(coast, k, laws, targets);
+            self.strike_and_move(coast, if k == n { force } else { 0.0 }, targets);
+        }
+        coast.x[self.struck]
+    }
+
+    /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 where no force can
+    /// (a multiple of half the key's period).
+    pub(crate) fn aim(&self, body: &Body, n: u64, to: u64, x: f64, room: &mut Room) -> f64 {
+        let (mut f0, mut y0) = (0.0, self.coast(body, n, to, 0.0, room));
+        // A first guess as for a free mass: F·T²/m·steps = distance.
+        let steps = (to - n) as f64;
+        let guess = (x - y0) / (steps * self.plan.w[self.struck]);
+        if guess == 0.0 {
+            return 0.0;
+        }
+        let (mut f1, mut y1) = (guess, self.coast(body, n, to, guess, room));
+        for _ in 0..ROUNDS_MAX {
+            if y1 == y0 {
+                return if y1 == x { f1 } else { 0.0 };
+            }
+            let f = f0 + (x - y0) * ((f1 - f0) / (y1 - y0));
+            if self.plan.linear {
+                return f;
+            }
+            (f0, y0) = (f1, y1);
+            (f1, y1) = (f, self.coast(body, n, to, f, room));
+            if (y1 - x).abs() <= 1e-12 + 4.0 * f64::EPSILON * x.abs() {
+                break;
+            }
+        }
+        f1
+    }
+}

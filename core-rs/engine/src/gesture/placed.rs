@@ -1,0 +1,149 @@
+//! A path played somewhere: shared, never copied.
+
+use std::sync::Arc;
+
+use super::profile::{PathError, Profile};
+
+/// A path played at an instant of the piece: x·scale at `at` + t·stretch.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    profile: Arc<Profile>,
+    at: f64,
+    scale: f64,
+    stretch: f64,
+    reverse: bool,
+}
+
+impl Placed {
+    /// `profile` with its own zero of time at `at` [s], as it is written.
+    pub fn new(profile: Arc<Profile>, at: f64) -> Result<Self, PathError> {
+        Self::transformed(profile, at, 1.0, 1.0, false)
+    }
+
+    /// `profile` as x·`scale` at `at` + t·`stretch` [s]; reversed, it runs backwards within the
+    /// same time.
+    pub fn transformed(
+        profile: Arc<Profile>,
+        at: f64,
+        scale: f64,
+        stretch: f64,
+        reverse: bool,
+    ) -> Result<Self, PathError> {
+        if at.is_finite() && scale.is_finite() && stretch.is_finite() && stretch > 0.0 {
+            Ok(Self {
+                profile,
+                at,
+                scale,
+                stretch,
+                reverse,
+            })
+        } else {
+            Err(PathError::Placement { at, scale, stretch })
+        }
+    }
+
+    /// First instant [s] of the piece.
+    pub fn start(&self) -> f64 {
+        self.at + self.profile.start() * self.stretch
+    }
+
+    /// Last instant [s] of the piece.
+    pub fn stop(&self) -> f64 {
+        self.at + self.profile.stop() * self.stretch
+    }
+
+    /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s] of the piece.
+    pub fn at(&self, t: f64) -> (f64, f64, f64) {
+        self.seen(self.profile.at(self.own(t)))
+    }
+
+    /// [`Placed::at`] with a memory, as [`Profile::at_from`].
+    pub fn at_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
+        self.seen(self.profile.at_from(cursor, self.own(t)))
+    }
+
+    /// Lowest and highest position [m] from `from` to `to` [s] of the piece.
+    pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
+        let (from, to) = (self.own(from), self.own(to));
+        let (low, high) = self.profile.range(from.min(to), from.max(to));
+        let (low, high) = (low * self.scale, high * self.scale);
+        (low.min(high), low.max(high))
+    }
+
+    /// The path's own time at `t` of the piece.
+    fn own(&self, t: f64) -> f64 {
+        let t = (t - self.at) / self.stretch;
+        if self.reverse {
+            self.profile.start() + (self.profile.stop() - t)
+        } else {
+            t
+        }
+    }
+
+    fn seen(&self, (x, v, a): (f64, f64, f64)) -> (f64, f64, f64) {
+        let pace = if self.reverse {
+            -self.stretch
+        } else {
+            self.stretch
+        };
+        (
+            x * self.scale,
+            v * self.scale / pace,
+            a * self.scale / (pace * pace),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::profile::{Curve, Point};
+    use super::*;
+
+    fn knock() -> Arc<Profile> {
+        let points = [(1.0, 0.0), (1.25, 6.0), (1.75, -2.0), (3.0, 1.0)].map(|(t, x)| Point {
+            t,
+            x,
+            curve: Curve::Smooth,
+        });
+        Arc::new(Profile::through(&points).unwrap())
+    }
+
+    #[test]
+    fn stretches_scales_and_derives() {
+        let placed = Placed::transformed(knock(), 10.0, -0.5, 2.0, false).unwrap();
+        assert_eq!((placed.start(), placed.stop()), (12.0, 16.0));
+        let (x, v, a) = placed.at(13.0);
+        let (x0, v0, a0) = knock().at(1.5);
+        assert!((x + 0.5 * x0).abs() < 1e-15);
+        assert!((v + 0.25 * v0).abs() < 1e-14);
+        assert!((a + 0.125 * a0).abs() < 1e-13);
+    }
+
+    #[test]
+    fn reversed_runs_back_in_the_same_time() {
+        let placed = Placed::transformed(knock(), 10.0, 1.0, 1.0, true).unwrap();
+        assert_eq!((placed.start(), placed.stop()), (11.0, 13.0));
+        let mut cursor = 0;
+        for i in 0..=200 {
+            let t = 11.0 + f64::from(i) / 100.0;
+            let (x, v, a) = placed.at_from(&mut cursor, t);
+            let (x0, v0, a0) = knock().at(14.0 - t);
+            assert_eq!((x, v, a), (x0, -v0, a0));
+        }
+    }
+
+    #[test]
+    fn range_follows_the_sign_of_scale() {
+        let (low, high) = knock().range(1.0, 3.0);
+        let placed = Placed::transformed(knock(), 0.0, -2.0, 3.0, true).unwrap();
+        assert_eq!(placed.range(0.0, 100.0), (-2.0 * high, -2.0 * low));
+        assert!(low < -2.0 && high > 6.0 - 1e-12);
+    }
+
+    #[test]
+    fn refuses_what_has_no_time() {
+        for stretch in [0.0, -1.0, f64::NAN] {
+            assert!(Placed::transformed(knock(), 0.0, 1.0, stretch, false).is_err());
+        }
+    }
+}

@@ -1,0 +1,346 @@
+//! A path in time: a piecewise quintic.
+
+use thiserror::Error;
+
+use super::quintic::{Knot, Quintic};
+use super::spline::{self, Ends};
+
+/// The way into a written point.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Curve {
+    /// With the whole run of `smooth` points before and after: the path of least jerk, at rest at
+    /// the run's two ends.
+    Smooth,
+    /// Straight.
+    Line,
+    /// Staying where it is.
+    Hold,
+}
+
+/// A written point: pass `x` [m] at `t` [s].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Instant [s].
+    pub t: f64,
+    /// Position [m].
+    pub x: f64,
+    /// The way here from the point before; the first point's is not read.
+    pub curve: Curve,
+}
+
+/// Why points make no path.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum PathError {
+    /// No point at all.
+    #[error("a path needs at least one point")]
+    Empty,
+    /// A coordinate is NaN or infinite.
+    #[error("point {index} of the path is not finite: x = {x} m at t = {t} s")]
+    NotFinite {
+        /// Which point, from 0.
+        index: usize,
+        /// Its instant [s].
+        t: f64,
+        /// Its position [m].
+        x: f64,
+    },
+    /// Two points in the wrong order, or at one instant.
+    #[error(
+        "time must rise along a path: point {index} is at {t} s, the one before it at {before} s"
+    )]
+    NotRising {
+        /// Which point, from 0.
+        index: usize,
+        /// Its instant [s].
+        t: f64,
+        /// The instant before it [s].
+        before: f64,
+    },
+    /// `hold` to another position.
+    #[error(
+        "`hold` stays: point {index} is at {x} m, the one before it at {before} m; \
+         use `line` or `smooth` to move"
+    )]
+    HoldMoves {
+        /// Which point, from 0.
+        index: usize,
+        /// Its position [m].
+        x: f64,
+        /// The position before it [m].
+        before: f64,
+    },
+    /// A stretch that is not a positive number, or a scale or instant that is not finite.
+    #[error(
+        "a path is placed at a finite instant, with a finite scale and a stretch above zero; \
+         here at {at} s, scale {scale}, stretch {stretch}"
+    )]
+    Placement {
+        /// Instant [s].
+        at: f64,
+        /// Factor on positions.
+        scale: f64,
+        /// Factor on times.
+        stretch: f64,
+    },
+}
+
+/// A piecewise quintic path: before its first knot and after its last it rests there.
+///
+/// A knot's instant may come twice in a row, where the velocity jumps; at that instant the later
+/// knot holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    t: Vec<f64>,
+    x: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+}
+
+/// How far a cursor walks before it would rather search.
+const WALK: usize = 8;
+
+impl Profile {
+    /// The path through written points (n_points,), whose instants rise strictly.
+    pub fn through(points: &[Point]) -> Result<Self, PathError> {
+        check(points)?;
+        let mut profile = Self {
+            t: Vec::new(),
+            x: Vec::new(),
+            v: Vec::new(),
+            a: Vec::new(),
+        };
+        let first = points[0];
+        profile.push(Knot {
+            t: first.t,
+            x: first.x,
+            ..Knot::default()
+        });
+        let mut start = 0;
+        while start + 1 < points.len() {
+            let curve = points[start + 1].curve;
+            let run = match curve {
+                Curve::Smooth => points[start + 1..]
+                    .iter()
+                    .take_while(|p| p.curve == curve)
+                    .count(),
+                Curve::Line | Curve::Hold => 1,
+            };
+            profile.run(&points[start..=start + run], curve);
+            start += run;
+        }
+        Ok(profile)
+    }
+
+    /// The spline of least jerk through `t` [s] and `x` [m], both (n_knots,): not empty, finite,
+    /// `t` rising strictly (the caller has checked).
+    pub fn spline(t: Vec<f64>, x: Vec<f64>, ends: Ends) -> Self {
+        let (v, a) = spline::slopes(&t, &x, ends);
+        Self { t, x, v, a }
+    }
+
+    /// One run of points of one curve, of which the first is there already.
+    fn run(&mut self, points: &[Point], curve: Curve) {
+        let t: Vec<f64> = points.iter().map(|p| p.t).collect();
+        let x: Vec<f64> = points.iter().map(|p| p.x).collect();
+        let (v, a) = match curve {
+            Curve::Smooth => spline::slopes(&t, &x, Ends::AT_REST),
+            Curve::Line => (vec![(x[1] - x[0]) / (t[1] - t[0]); 2], vec![0.0; 2]),
+            Curve::Hold => (vec![0.0; 2], vec![0.0; 2]),
+        };
+        for i in 0..t.len() {
+            self.push(Knot {
+                t: t[i],
+                x: x[i],
+                v: v[i],
+                a: a[i],
+            });
+        }
+    }
+
+    /// Append a knot, unless it says what the last one says.
+    fn push(&mut self, knot: Knot) {
+        if self.t.is_empty() || self.knot(self.t.len() - 1) != knot {
+            self.t.push(knot.t);
+            self.x.push(knot.x);
+            self.v.push(knot.v);
+            self.a.push(knot.a);
+        }
+    }
+
+    /// The path between two of its instants, which become its first and last knot.
+    pub fn trimmed(&self, from: f64, to: f64) -> Self {
+        let end = |t: f64| {
+            let (x, v, a) = self.at(t);
+            Knot { t, x, v, a }
+        };
+        let inside = self.t.partition_point(|&t| t <= from)..self.t.partition_point(|&t| t < to);
+        let cut = |values: &[f64], first: f64, last: f64| {
+            let mut kept = Vec::with_capacity(inside.len() + 2);
+            kept.push(first);
+            kept.extend_from_slice(&values[inside.clone()]);
+            kept.push(last);
+            kept
+        };
+        let (first, last) = (end(from), end(to));
+        Self {
+            t: cut(&self.t, first.t, last.t),
+            x: cut(&self.x, first.x, last.x),
+            v: cut(&self.v, first.v, last.v),
+            a: cut(&self.a, first.a, last.a),
+        }
+    }
+
+    /// The same path with every instant earlier by `by` [s].
+    pub fn earlier(mut self, by: f64) -> Self {
+        self.t.iter_mut().for_each(|t| *t -= by);
+        self
+    }
+
+    /// First instant [s].
+    pub fn start(&self) -> f64 {
+        self.t[0]
+    }
+
+    /// Last instant [s].
+    pub fn stop(&self) -> f64 {
+        self.t[self.t.len() - 1]
+    }
+
+    /// How many knots it has.
+    pub fn n_knots(&self) -> usize {
+        self.t.len()
+    }
+
+    /// Knot `i`, from 0.
+    pub fn knot(&self, i: usize) -> Knot {
+        Knot {
+            t: self.t[i],
+            x: self.x[i],
+            v: self.v[i],
+            a: self.a[i],
+        }
+    }
+
+    /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s].
+    pub fn at(&self, t: f64) -> (f64, f64, f64) {
+        self.on_piece(self.search(t), t)
+    }
+
+    /// [`Profile::at`] with a memory, O(1) while `t` goes on in small steps either way. Start
+    /// `cursor` at 0.
+    pub fn at_from(&self, cursor: &mut usize, t: f64) -> (f64, f64, f64) {
+        let mut piece = (*cursor).min(self.t.len() - 1);
+        for _ in 0..WALK {
+            if self.t[piece] > t && piece > 0 {
+                piece -= 1;
+            } else if self.t.get(piece + 1).is_some_and(|&next| next <= t) {
+                piece += 1;
+            } else {
+                *cursor = piece;
+                return self.on_piece(piece, t);
+            }
+        }
+        *cursor = self.search(t);
+        self.on_piece(*cursor, t)
+    }
+
+    /// Lowest and highest position [m] that the path reaches from `from` to `to` [s].
+    pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
+        let (from, to) = (from.min(to), from.max(to));
+        let (first, last) = (self.search(from), self.search(to));
+        // Knots first: then most pieces cannot reach beyond and need no roots.
+        let ends = [self.at(from).0, self.at(to).0];
+        let mut known = extremes(ends.iter().chain(&self.x[first + 1..=last]));
+        for i in first..(last + 1).min(self.t.len() - 1) {
+            let (low, high) = self.hull(i);
+            let (start, stop) = (from.max(self.t[i]), to.min(self.t[i + 1]));
+            if start < stop && (low < known.0 || high > known.1) {
+                let (low, high) = self.piece(i).range(start, stop);
+                known = (known.0.min(low), known.1.max(high));
+            }
+        }
+        known
+    }
+
+    /// The last knot at or before `t`, or the first.
+    fn search(&self, t: f64) -> usize {
+        self.t.partition_point(|&knot| knot <= t).saturating_sub(1)
+    }
+
+    fn piece(&self, i: usize) -> Quintic {
+        Quintic::joining(self.knot(i), self.knot(i + 1))
+    }
+
+    /// `t` lies between knot `i` and the next one, or before the first, or not before the last.
+    fn on_piece(&self, i: usize, t: f64) -> (f64, f64, f64) {
+        if t < self.t[0] {
+            (self.x[0], 0.0, 0.0)
+        } else if i + 1 < self.t.len() {
+            self.piece(i).at(t)
+        } else if t == self.t[i] {
+            (self.x[i], self.v[i], self.a[i])
+        } else {
+            (self.x[i], 0.0, 0.0)
+        }
+    }
+
+    /// Bounds of piece `i`: the extreme ordinates of its Bézier polygon.
+    fn hull(&self, i: usize) -> (f64, f64) {
+        let (k, l) = (self.knot(i), self.knot(i + 1));
+        let h = (l.t - k.t) / 5.0;
+        // Ordinates two in: x + 2V/5 + A/20 with V = h·v, A = h²·a.
+        let bend = 25.0 / 20.0 * h * h;
+        extremes(&[
+            k.x,
+            k.x + h * k.v,
+            k.x + 2.0 * h * k.v + bend * k.a,
+            l.x - 2.0 * h * l.v + bend * l.a,
+            l.x - h * l.v,
+            l.x,
+        ])
+    }
+}
+
+fn extremes<'a>(values: impl IntoIterator<Item = &'a f64>) -> (f64, f64) {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    values
+        .into_iter()
+        .fold(none, |(low, high), &x| (low.min(x), high.max(x)))
+}
+
+fn check(points: &[Point]) -> Result<(), PathError> {
+    if points.is_empty() {
+        return Err(PathError::Empty);
+    }
+    if let Some(index) = points
+        .iter()
+        .position(|p| !(p.t.is_finite() && p.x.is_finite()))
+    {
+        return Err(PathError::NotFinite {
+            index,
+            t: points[index].t,
+            x: points[index].x,
+        });
+    }
+    for (i, pair) in points.windows(2).enumerate() {
+        let [before, here] = [pair[0], pair[1]];
+        if here.t <= before.t {
+            return Err(PathError::NotRising {
+                index: i + 1,
+                t: here.t,
+                before: before.t,
+            });
+        }
+        if here.curve == Curve::Hold && here.x != before.x {
+            return Err(PathError::HoldMoves {
+                index: i + 1,
+                x: here.x,
+                before: before.x,
+            });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

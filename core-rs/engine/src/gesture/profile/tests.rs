@@ -1,0 +1,145 @@
+use super::*;
+
+use Curve::{Hold, Line, Smooth};
+
+fn points(written: &[(f64, f64, Curve)]) -> Vec<Point> {
+    written
+        .iter()
+        .map(|&(t, x, curve)| Point { t, x, curve })
+        .collect()
+}
+
+fn mixed() -> Profile {
+    Profile::through(&points(&[
+        (1.0, 0.0, Line),
+        (2.0, 6.0, Smooth),
+        (2.5, -1.0, Smooth),
+        (3.0, 2.0, Smooth),
+        (4.0, 4.0, Line),
+        (5.0, 4.0, Hold),
+        (6.0, 0.0, Smooth),
+    ]))
+    .unwrap()
+}
+
+#[test]
+fn passes_every_point_and_rests_at_the_ends_of_runs() {
+    let path = mixed();
+    for (t, x) in [
+        (1.0, 0.0),
+        (2.0, 6.0),
+        (2.5, -1.0),
+        (3.0, 2.0),
+        (4.0, 4.0),
+        (5.0, 4.0),
+        (6.0, 0.0),
+    ] {
+        assert!((path.at(t).0 - x).abs() < 1e-14, "at {t}");
+    }
+    for t in [1.0, 5.0, 6.0] {
+        let (_, v, a) = path.at(t);
+        assert!(v.abs() < 1e-12 && a.abs() < 1e-11, "at {t}: {v} {a}");
+    }
+    // One run: its inner points are passed in motion.
+    assert!(path.at(2.0).1 < -1.0);
+    // Straight lines keep their speed, both ways from the corner; the later one holds in it.
+    assert_eq!(path.at(3.0).1, 2.0);
+    assert!((path.at(3.5).0 - 3.0).abs() < 1e-15 && (path.at(3.9).1 - 2.0).abs() < 1e-14);
+    assert_eq!(path.at(4.5), (4.0, 0.0, 0.0));
+    assert_eq!(path.at(0.0), (0.0, 0.0, 0.0));
+    assert_eq!(path.at(7.0), (0.0, 0.0, 0.0));
+}
+
+#[test]
+fn one_point_is_a_place() {
+    let path = Profile::through(&points(&[(1.0, 5.0, Smooth)])).unwrap();
+    for t in [0.0, 1.0, 2.0] {
+        assert_eq!(path.at(t), (5.0, 0.0, 0.0));
+    }
+    assert_eq!(path.range(0.0, 9.0), (5.0, 5.0));
+}
+
+#[test]
+fn a_cursor_sees_what_a_search_sees() {
+    let path = mixed();
+    let mut cursor = 0;
+    let walk = (0..=800).map(|i| 0.5 + f64::from(i) / 100.0);
+    for t in walk
+        .clone()
+        .chain(walk.rev())
+        .chain([1.1, 5.9, 0.2, 3.0, 9.0, 4.0])
+    {
+        assert_eq!(path.at_from(&mut cursor, t), path.at(t), "at {t}");
+    }
+}
+
+#[test]
+fn range_is_the_true_excursion() {
+    let path = mixed();
+    for (from, to) in [
+        (0.0, 9.0),
+        (1.3, 1.9),
+        (1.5, 2.4),
+        (2.6, 3.4),
+        (3.2, 3.3),
+        (4.2, 4.8),
+        (2.0, 2.0),
+    ] {
+        let (low, high) = path.range(from, to);
+        let seen: Vec<f64> = (0..=20_000)
+            .map(|i| path.at(from + (to - from) * f64::from(i) / 20_000.0).0)
+            .collect();
+        let (l, h) = extremes(&seen);
+        assert!(
+            low <= l + 1e-14 && l - low < 1e-5,
+            "{from}..{to}: {low} {l}"
+        );
+        assert!(
+            high >= h - 1e-14 && high - h < 1e-5,
+            "{from}..{to}: {high} {h}"
+        );
+    }
+    // Between its points the run swings wider than any of them.
+    let (low, high) = path.range(1.0, 3.0);
+    assert!(low < -1.001 && high > 7.2, "{low} {high}");
+}
+
+#[test]
+fn a_trimmed_path_is_the_same_path() {
+    let path = mixed();
+    let part = path.trimmed(1.25, 4.5).earlier(1.25);
+    assert_eq!((part.start(), part.stop()), (0.0, 3.25));
+    for i in 0..=100 {
+        let t = 3.25 * f64::from(i) / 100.0;
+        let ((x, v, a), (x0, v0, a0)) = (part.at(t), path.at(t + 1.25));
+        assert!(
+            (x - x0).abs() < 1e-13 && (v - v0).abs() < 1e-11 && (a - a0).abs() < 1e-9,
+            "{t}"
+        );
+    }
+}
+
+#[test]
+fn refuses_with_the_point() {
+    assert_eq!(Profile::through(&[]), Err(PathError::Empty));
+    let late = Profile::through(&points(&[(1.0, 0.0, Line), (1.0, 1.0, Line)]));
+    assert_eq!(
+        late,
+        Err(PathError::NotRising {
+            index: 1,
+            t: 1.0,
+            before: 1.0
+        })
+    );
+    let moved = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, 1.0, Hold)]));
+    assert_eq!(
+        moved,
+        Err(PathError::HoldMoves {
+            index: 1,
+            x: 1.0,
+            before: 0.0
+        })
+    );
+    let lost = Profile::through(&points(&[(1.0, 0.0, Line), (2.0, f64::NAN, Line)]));
+    assert!(lost.unwrap_err().to_string().contains("point 1"));
+}

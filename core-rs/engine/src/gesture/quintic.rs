@@ -1,0 +1,186 @@
+//! One piece of a path: the quintic with given position, velocity and acceleration at both ends.
+
+/// Where a path is at an instant, and how it moves there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Knot {
+    /// Instant [s].
+    pub t: f64,
+    /// Position [m].
+    pub x: f64,
+    /// Velocity [m/s].
+    pub v: f64,
+    /// Acceleration [m/s²].
+    pub a: f64,
+}
+
+/// The polynomial of degree 5 that meets two knots in position, velocity and acceleration.
+///
+/// It is the path of least jerk between them (Flash & Hogan 1985), and every piece of a
+/// [`spline`](super::spline).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quintic {
+    start: f64,
+    length: f64,
+    /// Coefficients in s = (t - start)/length: dimensionless time keeps 1 ms and 10 s alike.
+    c: [f64; 6],
+}
+
+impl Quintic {
+    /// The piece from one knot to a later one. With no time between them it rests at `to`.
+    pub fn joining(from: Knot, to: Knot) -> Self {
+        let h = to.t - from.t;
+        if h <= 0.0 {
+            return Self {
+                start: to.t,
+                length: 1.0,
+                c: [to.x, 0.0, 0.0, 0.0, 0.0, 0.0],
+            };
+        }
+        let (v0, v1, a0, a1) = (from.v * h, to.v * h, from.a * h * h, to.a * h * h);
+        // What is left for the last three coefficients once the left end is met.
+        let x = (to.x - from.x) - v0 - 0.5 * a0;
+        let v = v1 - v0 - a0;
+        let a = a1 - a0;
+        Self {
+            start: from.t,
+            length: h,
+            c: [
+                from.x,
+                v0,
+                0.5 * a0,
+                10.0 * x - 4.0 * v + 0.5 * a,
+                -15.0 * x + 7.0 * v - a,
+                6.0 * x - 3.0 * v + 0.5 * a,
+            ],
+        }
+    }
+
+    /// Position [m], velocity [m/s] and acceleration [m/s²] at `t` [s].
+    pub fn at(&self, t: f64) -> (f64, f64, f64) {
+        let s = (t - self.start) / self.length;
+        let [c0, c1, c2, c3, c4, c5] = self.c;
+        let x = ((((c5 * s + c4) * s + c3) * s + c2) * s + c1) * s + c0;
+        let v = (((5.0 * c5 * s + 4.0 * c4) * s + 3.0 * c3) * s + 2.0 * c2) * s + c1;
+        let a = ((20.0 * c5 * s + 12.0 * c4) * s + 6.0 * c3) * s + 2.0 * c2;
+        (x, v / self.length, a / (self.length * self.length))
+    }
+
+    /// Lowest and highest position [m] from instant `from` to instant `to` [s].
+    pub fn range(&self, from: f64, to: f64) -> (f64, f64) {
+        let s = |t: f64| (t - self.start) / self.length;
+        let slope: [f64; 5] = std::array::from_fn(|k| self.c[k + 1] * (k + 1) as f64);
+        let (from, to) = (s(from), s(to));
+        roots(&slope, from, to)
+            .into_iter()
+            .chain([from, to])
+            .map(|s| value(&self.c, s))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(x), high.max(x))
+            })
+    }
+}
+
+fn value(c: &[f64], s: f64) -> f64 {
+    c.iter().rev().fold(0.0, |sum, c| sum * s + c)
+}
+
+/// Where a polynomial changes sign in [low, high], rising: between two extrema it is monotone, so
+/// the roots of its slope bracket its own.
+fn roots(c: &[f64], low: f64, high: f64) -> Vec<f64> {
+    if c.len() < 2 {
+        return Vec::new();
+    }
+    let slope: Vec<f64> = (1..c.len()).map(|k| c[k] * k as f64).collect();
+    let mut bounds = vec![low];
+    bounds.extend(roots(&slope, low, high));
+    bounds.push(high);
+    bounds
+        .windows(2)
+        .filter_map(|w| bisect(c, w[0], w[1]))
+        .collect()
+}
+
+fn bisect(c: &[f64], mut low: f64, mut high: f64) -> Option<f64> {
+    let rising = value(c, high) > 0.0;
+    if (value(c, low) > 0.0) == rising {
+        return None;
+    }
+    // 60 halvings of an interval near 1 leave less than the last bit.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if (value(c, middle) > 0.0) == rising {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    Some(0.5 * (low + high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// (t-1)(t-2)(t-3)(t-4)(t-5)/10 and its slopes, written out.
+    fn wave(t: f64) -> Knot {
+        let c = [-120.0, 274.0, -225.0, 85.0, -15.0, 1.0].map(|c: f64| c / 10.0);
+        let slope: Vec<f64> = (1..6).map(|k| c[k] * k as f64).collect();
+        let bend: Vec<f64> = (1..5).map(|k| slope[k] * k as f64).collect();
+        Knot {
+            t,
+            x: value(&c, t),
+            v: value(&slope, t),
+            a: value(&bend, t),
+        }
+    }
+
+    #[test]
+    fn meets_a_quintic_everywhere() {
+        let piece = Quintic::joining(wave(0.7), wave(5.2));
+        for i in 0..=50 {
+            let t = 0.7 + 4.5 * f64::from(i) / 50.0;
+            let (x, v, a) = piece.at(t);
+            let Knot {
+                x: x0,
+                v: v0,
+                a: a0,
+                ..
+            } = wave(t);
+            assert!((x - x0).abs() < 1e-11 && (v - v0).abs() < 1e-11 && (a - a0).abs() < 1e-10);
+        }
+    }
+
+    #[test]
+    fn range_finds_the_hidden_extrema() {
+        let piece = Quintic::joining(wave(0.9), wave(5.1));
+        let (low, high) = piece.range(1.0, 5.0);
+        // About t = 3 it is (u⁵ - 5u³ + 4u)/10, whose slope vanishes at u² = (15 ± √145)/10; the
+        // outer pair has the higher waves.
+        let u = ((15.0 + 145.0f64.sqrt()) / 10.0).sqrt();
+        let wanted = u * (4.0 + u * u * (u * u - 5.0)) / 10.0;
+        assert!(
+            (low - wanted).abs() < 1e-13 && (high + wanted).abs() < 1e-13,
+            "{low} {high}"
+        );
+        let (low, high) = piece.range(2.9, 3.1);
+        assert!(low < high && high < 0.05, "only that stretch: {low} {high}");
+    }
+
+    #[test]
+    fn no_time_is_rest() {
+        let to = Knot {
+            t: 1.0,
+            x: 3.0,
+            v: 2.0,
+            a: 1.0,
+        };
+        let piece = Quintic::joining(
+            Knot {
+                t: 1.0,
+                ..Knot::default()
+            },
+            to,
+        );
+        assert_eq!(piece.at(1.0), (3.0, 0.0, 0.0));
+    }
+}

@@ -1,0 +1,166 @@
+//! A gesture placed in the piece: what is asked of a key, sample by sample.
+
+use super::placed::Placed;
+use super::quintic::Knot;
+
+/// How the written hand holds the key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Touch {
+    /// The ergons are computed for the free key; the instrument pushes back.
+    Open,
+    /// The ergons are whatever keeps the key on the path.
+    Tracked,
+}
+
+/// What an ergon is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ergons {
+    /// An exact impulse; its flight is not stepped.
+    Event,
+    /// A real MAS that meets the key through a BUT.
+    Particle,
+}
+
+/// A stretch of a gesture. Legs cover the targets (frames at which a position is due) one after
+/// the other: a leg's first target is the one after the last of the leg before it.
+#[derive(Clone, Debug)]
+pub(crate) enum Leg {
+    /// Follow a path; the targets end with `last`.
+    Path { path: Placed, last: u64 },
+    /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
+    Throw { from: u64, to: u64, x: f64 },
+}
+
+impl Leg {
+    pub(crate) fn last(&self) -> u64 {
+        match self {
+            Self::Path { last, .. } => *last,
+            Self::Throw { to, .. } => *to,
+        }
+    }
+}
+
+/// A narrative gesture or a take, placed.
+#[derive(Clone, Debug)]
+pub struct Gesture {
+    pub(crate) key: usize,
+    pub(crate) legs: Vec<Leg>,
+    /// First written instant [s].
+    pub(crate) start: f64,
+    /// Last frame at or before the start: the gesture takes over there, for the targets after it.
+    pub(crate) first: u64,
+    /// Frame at which a joining curve begins.
+    pub(crate) join_from: u64,
+    /// Position of the last written point [m].
+    pub(crate) exit: f64,
+    /// Where the first written point is, and how the path leaves it.
+    pub(crate) entry: Knot,
+    pub(crate) touch: Touch,
+    pub(crate) ergons: Ergons,
+    /// Frames between knots; `None`: one ergon a frame.
+    pub(crate) grain: Option<u64>,
+    /// Length of the joining curve [s].
+    pub(crate) join: f64,
+    /// Largest force of one ergon [N].
+    pub(crate) limit: f64,
+    pub(crate) layer: bool,
+    /// (frame, source): ergons up to the frame come from that place in the score, by rising frame.
+    pub(crate) sources: Vec<(u64, u32)>,
+}
+
+impl Gesture {
+    /// Where the gesture wants the key as it begins, t [s].
+    pub(crate) fn entry_at(&self, t: f64) -> f64 {
+        match self.legs.first() {
+            Some(Leg::Path { path, .. }) => path.at(t.max(self.start)).0,
+            _ => self.entry.x,
+        }
+    }
+
+    /// Lowest and highest position of the written points and of the paths between them [m].
+    pub(crate) fn range(&self) -> (f64, f64) {
+        let ends = (self.entry.x.min(self.exit), self.entry.x.max(self.exit));
+        self.legs.iter().fold(ends, |(low, high), leg| {
+            let (from, to) = match leg {
+                Leg::Path { path, .. } => path.range(path.start(), path.stop()),
+                Leg::Throw { x, .. } => (*x, *x),
+            };
+            (low.min(from), high.max(to))
+        })
+    }
+
+    /// The last frame at which a position is due.
+    pub(crate) fn last(&self) -> u64 {
+        self.legs.last().map_or(self.first, Leg::last)
+    }
+
+    /// Source of an ergon whose target is frame `target`; `cursor` only moves forward.
+    pub(crate) fn source(&self, cursor: &mut usize, target: u64) -> u32 {
+        while *cursor + 1 < self.sources.len() && self.sources[*cursor].0 < target {
+            *cursor += 1;
+        }
+        self.sources.get(*cursor).map_or(0, |&(_, source)| source)
+    }
+}
+
+/// What became of a gesture.
+#[derive(Clone, Copy, Debug)]
+pub struct Report {
+    /// Ergons that struck.
+    pub n_ergons: u64,
+    /// First and last instants it ran [s]; NaN when it never did.
+    pub start: f64,
+    /// See `start`.
+    pub stop: f64,
+    /// Largest |done − asked| on the loaded key [m].
+    pub worst: f64,
+    /// When that was [s].
+    pub worst_at: f64,
+    /// Sum of (done − asked)² and number of frames compared.
+    pub square: f64,
+    /// See `square`.
+    pub compared: u64,
+    /// Lowest and highest position of the free key, up to the next gesture [m].
+    pub low: f64,
+    /// See `low`.
+    pub high: f64,
+    /// Largest velocity step of one ergon [m/s].
+    pub strongest: f64,
+    /// Largest force of one ergon [N].
+    pub force_max: f64,
+    /// Steps that needed more than the force limit.
+    pub missed: u64,
+    /// It cut another gesture and joined after its start.
+    pub first_point_missed: bool,
+}
+
+impl Default for Report {
+    fn default() -> Self {
+        Self {
+            n_ergons: 0,
+            start: f64::NAN,
+            stop: f64::NAN,
+            worst: 0.0,
+            worst_at: f64::NAN,
+            square: 0.0,
+            compared: 0,
+            low: f64::INFINITY,
+            high: f64::NEG_INFINITY,
+            strongest: 0.0,
+            force_max: 0.0,
+            missed: 0,
+            first_point_missed: false,
+        }
+    }
+}
+
+impl Report {
+    /// Root of the mean square of done − asked [m].
+    pub fn rms(&self) -> f64 {
+        if self.compared == 0 {
+            0.0
+        } else {
+            (self.square / self.compared as f64).sqrt()
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! A captured movement.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::placed::Placed;
+use super::profile::{PathError, Profile};
+use super::spline::Ends;
+use crate::section::Section;
+
+/// Most samples of a take: five and a half hours at 1 kHz, 1.3 GB while it is being read.
+pub const MAX_SAMPLES: usize = 20_000_000;
+
+/// A movement as it was captured: the natural quintic spline through its samples.
+#[derive(Clone, Debug)]
+pub struct Take {
+    profile: Arc<Profile>,
+    n_samples: usize,
+}
+
+/// Why samples make no take.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum TakeError {
+    /// Not as many positions as instants.
+    #[error(
+        "a take has one position for each instant; here are {n_t} instants and {n_x} positions"
+    )]
+    Lengths {
+        /// Instants given.
+        n_t: usize,
+        /// Positions given.
+        n_x: usize,
+    },
+    /// Fewer than two samples.
+    #[error("a take needs at least two samples; this one has {0}")]
+    TooFew(usize),
+    /// More than [`MAX_SAMPLES`].
+    #[error(
+        "a take has at most {MAX_SAMPLES} samples; this one has {0}: \
+         split it, or capture at a lower rate"
+    )]
+    TooMany(usize),
+    /// NaN or infinity.
+    #[error("sample {index} of the take is not a finite number: x = {x} m at t = {t} s")]
+    NotFinite {
+        /// Which sample, from 0.
+        index: usize,
+        /// Its instant [s].
+        t: f64,
+        /// Its position [m].
+        x: f64,
+    },
+    /// Time stands still or runs back.
+    #[error(
+        "time must rise along a take: sample {index} is at {t} s, the one before it at {before} s"
+    )]
+    NotRising {
+        /// Which sample, from 0.
+        index: usize,
+        /// Its instant [s].
+        t: f64,
+        /// The instant before it [s].
+        before: f64,
+    },
+    /// `trim` reaches beyond the samples, or keeps nothing.
+    #[error(
+        "trim {from} s to {to} s does not lie inside the take, which runs from {start} s to {stop} s"
+    )]
+    Trim {
+        /// Wanted start [s].
+        from: f64,
+        /// Wanted end [s].
+        to: f64,
+        /// First instant [s].
+        start: f64,
+        /// Last instant [s].
+        stop: f64,
+    },
+    /// `smooth` that these samples cannot carry.
+    #[error(
+        "smooth {cutoff} Hz must lie above 0 and below half of the {rate} samples a second \
+         of this take"
+    )]
+    Smooth {
+        /// Wanted cutoff [Hz].
+        cutoff: f64,
+        /// Mean rate of the samples [Hz].
+        rate: f64,
+    },
+}
+
+/// What to do with the samples before they are played.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Care {
+    /// Keep only these instants [s] of the samples' own time, and call the first zero.
+    pub trim: Option<(f64, f64)>,
+    /// Cutoff [Hz] of a low-pass forward and back.
+    pub smooth: Option<f64>,
+}
+
+impl Take {
+    /// The take of samples (`t` [s], `x` [m]), both (n_samples,).
+    ///
+    /// `smooth` sees the whole take, then `trim` cuts the finished path, so that its ends pass
+    /// exactly where the whole take does.
+    pub fn new(t: &[f64], x: &[f64], care: Care) -> Result<Self, TakeError> {
+        check(t, x)?;
+        let natural = |t: &[f64], x: &[f64]| Profile::spline(t.to_vec(), x.to_vec(), Ends::Natural);
+        let profile = match care.smooth {
+            None => natural(t, x),
+            Some(cutoff) => {
+                let (t, mut x) = evenly(t, x, natural);
+                low_pass(&mut x, cutoff, rate(&t))?;
+                natural(&t, &x)
+            }
+        };
+        let Some((from, to)) = care.trim else {
+            return Ok(Self {
+                profile: Arc::new(profile),
+                n_samples: t.len(),
+            });
+        };
+        let (start, stop) = (profile.start(), profile.stop());
+        if !(start <= from && from < to && to <= stop) {
+            return Err(TakeError::Trim {
+                from,
+                to,
+                start,
+                stop,
+            });
+        }
+        let n_samples = t.iter().filter(|&&t| from <= t && t <= to).count();
+        Ok(Self {
+            profile: Arc::new(profile.trimmed(from, to).earlier(from)),
+            n_samples,
+        })
+    }
+
+    /// The path, to be shared.
+    pub fn profile(&self) -> &Arc<Profile> {
+        &self.profile
+    }
+
+    /// The take played with its first instant at `at` [s] of the piece: x·`scale`, times ·`stretch`.
+    pub fn placed(
+        &self,
+        at: f64,
+        scale: f64,
+        stretch: f64,
+        reverse: bool,
+    ) -> Result<Placed, PathError> {
+        // The clock of a capture may begin anywhere; where it begins is no part of the movement.
+        let zero = at - self.profile.start() * stretch;
+        Placed::transformed(Arc::clone(&self.profile), zero, scale, stretch, reverse)
+    }
+
+    /// From its first instant to its last [s].
+    pub fn duration(&self) -> f64 {
+        self.profile.stop() - self.profile.start()
+    }
+
+    /// How many captured samples it keeps.
+    pub fn n_samples(&self) -> usize {
+        self.n_samples
+    }
+}
+
+fn check(t: &[f64], x: &[f64]) -> Result<(), TakeError> {
+    let n = t.len();
+    if n != x.len() {
+        return Err(TakeError::Lengths {
+            n_t: n,
+            n_x: x.len(),
+        });
+    }
+    match n {
+        0 | 1 => return Err(TakeError::TooFew(n)),
+        2..=MAX_SAMPLES => {}
+        _ => return Err(TakeError::TooMany(n)),
+    }
+    if let Some(index) = (0..n).find(|&i| !(t[i].is_finite() && x[i].is_finite())) {
+        return Err(TakeError::NotFinite {
+            index,
+            t: t[index],
+            x: x[index],
+        });
+    }
+    if let Some(i) = (1..n).find(|&i| t[i] <= t[i - 1]) {
+        return Err(TakeError::NotRising {
+            index: i,
+            t: t[i],
+            before: t[i - 1],
+        });
+    }
+    Ok(())
+}
+
+/// Mean samples a second.
+fn rate(t: &[f64]) -> f64 {
+    (t.len() - 1) as f64 / (t[t.len() - 1] - t[0])
+}
+
+/// The samples on their mean step. A digital filter knows no other; captured or written instants
+/// jitter (0.0333, 0.0667, 0.1), so those are read off the spline.
+fn evenly(
+    t: &[f64],
+    x: &[f64],
+    natural: impl Fn(&[f64], &[f64]) -> Profile,
+) -> (Vec<f64>, Vec<f64>) {
+    let last = t.len() - 1;
+    let (start, stop) = (t[0], t[last]);
+    let even: Vec<f64> = (0..=last)
+        .map(|i| start + (stop - start) * (i as f64 / last as f64))
+        .collect();
+    // A billionth of a step: rounding of i·T, and nothing that moves a sample.
+    let tolerance = 1e-9 * (stop - start) / last as f64;
+    if t.iter().zip(&even).all(|(t, e)| (t - e).abs() <= tolerance) {
+        return (even, x.to_vec());
+    }
+    let path = natural(t, x);
+    let mut cursor = 0;
+    let x = even
+        .iter()
+        .map(|&t| path.at_from(&mut cursor, t).0)
+        .collect();
+    (even, x)
+}
+
+/// 1/Q of the two sections of a Butterworth low-pass of order 4: 2·sin(π/8), 2·sin(3π/8).
+const DAMPINGS: [f64; 2] = [0.765_366_864_730_179_6, 1.847_759_065_022_573_5];
+
+/// Samples put before and after by reflection through the end points: 3 × (order + 1), the custom
+/// of MATLAB's and scipy's `filtfilt`, so that either can check a take.
+const PADDING: usize = 15;
+
+/// Butterworth of order 4, forward and back: no delay, -6 dB at `cutoff` [Hz].
+fn low_pass(x: &mut [f64], cutoff: f64, rate: f64) -> Result<(), TakeError> {
+    if !(cutoff > 0.0 && cutoff < 0.5 * rate) {
+        return Err(TakeError::Smooth { cutoff, rate });
+    }
+    let last = x.len() - 1;
+    let padding = PADDING.min(last);
+    let before = (1..=padding).rev().map(|i| 2.0 * x[0] - x[i]);
+    let after = (1..=padding).map(|i| 2.0 * x[last] - x[last - i]);
+    let mut padded: Vec<f64> = before.chain(x.iter().copied()).chain(after).collect();
+    for _ in 0..2 {
+        for damping in DAMPINGS {
+            let mut section = Section::new(cutoff, rate, damping);
+            section.settle(padded[0]);
+            padded.iter_mut().for_each(|x| *x = section.next(*x).low);
+        }
+        padded.reverse();
+    }
+    x.copy_from_slice(&padded[padding..=padding + last]);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

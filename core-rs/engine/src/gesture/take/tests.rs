@@ -1,0 +1,178 @@
+use super::*;
+use crate::maths;
+
+/// A tenth of a second of a 9 Hz hand with a 90 Hz tremor, 24 samples.
+fn hand() -> (Vec<f64>, Vec<f64>) {
+    let t: Vec<f64> = (0..24).map(|i| f64::from(i) / 240.0).collect();
+    let x = t
+        .iter()
+        .map(|t| maths::sin(56.0 * t) + 0.1 * maths::cos(560.0 * t))
+        .collect();
+    (t, x)
+}
+
+fn plain(t: &[f64], x: &[f64]) -> Take {
+    Take::new(t, x, Care::default()).unwrap()
+}
+
+#[test]
+fn trim_cuts_the_path_not_the_samples() {
+    let (t, x) = hand();
+    let whole = plain(&t, &x);
+    let trim = Some((0.0101, 0.0777));
+    let part = Take::new(
+        &t,
+        &x,
+        Care {
+            trim,
+            ..Care::default()
+        },
+    )
+    .unwrap();
+    assert!((part.duration() - 0.0676).abs() < 1e-16);
+    assert_eq!(part.n_samples(), 16);
+    for i in 0..=50 {
+        let t = 0.0676 * f64::from(i) / 50.0;
+        let (part, whole) = (part.profile().at(t), whole.profile().at(t + 0.0101));
+        assert!((part.0 - whole.0).abs() < 1e-12, "{t}: {part:?} {whole:?}");
+        assert!((part.1 - whole.1).abs() < 1e-9 && (part.2 - whole.2).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn a_take_is_played_from_its_first_instant() {
+    let (t, x) = hand();
+    let late: Vec<f64> = t.iter().map(|t| t + 40.0).collect();
+    let placed = plain(&late, &x).placed(3.0, 2.0, 0.5, false).unwrap();
+    assert!((placed.start() - 3.0).abs() < 1e-12);
+    assert!((placed.stop() - 3.0 - 0.5 * t[23]).abs() < 1e-12);
+    for (t, x) in t.iter().zip(&x) {
+        assert!((placed.at(3.0 + 0.5 * t).0 - 2.0 * x).abs() < 1e-10);
+    }
+    assert!(plain(&t, &x).placed(3.0, 2.0, 0.0, false).is_err());
+}
+
+/// sos = scipy.signal.butter(4, 30, fs=240, output="sos"); scipy.signal.sosfiltfilt(sos, x)[[0, 7, 23]]
+#[test]
+fn smooth_as_scipy() {
+    let (t, x) = hand();
+    let take = Take::new(
+        &t,
+        &x,
+        Care {
+            smooth: Some(30.0),
+            ..Care::default()
+        },
+    )
+    .unwrap();
+    for (i, wanted) in [(0, SCIPY[0]), (7, SCIPY[1]), (23, SCIPY[2])] {
+        let found = take.profile().knot(i).x;
+        assert!((found - wanted).abs() < 1e-13, "{i}: {found} {wanted}");
+    }
+}
+
+const SCIPY: [f64; 3] = [0.09902771411784429, 1.0009927583782594, -0.8936866604984115];
+
+/// The filter wants one step; a spline through the jittered instants knows the movement between.
+#[test]
+fn uneven_samples_are_filtered_as_the_movement_they_are() {
+    let rate = 500.0;
+    let movement = |t: f64| maths::sin(12.0 * t);
+    let even: Vec<f64> = (0..1000).map(|i| f64::from(i) / rate).collect();
+    let jittered: Vec<f64> = (0..1000)
+        .map(|i| f64::from(i) / rate + 4e-4 * maths::sin(f64::from(i * i)))
+        .collect();
+    let smooth = |t: &[f64]| {
+        let x: Vec<f64> = t.iter().map(|&t| movement(t)).collect();
+        Take::new(
+            t,
+            &x,
+            Care {
+                smooth: Some(20.0),
+                ..Care::default()
+            },
+        )
+        .unwrap()
+    };
+    let (a, b) = (smooth(&even), smooth(&jittered));
+    for i in 100..900 {
+        let t = f64::from(i) / rate;
+        assert!((a.profile().at(t).0 - b.profile().at(t).0).abs() < 1e-6);
+    }
+}
+
+/// A hand that stops while it leans keeps its ends: no sag towards zero.
+#[test]
+fn ends_do_not_sag() {
+    let t: Vec<f64> = (0..200).map(|i| f64::from(i) / 200.0).collect();
+    let ramp: Vec<f64> = t.iter().map(|t| 3.0 + 0.5 * t).collect();
+    let take = Take::new(
+        &t,
+        &ramp,
+        Care {
+            smooth: Some(25.0),
+            ..Care::default()
+        },
+    )
+    .unwrap();
+    for (i, x) in ramp.iter().enumerate() {
+        assert!((take.profile().knot(i).x - x).abs() < 2e-3, "{i}");
+    }
+    let still = vec![0.25; 200];
+    let take = Take::new(
+        &t,
+        &still,
+        Care {
+            smooth: Some(1.0),
+            ..Care::default()
+        },
+    )
+    .unwrap();
+    assert!((0..200).all(|i| (take.profile().knot(i).x - 0.25).abs() < 1e-14));
+}
+
+#[test]
+fn refuses_with_the_sample() {
+    let refused = |t: &[f64], x: &[f64], care| Take::new(t, x, care).unwrap_err();
+    let none = Care::default();
+    assert_eq!(refused(&[0.0], &[0.0], none), TakeError::TooFew(1));
+    assert_eq!(
+        refused(&[0.0, 1.0], &[0.0], none),
+        TakeError::Lengths { n_t: 2, n_x: 1 }
+    );
+    let back = refused(&[0.0, 1.0, 1.0], &[0.0; 3], none);
+    assert_eq!(
+        back,
+        TakeError::NotRising {
+            index: 2,
+            t: 1.0,
+            before: 1.0
+        }
+    );
+    assert!(matches!(
+        refused(&[0.0, 1.0], &[0.0, f64::NAN], none),
+        TakeError::NotFinite { index: 1, .. }
+    ));
+    for trim in [(-0.1, 0.5), (0.5, 0.5), (0.2, 1.1), (f64::NAN, 1.0)] {
+        let care = Care {
+            trim: Some(trim),
+            ..none
+        };
+        assert!(matches!(
+            refused(&[0.0, 1.0], &[0.0; 2], care),
+            TakeError::Trim { .. }
+        ));
+    }
+    let fast = refused(
+        &[0.0, 0.01],
+        &[0.0; 2],
+        Care {
+            smooth: Some(50.0),
+            ..none
+        },
+    );
+    assert_eq!(
+        fast.to_string(),
+        "smooth 50 Hz must lie above 0 and below half of the 100 samples a second of this take"
+    );
+}

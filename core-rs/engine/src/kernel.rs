@@ -1,0 +1,11 @@
+//! The inner loops: one file per kind of work. They know no names, no scores, no reasons.
+
+mod exact;
+mod mats;
+mod runs;
+mod taps;
+
+pub(crate) use exact::contacts;
+pub(crate) use mats::{advance, predict, sound};
+pub(crate) use runs::{links, power, push, side};
+pub(crate) use taps::tap;

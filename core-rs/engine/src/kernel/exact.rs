@@ -1,0 +1,171 @@
+//! Energy-exact contacts by a discrete gradient (Chatziioannou & van Walstijn 2015), in closed
+//! form for a linear contact and by a safeguarded Newton iteration for a power law.
+
+use super::predict;
+use super::runs::{power, scatter, side};
+use crate::plan::{Kind, Plan};
+use crate::state::{Body, Target};
+
+/// Newton steps never needed in practice (4 to 6 are); past them bisection has converged.
+const STEPS_MAX: usize = 60;
+
+/// Solve every exact contact once all other forces are summed. Contacts that share a MAT are solved
+/// in order of declaration, each with the forces of those before it.
+pub(crate) fn contacts(plan: &Plan, gates: &[f64], targets: &[Target], body: &mut Body) {
+    for run in &plan.exact {
+        let Kind::But(but) = &run.kind else { continue };
+        let s = side(but);
+        let next = |i: usize| match targets.iter().find(|target| target.mat == i) {
+            Some(target) => (target.x, 0.0),
+            None => (predict(plan, body, i), plan.w[i]),
+        };
+        let ((xa, wa), (xb, wb)) = (next(run.a), next(run.b));
+        let (x, d) = (&body.x, &body.d);
+        let now = s * (x[run.b] - x[run.a] - run.rest);
+        let before = now - s * (d[run.b] - d[run.a]);
+        let free = s * (xb - xa - run.rest);
+        let beta = wa + wb;
+        let open = run.gate.map_or(1.0, |gate| gates[gate]);
+        let contact = Contact {
+            k: open * run.k,
+            z: open * run.z,
+            exponent: but.exponent,
+            beta,
+            clamp: but.clamp,
+        };
+        body.link[run.first] = s * contact.push(free, before, now);
+        scatter(run, body);
+    }
+}
+
+struct Contact {
+    k: f64,
+    z: f64,
+    exponent: f64,
+    beta: f64,
+    clamp: bool,
+}
+
+impl Contact {
+    /// The push [N] that takes the penetration from w (at n−1) to u (at n+1), when without it it
+    /// would go to p_free.
+    fn push(&self, free: f64, w: f64, now: f64) -> f64 {
+        // An imposed meeting (β = 0): the next penetration is known, the gradient is explicit.
+        if self.beta == 0.0 {
+            return self.limit(self.gradient(free, w) + self.drag(free, w, now));
+        }
+        // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
+        let gamma = if now > 0.0 {
+            self.beta * self.z / 2.0
+        } else {
+            0.0
+        };
+        let p = (free + gamma * w) / (1.0 + gamma);
+        let beta = self.beta / (1.0 + gamma);
+        let u = if self.exponent == 1.0 {
+            linear(p, w, beta * self.k / 2.0)
+        } else {
+            self.solve(p, w, beta)
+        };
+        self.limit((free - u) / self.beta)
+    }
+
+    fn limit(&self, push: f64) -> f64 {
+        if self.clamp { push.max(0.0) } else { push }
+    }
+
+    fn drag(&self, u: f64, w: f64, now: f64) -> f64 {
+        if now > 0.0 {
+            self.z * (u - w) / 2.0
+        } else {
+            0.0
+        }
+    }
+
+    fn potential(&self, p: f64) -> f64 {
+        if p > 0.0 {
+            self.k * power(p, self.exponent + 1.0) / (self.exponent + 1.0)
+        } else {
+            0.0
+        }
+    }
+
+    /// (V(u) − V(w))/(u − w), and the force where the two meet.
+    fn gradient(&self, u: f64, w: f64) -> f64 {
+        let apart = u - w;
+        // Below this the difference quotient has lost its digits and the midpoint is as exact.
+        if apart.abs() <= 1e-6 * (u.abs() + w.abs()) {
+            let middle = 0.5 * (u + w);
+            return if middle > 0.0 {
+                self.k * power(middle, self.exponent)
+            } else {
+                0.0
+            };
+        }
+        (self.potential(u) - self.potential(w)) / apart
+    }
+
+    /// u + β·gradient(u, w) = p: the left side rises with u, so a bracketed secant cannot miss.
+    fn solve(&self, p: f64, w: f64, beta: f64) -> f64 {
+        if p <= 0.0 && w <= 0.0 {
+            return p;
+        }
+        let residue = |u: f64| u + beta * self.gradient(u, w) - p;
+        let (mut high, mut low) = (p, p - beta * self.gradient(p, w));
+        let (mut at_high, mut at_low) = (residue(high), residue(low));
+        while at_low > 0.0 {
+            low -= high - low;
+            at_low = residue(low);
+        }
+        for step in 0..STEPS_MAX {
+            if high - low <= 4.0 * f64::EPSILON * high.abs().max(low.abs()) {
+                break;
+            }
+            // Every third step halves, so a one-sided secant cannot crawl.
+            let secant = low - at_low * (high - low) / (at_high - at_low);
+            let u = if step % 3 == 2 || !(secant > low && secant < high) {
+                0.5 * (low + high)
+            } else {
+                secant
+            };
+            let at = residue(u);
+            if at == 0.0 {
+                return u;
+            }
+            if at > 0.0 {
+                (high, at_high) = (u, at)
+            } else {
+                (low, at_low) = (u, at)
+            }
+        }
+        0.5 * (low + high)
+    }
+}
+
+/// Closed form for V = ½K·max(p, 0)², a = βK/2.
+fn linear(p: f64, w: f64, a: f64) -> f64 {
+    if w >= 0.0 {
+        let u = (p - a * w) / (1.0 + a);
+        if u >= 0.0 {
+            return u;
+        }
+        // Leaving the contact. Written without cancellation: the sum and the root nearly agree.
+        let sum = p + w;
+        let root = ((p - w) * (p - w) + 4.0 * a * w * w).sqrt();
+        if sum > 0.0 {
+            2.0 * w * (p - a * w) / (sum + root)
+        } else {
+            0.5 * (sum - root)
+        }
+    } else if p <= 0.0 {
+        p
+    } else {
+        let sum = p + w;
+        let root = (sum * sum - 4.0 * (1.0 + a) * p * w).sqrt();
+        if sum >= 0.0 {
+            (sum + root) / (2.0 * (1.0 + a))
+        } else {
+            2.0 * p * w / (sum - root)
+        }
+    }
+}

@@ -1,0 +1,299 @@
+//! LNL: laws of non-linear elasticity and friction, f = law(d) + damping(d, v).
+//!
+//! A law is a text of a small language (or a table of points), compiled once and never evaluated
+//! as a program of another language. `d` is the link's elongation [m], `v` its rate [m/s] (metres per
+//! sample where units are algorithmic), the value a force [N].
+
+mod error;
+mod parse;
+mod points;
+mod polynomial;
+mod potential;
+mod program;
+#[cfg(test)]
+mod tests;
+mod token;
+mod tree;
+
+pub use error::{LawError, Which};
+pub use parse::Constants;
+
+use points::Points;
+use program::{LANES, Program, Register};
+
+/// Steps of the numerical slopes: relative (the cube root of the rounding unit balances truncation and
+/// rounding of a central difference) and absolute, at rest: a nanometre, or a nanometre per second, far
+/// below what is heard, far above the rounding of a force around zero.
+const SLOPE_STEP: f64 = 6e-6;
+const SLOPE_STEP_AT_REST: f64 = 1e-9;
+
+/// A law, ready to run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Law {
+    elastic: Elastic,
+    damping: Option<Program>,
+    reach: f64,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Elastic {
+    None,
+    /// A polynomial knows its integral: coefficients from d on.
+    Expression {
+        program: Program,
+        integral: Option<Vec<f64>>,
+    },
+    Points(Points),
+}
+
+/// What a law is made from; see [`Law::new`].
+#[derive(Clone, Debug, Default)]
+pub struct LawText<'a> {
+    /// The elastic part, an expression of `d`.
+    pub law: Option<&'a str>,
+    /// The damping part, an expression of `d` and `v`.
+    pub damping: Option<&'a str>,
+    /// Named constants of both, in SI units.
+    pub constants: Constants,
+    /// The elastic part as points (d [m], f [N]), d rising.
+    pub points: Option<&'a [(f64, f64)]>,
+}
+
+/// Room for [`Law::eval_run`], made by [`Law::scratch`] of the same law.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    elastic: Vec<Register>,
+    damping: Vec<Register>,
+}
+
+impl Law {
+    /// Compile a law: an expression or points, a damping, or both an elastic part and a damping.
+    ///
+    /// # Errors
+    /// [`LawError`] with the place, in characters of the text at fault.
+    pub fn new(text: &LawText<'_>) -> Result<Self, LawError> {
+        check_constants(&text.constants)?;
+        let read = |which, expression| parse::parse(which, expression, &text.constants);
+        let elastic = match (text.law, text.points) {
+            (Some(_), Some(_)) => {
+                let message = "A law is given by an expression or by points, not by both.";
+                return Err(LawError::new(Which::Points, 0, 0, message.into()));
+            }
+            (Some(expression), None) => {
+                let tree = read(Which::Law, expression)?;
+                Elastic::Expression {
+                    program: Program::new(&tree),
+                    integral: polynomial::coefficients(&tree).map(polynomial::integral),
+                }
+            }
+            (None, Some(points)) => Elastic::Points(Points::new(points)?),
+            (None, None) if text.damping.is_some() => Elastic::None,
+            (None, None) => {
+                let message = "An LNL needs a `law`, a `damping` or `points`.";
+                return Err(LawError::new(Which::Law, 0, 0, message.into()));
+            }
+        };
+        let damping = text
+            .damping
+            .map(|expression| read(Which::Damping, expression))
+            .transpose()?;
+        Ok(Self {
+            elastic,
+            damping: damping.as_ref().map(Program::new),
+            reach: 1.0,
+        })
+    }
+
+    /// The law k·d + q·d³ of a hardening spring (k [N/m], q [N/m³]) with a damper z [N·s/m].
+    pub fn hardening(k: f64, q: f64, z: f64) -> Result<Self, LawError> {
+        let named = [("k", k), ("q", q), ("z", z)];
+        Self::new(&LawText {
+            law: Some("k*d + q*d**3"),
+            damping: (z != 0.0).then_some("z*v"),
+            constants: named.map(|(name, value)| (name.to_owned(), value)).into(),
+            points: None,
+        })
+    }
+
+    /// The law seen through a lever that multiplies travel by `reach`: f(d/s, v/s)/s.
+    ///
+    /// # Errors
+    /// [`LawError`] unless `reach` is a positive number.
+    pub fn through(mut self, reach: f64) -> Result<Self, LawError> {
+        if !(reach > 0.0 && reach.is_finite()) {
+            let message = format!("A reach is a positive number, not {reach}.");
+            return Err(LawError::new(Which::Reach, 0, 0, message));
+        }
+        self.reach *= reach;
+        Ok(self)
+    }
+
+    /// Whether the force depends on v: without a damping, `v` need not be computed.
+    pub fn has_damping(&self) -> bool {
+        self.damping.is_some()
+    }
+
+    /// Force [N] at elongation `d` [m] and its rate `v` [m/s].
+    pub fn force(&self, d: f64, v: f64) -> f64 {
+        let (d, v) = (d / self.reach, v / self.reach);
+        let elastic = self.elastic(d);
+        let force = match &self.damping {
+            Some(damping) => elastic + damping.value(d, v),
+            None => elastic,
+        };
+        force / self.reach
+    }
+
+    /// The elastic part of the force [N] at elongation `d` [m].
+    pub fn spring(&self, d: f64) -> f64 {
+        self.elastic(d / self.reach) / self.reach
+    }
+
+    fn elastic(&self, d: f64) -> f64 {
+        match &self.elastic {
+            Elastic::None => 0.0,
+            Elastic::Expression { program, .. } => program.value(d, 0.0),
+            Elastic::Points(points) => points.value(d),
+        }
+    }
+
+    /// Room for [`Law::eval_run`].
+    pub fn scratch(&self) -> Scratch {
+        let room = |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
+        let elastic = match &self.elastic {
+            Elastic::Expression { program, .. } => program.registers(),
+            // Where the elongations and the forces lie.
+            Elastic::None | Elastic::Points(_) => vec![[0.0; LANES]; 2],
+        };
+        Scratch {
+            elastic,
+            damping: room(self.damping.as_ref()),
+        }
+    }
+
+    /// Forces of a run of links, each the same bits as [`Law::force`]; nothing is allocated.
+    ///
+    /// `d`, `v`, `out`: (n_links,); `v` may be empty where the law has no damping. `scratch` is this
+    /// law's own: its registers hold the constants.
+    pub fn eval_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        for (chunk, out) in out.chunks_mut(LANES).enumerate() {
+            let (first, n) = (chunk * LANES, out.len());
+            let elastic = &mut scratch.elastic;
+            self.load(&mut elastic[0], &d[first..first + n]);
+            match &self.elastic {
+                Elastic::None => out.fill(0.0),
+                Elastic::Expression { program, .. } => out.copy_from_slice(program.run(elastic, n)),
+                Elastic::Points(points) => {
+                    for (out, d) in out.iter_mut().zip(&elastic[0]) {
+                        *out = points.value(*d);
+                    }
+                }
+            }
+            if let Some(damping) = &self.damping {
+                let registers = &mut scratch.damping;
+                registers[0][..n].copy_from_slice(&elastic[0][..n]);
+                self.load(&mut registers[1], &v[first..first + n]);
+                for (out, force) in out.iter_mut().zip(damping.run(registers, n)) {
+                    *out += force;
+                }
+            }
+            if self.reach != 1.0 {
+                for out in out {
+                    *out /= self.reach;
+                }
+            }
+        }
+    }
+
+    fn load(&self, register: &mut Register, values: &[f64]) {
+        register[..values.len()].copy_from_slice(values);
+        if self.reach != 1.0 {
+            for value in &mut register[..values.len()] {
+                *value /= self.reach;
+            }
+        }
+    }
+
+    /// Energy stored at elongation `d` [J], zero at 0: the integral of the elastic part.
+    ///
+    /// Exact for points and for polynomials; to some 1e-13 of ∫|f| for other expressions.
+    pub fn potential(&self, d: f64) -> f64 {
+        let d = d / self.reach;
+        match &self.elastic {
+            Elastic::None => 0.0,
+            Elastic::Expression {
+                integral: Some(integral),
+                ..
+            } => polynomial::value(integral, d) * d,
+            Elastic::Expression { program, .. } => {
+                potential::integrate(|d| program.value(d, 0.0), d)
+            }
+            Elastic::Points(points) => points.potential(d),
+        }
+    }
+
+    /// Tangent stiffness of the elastic part at `d` [N/m]: exact for points, elsewhere a central
+    /// difference over ±(6e-6·|d| + 1 nm).
+    pub fn slope(&self, d: f64) -> f64 {
+        let d = d / self.reach;
+        let slope = match &self.elastic {
+            Elastic::None => 0.0,
+            Elastic::Expression { program, .. } => {
+                let step = SLOPE_STEP * d.abs() + SLOPE_STEP_AT_REST;
+                let (low, high) = (d - step, d + step);
+                (program.value(high, 0.0) - program.value(low, 0.0)) / (high - low)
+            }
+            Elastic::Points(points) => points.slope(d),
+        };
+        slope / self.reach / self.reach
+    }
+
+    /// Slope of the damping in v, at elongation `d` and v = 0 [N·s/m]: a central difference over
+    /// ±1 nm/s.
+    pub fn damping_slope(&self, d: f64) -> f64 {
+        let Some(damping) = &self.damping else {
+            return 0.0;
+        };
+        let (d, step) = (d / self.reach, SLOPE_STEP_AT_REST);
+        let slope = (damping.value(d, step) - damping.value(d, -step)) / (2.0 * step);
+        slope / self.reach / self.reach
+    }
+
+    /// Whether damping·v < 0 somewhere in |d| ≤ `d_max` [m], |v| ≤ `v_max` [m/s]: the link can then
+    /// give energy, as a bow does.
+    ///
+    /// Looked for on a grid of 33 elongations and 192 rates, these evenly and, down to a millionth of
+    /// `v_max`, by octaves: sticking happens at low rates. Where the damping has no value it counts.
+    pub fn is_active(&self, d_max: f64, v_max: f64) -> bool {
+        const ELONGATIONS: i32 = 16;
+        const EVEN: i32 = 75;
+        const OCTAVES: usize = 21;
+        let Some(damping) = &self.damping else {
+            return false;
+        };
+        let octaves = std::iter::successors(Some(v_max), |v| Some(0.5 * v)).take(OCTAVES);
+        let even = (1..=EVEN).map(|i| v_max * f64::from(i) / f64::from(EVEN));
+        let rates: Vec<f64> = even.chain(octaves).flat_map(|v| [v, -v]).collect();
+        (-ELONGATIONS..=ELONGATIONS).any(|i| {
+            let d = d_max * f64::from(i) / f64::from(ELONGATIONS);
+            rates.iter().any(|v| {
+                let power = damping.value(d / self.reach, v / self.reach) * v;
+                power.is_nan() || power < 0.0
+            })
+        })
+    }
+}
+
+fn check_constants(constants: &Constants) -> Result<(), LawError> {
+    for (name, value) in constants {
+        let why = if parse::is_reserved(name) {
+            format!("`{name}` already has a meaning in laws; give the constant another name.")
+        } else if !value.is_finite() {
+            format!("The constant `{name}` is not a finite number.")
+        } else {
+            continue;
+        };
+        return Err(LawError::new(Which::Constants, 0, 0, why));
+    }
+    Ok(())
+}

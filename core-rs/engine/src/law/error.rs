@@ -1,0 +1,111 @@
+//! What a law is refused for, with its place.
+
+use std::fmt;
+
+/// Which part of a law is at fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Which {
+    /// The elastic expression.
+    Law,
+    /// The damping expression.
+    Damping,
+    /// The table of points; `offset` is then the index of a point.
+    Points,
+    /// A named constant.
+    Constants,
+    /// The lever.
+    Reach,
+}
+
+impl Which {
+    /// The name of the field as a composer writes it.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Law => "law",
+            Self::Damping => "damping",
+            Self::Points => "points",
+            Self::Constants => "constants",
+            Self::Reach => "reach",
+        }
+    }
+}
+
+impl fmt::Display for Which {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// A law that cannot be compiled.
+///
+/// `offset` and `length` count characters (not bytes) of the text that `which` names.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{which}: {message}")]
+pub struct LawError {
+    /// The text at fault.
+    pub which: Which,
+    /// First character at fault.
+    pub offset: usize,
+    /// How many characters are at fault.
+    pub length: usize,
+    /// A sentence.
+    pub message: String,
+    /// What may have been meant.
+    pub suggestion: Option<String>,
+}
+
+impl LawError {
+    pub(super) fn new(which: Which, offset: usize, length: usize, message: String) -> Self {
+        Self {
+            which,
+            offset,
+            length,
+            message,
+            suggestion: None,
+        }
+    }
+
+    pub(super) fn suggesting(mut self, suggestion: impl Into<Option<String>>) -> Self {
+        self.suggestion = suggestion.into();
+        self
+    }
+}
+
+/// The candidate nearest to `word`, if it is near enough to have been meant: at most one slip for
+/// words of up to four letters, two for longer ones.
+pub(super) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
+    let letters: Vec<char> = word.chars().flat_map(char::to_lowercase).collect();
+    // A longer word is no slip of the pen, and the table below grows with its length.
+    if letters.len() > 32 {
+        return None;
+    }
+    let allowed = if letters.len() <= 4 { 1 } else { 2 };
+    candidates
+        .map(|candidate| {
+            let other: Vec<char> = candidate.chars().flat_map(char::to_lowercase).collect();
+            (slips(&letters, &other), candidate)
+        })
+        // A single letter is one slip from every other single letter: only its case can be wrong.
+        .filter(|(n, _)| *n <= allowed && (*n < letters.len()))
+        .min_by_key(|(n, _)| *n)
+        .map(|(_, candidate)| candidate.to_owned())
+}
+
+/// Insertions, deletions, changes and swaps of neighbours that lead from `a` to `b`
+/// (optimal string alignment).
+fn slips(a: &[char], b: &[char]) -> usize {
+    let mut before = vec![0; b.len() + 1];
+    let mut last: Vec<usize> = (0..=b.len()).collect();
+    for i in 1..=a.len() {
+        let mut row = vec![i; b.len() + 1];
+        for j in 1..=b.len() {
+            let change = last[j - 1] + usize::from(a[i - 1] != b[j - 1]);
+            row[j] = change.min(last[j] + 1).min(row[j - 1] + 1);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                row[j] = row[j].min(before[j - 2] + 1);
+            }
+        }
+        before = std::mem::replace(&mut last, row);
+    }
+    last[b.len()]
+}

@@ -1,0 +1,320 @@
+//! From text to a tree: the grammar of laws (V. Pratt, "Top down operator precedence", 1973).
+//!
+//! Operators bind as in Python: comparisons, then + -, then * /, then unary minus, then ** (from
+//! the right). Nothing is ever evaluated as a program of another language.
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use super::error::{LawError, Which, nearest};
+use super::token::{Kind, Token, tokens};
+use super::tree::{Binary, Node, Tree, Unary};
+
+/// Named constants of a law.
+pub type Constants = BTreeMap<String, f64>;
+
+/// Bounds of one expression; a law of the field has a line and some ten nodes.
+pub(super) const MAX_CHARACTERS: usize = 2_000;
+pub(super) const MAX_NODES: usize = 256;
+pub(super) const MAX_NESTING: usize = 64;
+
+/// What a function makes of its arguments.
+enum Function {
+    One(Unary),
+    Two(Binary),
+    Where,
+}
+
+const FUNCTIONS: [(&str, Function); 8] = [
+    ("where", Function::Where),
+    ("abs", Function::One(Unary::Abs)),
+    ("min", Function::Two(Binary::Min)),
+    ("max", Function::Two(Binary::Max)),
+    ("sqrt", Function::One(Unary::Sqrt)),
+    ("sign", Function::One(Unary::Sign)),
+    ("exp", Function::One(Unary::Exp)),
+    ("tanh", Function::One(Unary::Tanh)),
+];
+
+/// How tightly the infix operators bind; unary minus lies between * and **.
+const INFIX: [(&str, Binary, u8); 11] = [
+    ("<", Binary::Less, COMPARE),
+    ("<=", Binary::LessEqual, COMPARE),
+    (">", Binary::Greater, COMPARE),
+    (">=", Binary::GreaterEqual, COMPARE),
+    ("==", Binary::Equal, COMPARE),
+    ("!=", Binary::NotEqual, COMPARE),
+    ("+", Binary::Add, 2),
+    ("-", Binary::Subtract, 2),
+    ("*", Binary::Multiply, 3),
+    ("/", Binary::Divide, 3),
+    ("**", Binary::Power, POWER),
+];
+const COMPARE: u8 = 1;
+const UNARY: u8 = 4;
+const POWER: u8 = 5;
+
+/// Whether a constant may not bear this name, because the language has it already.
+pub(super) fn is_reserved(name: &str) -> bool {
+    name == "d" || name == "v" || FUNCTIONS.iter().any(|(function, _)| *function == name)
+}
+
+/// Parse one expression.
+pub(super) fn parse(which: Which, text: &str, constants: &Constants) -> Result<Tree, LawError> {
+    let length = text.chars().count();
+    if length > MAX_CHARACTERS {
+        let message =
+            format!("An expression has at most {MAX_CHARACTERS} characters; this has {length}.");
+        return Err(LawError::new(
+            which,
+            MAX_CHARACTERS,
+            length - MAX_CHARACTERS,
+            message,
+        ));
+    }
+    let tokens = tokens(which, text)?;
+    let mut parser = Parser {
+        which,
+        tokens,
+        next: 0,
+        nodes: Vec::new(),
+        nesting: 0,
+        constants,
+    };
+    let root = parser.expression(0)?;
+    let rest = parser.peek();
+    match rest.kind {
+        Kind::End => Ok(Tree {
+            nodes: parser.nodes,
+            root,
+        }),
+        _ => Err(parser.unexpected(&rest)),
+    }
+}
+
+struct Parser<'a> {
+    which: Which,
+    tokens: Vec<Token>,
+    next: usize,
+    nodes: Vec<Node>,
+    nesting: usize,
+    constants: &'a Constants,
+}
+
+impl Parser<'_> {
+    fn peek(&self) -> Token {
+        self.tokens[self.next].clone()
+    }
+
+    fn take(&mut self) -> Token {
+        let token = self.peek();
+        // The end stays where it is: there is always a next token.
+        self.next = (self.next + 1).min(self.tokens.len() - 1);
+        token
+    }
+
+    fn push(&mut self, node: Node, at: &Token) -> Result<usize, LawError> {
+        if self.nodes.len() == MAX_NODES {
+            let message =
+                format!("An expression has at most {MAX_NODES} numbers, names and operations.");
+            return Err(self.error(at, message));
+        }
+        self.nodes.push(node);
+        Ok(self.nodes.len() - 1)
+    }
+
+    /// Whatever binds at least as tightly as `least`.
+    fn expression(&mut self, least: u8) -> Result<usize, LawError> {
+        let mut left = self.operand()?;
+        loop {
+            let token = self.peek();
+            let Some((_, operation, binding)) = token.among(&INFIX, |row| row.0) else {
+                return Ok(left);
+            };
+            if *binding < least {
+                return Ok(left);
+            }
+            self.take();
+            let right = if *binding == POWER {
+                self.nested(&token, |parser| parser.expression(UNARY))?
+            } else {
+                self.expression(binding + 1)?
+            };
+            left = self.push(Node::Binary(*operation, left, right), &token)?;
+            if *binding == COMPARE {
+                self.refuse_chain()?;
+            }
+        }
+    }
+
+    /// `a < b < c` means two different things to two readers.
+    fn refuse_chain(&self) -> Result<(), LawError> {
+        let token = self.peek();
+        match token.among(&INFIX, |row| row.0) {
+            Some((_, _, COMPARE)) => {
+                let message = "Comparisons do not chain; multiply two of them: (a < b)*(b < c).";
+                Err(self.error(&token, message.into()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn operand(&mut self) -> Result<usize, LawError> {
+        let token = self.take();
+        match &token.kind {
+            Kind::Number(value) => self.push(Node::Number(*value), &token),
+            Kind::Name(name) => self.named(name, &token),
+            Kind::Sign("-") => {
+                let of = self.nested(&token, |parser| parser.expression(UNARY))?;
+                self.push(Node::Unary(Unary::Negate, of), &token)
+            }
+            Kind::Sign("+") => self.nested(&token, |parser| parser.expression(UNARY)),
+            Kind::Sign("(") => {
+                let inside = self.nested(&token, |parser| parser.expression(0))?;
+                self.expect(")", &token)?;
+                Ok(inside)
+            }
+            _ => Err(self.unexpected(&token)),
+        }
+    }
+
+    fn named(&mut self, name: &str, token: &Token) -> Result<usize, LawError> {
+        let called = matches!(self.peek().kind, Kind::Sign("("));
+        let function = FUNCTIONS.iter().find(|(known, _)| *known == name);
+        match (function, called) {
+            (Some((_, function)), true) => self.call(name, function, token),
+            (Some(_), false) => {
+                let message = format!("`{name}` is a function: write {name}( … ).");
+                Err(self.error(token, message))
+            }
+            (None, true) => Err(self.unknown_function(name, token)),
+            (None, false) => self.variable(name, token),
+        }
+    }
+
+    fn variable(&mut self, name: &str, token: &Token) -> Result<usize, LawError> {
+        match (name, self.constants.get(name)) {
+            ("d", _) => self.push(Node::Elongation, token),
+            ("v", _) if self.which == Which::Damping => self.push(Node::Rate, token),
+            ("v", _) => {
+                let message = "`v` may only stand in `damping`: a law stores energy by `d` alone.";
+                Err(self.error(token, message.into()))
+            }
+            (_, Some(value)) => self.push(Node::Number(*value), token),
+            (_, None) => {
+                let message = format!("Nothing is called `{}` here.", shortened(name));
+                let known = self
+                    .variables()
+                    .chain(FUNCTIONS.iter().map(|(known, _)| *known));
+                Err(self.error(token, message).suggesting(nearest(name, known)))
+            }
+        }
+    }
+
+    fn variables(&self) -> impl Iterator<Item = &str> {
+        let rate = (self.which == Which::Damping).then_some("v");
+        self.constants
+            .keys()
+            .map(String::as_str)
+            .chain(std::iter::once("d"))
+            .chain(rate)
+    }
+
+    fn unknown_function(&self, name: &str, token: &Token) -> LawError {
+        if is_reserved(name) || self.constants.contains_key(name) {
+            let message =
+                format!("`{name}` is a number, not a function; write {name}*( … ) to multiply.");
+            return self.error(token, message);
+        }
+        let message = format!(
+            "There is no function `{}`; laws have where, abs, min, max, sqrt, sign, exp and tanh.",
+            shortened(name)
+        );
+        let known = FUNCTIONS.iter().map(|(known, _)| *known);
+        self.error(token, message).suggesting(nearest(name, known))
+    }
+
+    fn call(&mut self, name: &str, function: &Function, token: &Token) -> Result<usize, LawError> {
+        let open = self.take();
+        let mut arguments = Vec::new();
+        if !matches!(self.peek().kind, Kind::Sign(")")) {
+            loop {
+                arguments.push(self.nested(&open, |parser| parser.expression(0))?);
+                if !matches!(self.peek().kind, Kind::Sign(",")) {
+                    break;
+                }
+                self.take();
+            }
+        }
+        self.expect(")", &open)?;
+        let node = match (function, arguments.as_slice()) {
+            (Function::One(operation), [a]) => Node::Unary(*operation, *a),
+            (Function::Two(operation), [a, b]) => Node::Binary(*operation, *a, *b),
+            (Function::Where, [c, a, b]) => Node::Where(*c, *a, *b),
+            _ => {
+                let form = match function {
+                    Function::One(_) => "one argument",
+                    Function::Two(_) => "two arguments",
+                    Function::Where => "three arguments (condition, value if true, value if not)",
+                };
+                let message = format!("`{name}` takes {form}; here are {}.", arguments.len());
+                return Err(self.error(token, message));
+            }
+        };
+        self.push(node, token)
+    }
+
+    fn expect(&mut self, sign: &str, opened: &Token) -> Result<(), LawError> {
+        let token = self.peek();
+        match token.kind {
+            Kind::Sign(found) if found == sign => {
+                self.take();
+                Ok(())
+            }
+            Kind::End => Err(self.error(opened, "This parenthesis is never closed.".into())),
+            _ => Err(self.unexpected(&token)),
+        }
+    }
+
+    /// One level deeper, where a level may hold another.
+    fn nested<T>(
+        &mut self,
+        at: &Token,
+        inside: impl FnOnce(&mut Self) -> Result<T, LawError>,
+    ) -> Result<T, LawError> {
+        if self.nesting == MAX_NESTING {
+            let message = format!("An expression is nested at most {MAX_NESTING} deep.");
+            return Err(self.error(at, message));
+        }
+        self.nesting += 1;
+        let result = inside(self);
+        self.nesting -= 1;
+        result
+    }
+
+    fn unexpected(&self, token: &Token) -> LawError {
+        let message = match &token.kind {
+            Kind::End if self.tokens.len() == 1 => "The expression is empty.".into(),
+            Kind::End => "Something is missing at the end.".into(),
+            Kind::Number(_) => "An operator is missing before this number.".into(),
+            Kind::Name(name) => format!("An operator is missing before `{}`.", shortened(name)),
+            Kind::Sign("(") => "An operator is missing before this parenthesis.".into(),
+            Kind::Sign(sign) => format!("`{sign}` cannot stand here."),
+        };
+        self.error(token, message)
+    }
+
+    fn error(&self, token: &Token, message: String) -> LawError {
+        LawError::new(self.which, token.offset, token.length, message)
+    }
+}
+
+/// A name as a message quotes it.
+fn shortened(name: &str) -> String {
+    if name.chars().count() <= 32 {
+        return name.to_owned();
+    }
+    name.chars().take(31).chain(std::iter::once('…')).collect()
+}

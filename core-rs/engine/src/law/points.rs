@@ -1,0 +1,105 @@
+//! A law given as straight lines through points.
+
+use super::error::{LawError, Which};
+
+/// More points than a measured law needs; a table this long still fits the L2 cache.
+const MAX_POINTS: usize = 10_000;
+
+/// Straight lines through points, going on beyond the first and the last.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Points {
+    d: Vec<f64>,
+    f: Vec<f64>,
+    /// Of the line from point i to point i + 1.
+    slope: Vec<f64>,
+    /// Energy from point 0 to point i.
+    energy: Vec<f64>,
+}
+
+impl Points {
+    pub(super) fn new(points: &[(f64, f64)]) -> Result<Self, LawError> {
+        let error = |index, message: String| Err(LawError::new(Which::Points, index, 1, message));
+        if points.len() < 2 {
+            return error(0, "A law by points needs at least two of them.".into());
+        }
+        if points.len() > MAX_POINTS {
+            let message = format!(
+                "A law has at most {MAX_POINTS} points; here are {}.",
+                points.len()
+            );
+            return error(MAX_POINTS, message);
+        }
+        if let Some(i) = points
+            .iter()
+            .position(|(d, f)| !(d.is_finite() && f.is_finite()))
+        {
+            return error(
+                i,
+                format!("Point {} is not a pair of finite numbers.", i + 1),
+            );
+        }
+        if let Some(i) = points.windows(2).position(|pair| pair[1].0 <= pair[0].0) {
+            let message = format!(
+                "Elongations must rise: point {} is at {} m, after {} m.",
+                i + 2,
+                points[i + 1].0,
+                points[i].0
+            );
+            return error(i + 1, message);
+        }
+        let (d, f): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
+        let slope = points
+            .windows(2)
+            .map(|p| (p[1].1 - p[0].1) / (p[1].0 - p[0].0))
+            .collect();
+        let mut energy = vec![0.0];
+        for pair in points.windows(2) {
+            energy.push(energy[energy.len() - 1] + line(pair[0], pair[1]));
+        }
+        Ok(Self {
+            d,
+            f,
+            slope,
+            energy,
+        })
+    }
+
+    /// Index of the line that holds `d`.
+    fn line_at(&self, d: f64) -> usize {
+        let after = self.d.partition_point(|point| *point <= d);
+        after.clamp(1, self.slope.len()) - 1
+    }
+
+    /// Slope of the line that holds `d`.
+    pub(super) fn slope(&self, d: f64) -> f64 {
+        self.slope[self.line_at(d)]
+    }
+
+    /// Force at elongation `d`.
+    pub(super) fn value(&self, d: f64) -> f64 {
+        let i = self.line_at(d);
+        self.f[i] + self.slope[i] * (d - self.d[i])
+    }
+
+    /// Energy from 0 to `d`, exact for straight lines.
+    pub(super) fn potential(&self, d: f64) -> f64 {
+        let (low, high) = if d < 0.0 { (d, 0.0) } else { (0.0, d) };
+        let (from, to) = ((low, self.value(low)), (high, self.value(high)));
+        let (first, last) = (self.line_at(low), self.line_at(high));
+        let between = if first == last {
+            line(from, to)
+        } else {
+            // Point first + 1 ends the line that holds `low`; point `last` begins that of `high`.
+            let (inner, outer) = (first + 1, last);
+            line(from, (self.d[inner], self.f[inner]))
+                + (self.energy[outer] - self.energy[inner])
+                + line((self.d[outer], self.f[outer]), to)
+        };
+        if d < 0.0 { -between } else { between }
+    }
+}
+
+/// Energy along a straight line.
+fn line(from: (f64, f64), to: (f64, f64)) -> f64 {
+    (to.0 - from.0) * (0.5 * (from.1 + to.1))
+}

@@ -1,0 +1,217 @@
+//! A compiled expression: operations on registers, for one link or for a run of them.
+//!
+//! Every step writes a register of its own and reads earlier ones, so that an operation passes over up to
+//! 64 links in one plain loop, which the compiler turns into SIMD code. A single link goes
+//! through the same operations in the same order: the same bits come out.
+
+use super::tree::{Binary, Node, Tree, Unary, choose, whole, whole_power};
+
+/// Links per pass: a register is 512 bytes, a law's dozen registers stay in the L1 cache.
+pub(super) const LANES: usize = 64;
+
+pub(super) type Register = [f64; LANES];
+
+/// Register 0 holds d, 1 holds v, 2 + i what step i gives.
+const FIRST: usize = 2;
+const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
+/// Registers that most laws do with: one link alone then touches a quarter of a kilobyte.
+const FEW_REGISTERS: usize = 32;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Step {
+    Constant(f64),
+    Unary(Unary, usize),
+    WholePower(i32, usize),
+    Binary(Binary, usize, usize),
+    Where(usize, usize, usize),
+}
+
+/// A compiled expression.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Program {
+    steps: Vec<Step>,
+    result: usize,
+}
+
+impl Program {
+    /// Compile, doing beforehand what does not depend on d and v, and equal things once.
+    pub(super) fn new(tree: &Tree) -> Self {
+        let folded = fold(tree);
+        let mut program = Self {
+            steps: Vec::new(),
+            result: 0,
+        };
+        program.result = program.emit(tree, &folded, tree.root);
+        program
+    }
+
+    fn emit(&mut self, tree: &Tree, folded: &[Option<f64>], node: usize) -> usize {
+        if let Some(value) = folded[node] {
+            return self.once(Step::Constant(value));
+        }
+        let step = match tree.nodes[node] {
+            Node::Elongation => return 0,
+            Node::Rate => return 1,
+            Node::Number(value) => Step::Constant(value),
+            Node::Unary(operation, a) => Step::Unary(operation, self.emit(tree, folded, a)),
+            Node::Binary(Binary::Power, a, b) if folded[b].and_then(whole).is_some() => {
+                let exponent = folded[b].and_then(whole).unwrap_or_default();
+                Step::WholePower(exponent, self.emit(tree, folded, a))
+            }
+            Node::Binary(operation, a, b) => {
+                let a = self.emit(tree, folded, a);
+                Step::Binary(operation, a, self.emit(tree, folded, b))
+            }
+            Node::Where(c, a, b) => {
+                let c = self.emit(tree, folded, c);
+                let a = self.emit(tree, folded, a);
+                Step::Where(c, a, self.emit(tree, folded, b))
+            }
+        };
+        self.once(step)
+    }
+
+    /// The register of an equal step, or of this one, new.
+    fn once(&mut self, step: Step) -> usize {
+        let same = |other: &Step| match (other, &step) {
+            // 0 and -0 are equal and not the same.
+            (Step::Constant(a), Step::Constant(b)) => a.to_bits() == b.to_bits(),
+            (other, step) => other == step,
+        };
+        let index = self.steps.iter().position(same).unwrap_or_else(|| {
+            self.steps.push(step);
+            self.steps.len() - 1
+        });
+        FIRST + index
+    }
+
+    /// Room to run in, constants in place.
+    pub(super) fn registers(&self) -> Vec<Register> {
+        let mut registers = vec![[0.0; LANES]; FIRST + self.steps.len()];
+        for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
+            if let Step::Constant(value) = step {
+                *register = [*value; LANES];
+            }
+        }
+        registers
+    }
+
+    /// The value for one link.
+    pub(super) fn value(&self, d: f64, v: f64) -> f64 {
+        if FIRST + self.steps.len() <= FEW_REGISTERS {
+            self.scalar::<FEW_REGISTERS>(d, v)
+        } else {
+            self.scalar::<MAX_REGISTERS>(d, v)
+        }
+    }
+
+    fn scalar<const N: usize>(&self, d: f64, v: f64) -> f64 {
+        let mut r = [0.0; N];
+        (r[0], r[1]) = (d, v);
+        for (i, step) in self.steps.iter().enumerate() {
+            r[FIRST + i] = match *step {
+                Step::Constant(value) => value,
+                Step::Unary(operation, a) => operation.of(r[a]),
+                Step::WholePower(n, a) => whole_power(r[a], n),
+                Step::Binary(operation, a, b) => operation.of(r[a], r[b]),
+                Step::Where(c, a, b) => choose(r[c], r[a], r[b]),
+            };
+        }
+        r[self.result]
+    }
+
+    /// The values for the first `n` lanes; `registers` are this program's, 0 and 1 loaded.
+    pub(super) fn run<'r>(&self, registers: &'r mut [Register], n: usize) -> &'r [f64] {
+        for (i, step) in self.steps.iter().enumerate() {
+            let (before, after) = registers.split_at_mut(FIRST + i);
+            let out = &mut after[0][..n];
+            let lanes = |register: usize| &before[register][..n];
+            match *step {
+                Step::Constant(_) => {}
+                Step::Unary(operation, a) => unary(operation, out, lanes(a)),
+                Step::WholePower(exponent, a) => whole_powers(exponent, out, lanes(a)),
+                Step::Binary(operation, a, b) => binary(operation, out, lanes(a), lanes(b)),
+                Step::Where(c, a, b) => {
+                    let arguments = lanes(c).iter().zip(lanes(a)).zip(lanes(b));
+                    for (out, ((c, a), b)) in out.iter_mut().zip(arguments) {
+                        *out = choose(*c, *a, *b);
+                    }
+                }
+            }
+        }
+        &registers[self.result][..n]
+    }
+}
+
+/// The value of every node that depends on neither d nor v.
+fn fold(tree: &Tree) -> Vec<Option<f64>> {
+    let mut known: Vec<Option<f64>> = Vec::with_capacity(tree.nodes.len());
+    for node in &tree.nodes {
+        known.push(match *node {
+            Node::Number(value) => Some(value),
+            Node::Elongation | Node::Rate => None,
+            Node::Unary(operation, a) => known[a].map(|a| operation.of(a)),
+            Node::Binary(operation, a, b) => {
+                known[a].zip(known[b]).map(|(a, b)| operation.of(a, b))
+            }
+            Node::Where(c, a, b) => known[c]
+                .zip(known[a])
+                .zip(known[b])
+                .map(|((c, a), b)| choose(c, a, b)),
+        });
+    }
+    known
+}
+
+/// One loop for each operation: inside a loop nothing is decided.
+macro_rules! for_each_of {
+    ($kind:ident: $($name:ident)+; $operation:expr, |$fixed:ident| $body:expr) => {
+        match $operation {
+            $($kind::$name => { const $fixed: $kind = $kind::$name; $body })+
+        }
+    };
+}
+
+fn unary(operation: Unary, out: &mut [f64], a: &[f64]) {
+    for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| {
+        for (out, a) in out.iter_mut().zip(a) {
+            *out = OF.of(*a);
+        }
+    });
+}
+
+fn binary(operation: Binary, out: &mut [f64], a: &[f64], b: &[f64]) {
+    for_each_of!(
+        Binary: Add Subtract Multiply Divide Power Min Max
+            Less LessEqual Greater GreaterEqual Equal NotEqual;
+        operation, |OF| {
+            for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
+                *out = OF.of(*a, *b);
+            }
+        }
+    );
+}
+
+/// [`whole_power`], one multiplication after another over all lanes.
+fn whole_powers(exponent: i32, out: &mut [f64], a: &[f64]) {
+    let size = exponent.unsigned_abs();
+    if size == 0 {
+        return out.fill(1.0);
+    }
+    out.copy_from_slice(a);
+    for bit in (0..size.ilog2()).rev() {
+        for out in &mut *out {
+            *out *= *out;
+        }
+        if size >> bit & 1 == 1 {
+            for (out, a) in out.iter_mut().zip(a) {
+                *out *= a;
+            }
+        }
+    }
+    if exponent < 0 {
+        for out in out {
+            *out = 1.0 / *out;
+        }
+    }
+}

@@ -1,0 +1,359 @@
+use super::parse::parse;
+use super::tree::{Node, Tree, choose};
+use super::*;
+use proptest::prelude::*;
+
+fn constants(named: &[(&str, f64)]) -> Constants {
+    named
+        .iter()
+        .map(|(name, value)| ((*name).to_owned(), *value))
+        .collect()
+}
+
+fn law(expression: &str, named: &[(&str, f64)]) -> Law {
+    Law::new(&LawText {
+        law: Some(expression),
+        constants: constants(named),
+        ..Default::default()
+    })
+    .expect(expression)
+}
+
+fn damping(expression: &str, named: &[(&str, f64)]) -> Law {
+    let text = LawText {
+        damping: Some(expression),
+        constants: constants(named),
+        ..Default::default()
+    };
+    Law::new(&text).expect(expression)
+}
+
+/// The reference: what a tree means, walked without any compiling.
+fn walk(tree: &Tree, node: usize, d: f64, v: f64) -> f64 {
+    let of = |node| walk(tree, node, d, v);
+    match tree.nodes[node] {
+        Node::Number(value) => value,
+        Node::Elongation => d,
+        Node::Rate => v,
+        Node::Unary(operation, a) => operation.of(of(a)),
+        Node::Binary(operation, a, b) => operation.of(of(a), of(b)),
+        Node::Where(c, a, b) => choose(of(c), of(a), of(b)),
+    }
+}
+
+fn same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
+}
+
+#[test]
+fn constants_and_fields_are_checked() {
+    let refuse = |text: &LawText<'_>| Law::new(text).expect_err("refused").which;
+    for (name, value) in [("d", 1.0), ("v", 1.0), ("sqrt", 1.0), ("k", f64::NAN)] {
+        let constants = constants(&[(name, value)]);
+        let text = LawText {
+            law: Some("d"),
+            constants,
+            ..Default::default()
+        };
+        assert_eq!(refuse(&text), Which::Constants, "{name}");
+    }
+    assert_eq!(refuse(&LawText::default()), Which::Law);
+    let both = LawText {
+        law: Some("d"),
+        points: Some(&[(0.0, 0.0), (1.0, 1.0)]),
+        ..Default::default()
+    };
+    assert_eq!(refuse(&both), Which::Points);
+    let bad = LawText {
+        law: Some("d"),
+        damping: Some("v*w"),
+        ..Default::default()
+    };
+    let error = Law::new(&bad).expect_err("w");
+    assert_eq!((error.which, error.offset), (Which::Damping, 2));
+    for reach in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(
+            law("d", &[]).through(reach).expect_err("reach").which,
+            Which::Reach
+        );
+    }
+}
+
+#[test]
+fn points_are_checked() {
+    let refuse = |points: &[(f64, f64)]| {
+        let text = LawText {
+            points: Some(points),
+            ..Default::default()
+        };
+        let error = Law::new(&text).expect_err("refused");
+        (error.which, error.offset)
+    };
+    assert_eq!(refuse(&[(0.0, 0.0)]), (Which::Points, 0));
+    assert_eq!(
+        refuse(&[(0.0, 0.0), (1.0, 1.0), (1.0, 2.0)]),
+        (Which::Points, 2)
+    );
+    assert_eq!(refuse(&[(0.0, 0.0), (1.0, f64::NAN)]), (Which::Points, 1));
+    let many: Vec<(f64, f64)> = (0..10_001).map(|i| (f64::from(i), 0.0)).collect();
+    assert_eq!(refuse(&many), (Which::Points, 10_000));
+}
+
+#[test]
+fn points_go_on_with_their_last_slopes() {
+    let points = [(-1.0, -2.0), (0.5, 1.0), (2.0, 1.0), (3.0, 5.0)];
+    let law = Law::new(&LawText {
+        points: Some(&points),
+        ..Default::default()
+    })
+    .expect("law");
+    for (d, f) in [
+        (-2.0, -4.0),
+        (-1.0, -2.0),
+        (0.0, 0.0),
+        (1.0, 1.0),
+        (2.5, 3.0),
+        (4.0, 9.0),
+    ] {
+        assert_eq!(law.force(d, 7.0), f);
+    }
+    // ∫ by hand: 2d up to 0.5 (0.25), flat to 2 (1.5), then 1 + 4(d-2).
+    assert_eq!(law.potential(0.5), 0.25);
+    assert_eq!(law.potential(2.0), 1.75);
+    assert_eq!(law.potential(4.0), 1.75 + 2.0 + 8.0);
+    assert_eq!(law.potential(-2.0), 4.0);
+    assert_eq!(law.slope(2.5), 4.0);
+    assert_eq!(law.slope(-9.0), 2.0);
+}
+
+#[test]
+fn potentials_match_closed_forms() {
+    let close = |law: &Law, d: f64, energy: f64| {
+        let got = law.potential(d);
+        assert!(
+            (got - energy).abs() <= 1e-13 * energy.abs(),
+            "{d}: {got} and {energy}"
+        );
+    };
+    for d in [-3e-3, 1e-6, 2e-3, 0.7] {
+        let cubic = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
+        close(&cubic, d, 200.0 * d * d + 0.75e7 * d * d * d * d);
+        close(&cubic.clone().through(4.0).expect("lever"), d, {
+            let d = d / 4.0;
+            200.0 * d * d + 0.75e7 * d * d * d * d
+        });
+        // A rope: slack up to 0.1 mm, with a kink between here and there.
+        let rope = law("where(d > 1e-4, k*(d - 1e-4), 0)", &[("k", 400.0)]);
+        let taut = f64::max(d - 1e-4, 0.0);
+        close(&rope, d, 200.0 * taut * taut);
+        // A jump at an odd place.
+        let jump = law("where(d > 1.2345e-4, 3, 1)", &[]);
+        close(&jump, d, d + 2.0 * f64::max(d - 1.2345e-4, 0.0));
+        // Narrow, and near 0.
+        let detent = law("a*d*exp(-(d/3e-5)**2)", &[("a", 50.0)]);
+        close(
+            &detent,
+            d,
+            25.0 * 9e-10 * -crate::maths::expm1(-(d / 3e-5) * (d / 3e-5)),
+        );
+        // A power with a vertical tangent at 0, and friction's favourite.
+        let power = law("sign(d)*abs(d)**0.5", &[]);
+        close(&power, d, maths_power(d.abs(), 1.5) / 1.5);
+        let soft = law("exp(-(d/1e-3))", &[]);
+        close(&soft, d, -1e-3 * crate::maths::expm1(-d / 1e-3));
+    }
+}
+
+fn maths_power(a: f64, b: f64) -> f64 {
+    crate::maths::pow(a, b)
+}
+
+// A polynomial is integrated exactly; the same written so that it is none, by quadrature.
+#[test]
+fn polynomials_are_recognised() {
+    let named = [("k", 400.0), ("q", 3e7)];
+    let pairs = [
+        ("k*d + q*d**3", "k*abs(d)*sign(d) + q*abs(d)**3*sign(d)"),
+        ("-(d - 1e-3)**2*k/3 + 2", "-abs(d - 1e-3)**2*k/3 + 2"),
+        (
+            "(d*k - 1)*(1 - d**2)*d**0",
+            "(abs(d)*sign(d)*k - 1)*(1 - abs(d)**2)",
+        ),
+    ];
+    for (polynomial, other) in pairs {
+        let (a, b) = (law(polynomial, &named), law(other, &named));
+        assert!(
+            matches!(
+                a.elastic,
+                Elastic::Expression {
+                    integral: Some(_),
+                    ..
+                }
+            ),
+            "{polynomial}"
+        );
+        assert!(
+            matches!(b.elastic, Elastic::Expression { integral: None, .. }),
+            "{other}"
+        );
+        for d in [-0.3, 2e-3, 1.7] {
+            let (a, b) = (a.potential(d), b.potential(d));
+            assert!(
+                (a - b).abs() <= 1e-13 * (a.abs() + 0.1),
+                "{polynomial}, {d}: {a} {b}"
+            );
+        }
+    }
+    for other in [
+        "1/d",
+        "d/0",
+        "1e200*d*1e200",
+        "d**0.5",
+        "d**-1",
+        "2**d",
+        "d**17",
+        "(d**5)**4",
+    ] {
+        assert!(matches!(
+            law(other, &[]).elastic,
+            Elastic::Expression { integral: None, .. }
+        ));
+    }
+}
+
+#[test]
+fn the_force_is_the_slope_of_the_potential() {
+    let laws = [
+        law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]),
+        law("min(k*d, 0.5) + 0.3*max(d, 0)", &[("k", 400.0)]),
+        law(
+            "a*tanh(d/w) + abs(d)**1.7*sign(d)",
+            &[("a", 2.0), ("w", 4e-4)],
+        ),
+    ];
+    let levers = [1.0, 0.25, 3.0];
+    for (law, reach) in laws.into_iter().zip(levers) {
+        let law = law.through(reach).expect("lever");
+        for i in -9..=9 {
+            let d = 3.1e-4 * f64::from(i) + 1e-5;
+            let h = 1e-7;
+            let slope = (law.potential(d + h) - law.potential(d - h)) / (2.0 * h);
+            let force = law.force(d, 0.0);
+            assert!(
+                (slope - force).abs() <= 1e-6 * force.abs() + 1e-9,
+                "{d}: {slope}, {force}"
+            );
+        }
+    }
+}
+
+#[test]
+fn slopes_are_tangents() {
+    let cubic = law("k*d + q*d**3", &[("k", 400.0), ("q", 3e7)]);
+    for d in [0.0, -1e-3, 5e-3, 0.2] {
+        let tangent = 400.0 + 9e7 * d * d;
+        assert!((cubic.slope(d) / tangent - 1.0).abs() < 1e-8, "{d}");
+        let levered = cubic.clone().through(2.0).expect("lever").slope(2.0 * d);
+        assert!((levered / (tangent / 4.0) - 1.0).abs() < 1e-8, "{d}");
+    }
+    assert_eq!(cubic.damping_slope(0.1), 0.0);
+    let friction = damping("z*v*(1 + d) + c*v**3", &[("z", 0.4), ("c", 9.0)]);
+    assert!((friction.damping_slope(0.5) / 0.6 - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_bow_is_active_and_a_brake_is_not() {
+    assert!(!law("1 - d", &[]).is_active(1.0, 1.0));
+    assert!(!damping("z*v + c*tanh(v/1e-4)", &[("z", 0.1), ("c", 0.3)]).is_active(0.01, 2.0));
+    // Moving at 0.2 m/s it drags along what is slower.
+    let bow = damping("f*tanh((v - 0.2)/1e-3)", &[("f", 0.3)]);
+    assert!(bow.is_active(0.01, 2.0));
+    assert!(bow.is_active(0.01, 200.0));
+    // Negative damping only near rest, and only to one side.
+    assert!(damping("where(d > 0.004, v*(abs(v) - 1e-4), v)", &[]).is_active(0.005, 1.0));
+    assert!(!damping("where(d > 0.004, v*(abs(v) - 1e-4), v)", &[]).is_active(0.003, 1.0));
+    assert!(
+        damping("v*sqrt(d)", &[]).is_active(0.005, 1.0),
+        "no value for d < 0"
+    );
+}
+
+#[test]
+fn whole_powers_are_products() {
+    for (exponent, product) in [("2", 1.1 * 1.1), ("3", 1.1 * 1.1 * 1.1), ("-1", 1.0 / 1.1)] {
+        assert_eq!(law(&format!("d**{exponent}"), &[]).force(1.1, 0.0), product);
+    }
+    // The same power whether its exponent is known beforehand or not.
+    let (fixed, free) = (law("d**7", &[]), law("d**(7 + 0*d)", &[]));
+    assert!(same(fixed.force(1.7, 0.0), free.force(1.7, 0.0)));
+    assert_eq!(law("d**0", &[]).force(0.0, 0.0), 1.0);
+}
+
+fn trees() -> impl Strategy<Value = String> {
+    let leaf = prop_oneof![
+        Just("d".to_owned()),
+        Just("v".to_owned()),
+        Just("k".to_owned()),
+        (0u32..4000).prop_map(|n| format!("{}", f64::from(n) / 16.0)),
+        Just("1e-3".to_owned()),
+    ];
+    leaf.prop_recursive(6, 100, 3, |inner| {
+        let infix = prop::sample::select(vec!["+", "-", "*", "/", "**"]);
+        let compare = prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="]);
+        let one = prop::sample::select(vec!["-", "abs", "sqrt", "sign", "exp", "tanh"]);
+        let two = prop::sample::select(vec!["min", "max"]);
+        let pair = (inner.clone(), inner.clone());
+        prop_oneof![
+            (pair.clone(), infix).prop_map(|((a, b), s)| format!("({a}){s}{b}")),
+            (pair.clone(), compare).prop_map(|((a, b), s)| format!("(({a}) {s} ({b}))")),
+            (inner.clone(), one).prop_map(|(a, f)| format!("{f}({a})")),
+            (pair, two).prop_map(|((a, b), f)| format!("{f}({a}, {b})")),
+            (inner.clone(), 0u32..9).prop_map(|(a, n)| format!("({a})**{n}")),
+            (inner.clone(), inner.clone(), inner)
+                .prop_map(|(c, a, b)| format!("where({c}, {a}, {b})")),
+        ]
+    })
+}
+
+proptest! {
+    // Three ways to the same bits: the tree as it stands, one link alone, a run of links.
+    #[test]
+    fn program_equals_tree_and_run_equals_scalar(
+        text in trees(),
+        links in prop::collection::vec((-10.0f64..10.0, -10.0f64..10.0), 1..150),
+        reach in prop::sample::select(vec![1.0, 0.3, 4.0]),
+    ) {
+        let constants = constants(&[("k", 2.5)]);
+        let tree = match parse(Which::Damping, &text, &constants) {
+            Ok(tree) => tree,
+            Err(error) => {
+                let bounded = error.message.contains("at most");
+                prop_assert!(bounded, "{text}: {error}");
+                return Ok(());
+            }
+        };
+        let text = LawText { law: Some("d*k"), damping: Some(&text), constants, points: None };
+        let law = Law::new(&text).expect("parsed before").through(reach).expect("lever");
+        let (d, v): (Vec<f64>, Vec<f64>) = links.into_iter().unzip();
+        let mut forces = vec![f64::MAX; d.len()];
+        law.eval_run(&d, &v, &mut forces, &mut law.scratch());
+        for ((d, v), force) in d.iter().zip(&v).zip(forces) {
+            let inner = (d / reach, v / reach);
+            let walked = (inner.0 * 2.5 + walk(&tree, tree.root, inner.0, inner.1)) / reach;
+            prop_assert!(same(walked, law.force(*d, *v)), "{walked} {}", law.force(*d, *v));
+            prop_assert!(same(walked, force), "{walked} {force}");
+        }
+    }
+
+    #[test]
+    fn points_run_equals_scalar(links in prop::collection::vec(-10.0f64..10.0, 1..150)) {
+        let points = [(-3.0, -2.0), (0.5, 1.0), (2.0, 1.0), (3.0, 5.0)];
+        let text = LawText { points: Some(&points), ..Default::default() };
+        let law = Law::new(&text).expect("law").through(0.7).expect("lever");
+        let mut forces = vec![0.0; links.len()];
+        law.eval_run(&links, &[], &mut forces, &mut law.scratch());
+        for (d, force) in links.iter().zip(forces) {
+            prop_assert!(same(law.force(*d, 0.0), force));
+        }
+    }
+}

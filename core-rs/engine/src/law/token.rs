@@ -1,0 +1,159 @@
+//! From characters to tokens.
+
+use super::error::{LawError, Which};
+
+/// What a token is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Kind {
+    Number(f64),
+    Name(String),
+    Sign(&'static str),
+    End,
+}
+
+/// A token and its place, in characters.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Token {
+    pub(super) kind: Kind,
+    pub(super) offset: usize,
+    pub(super) length: usize,
+}
+
+impl Token {
+    /// The row of a table that this sign stands for.
+    pub(super) fn among<'t, T>(&self, table: &'t [T], key: impl Fn(&T) -> &str) -> Option<&'t T> {
+        match self.kind {
+            Kind::Sign(sign) => table.iter().find(|row| key(row) == sign),
+            _ => None,
+        }
+    }
+}
+
+/// Longer signs first, so that `**` is not read as two.
+const SIGNS: [&str; 14] = [
+    "**", "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", ",",
+];
+
+/// What people write from habit elsewhere: the sign, why not, what instead.
+const HABITS: [(&str, &str, Option<&str>); 10] = [
+    ("//", "There is no whole division.", Some("/")),
+    ("^", "A power is written with two stars.", Some("**")),
+    (
+        "=",
+        "One sign of equality gives a name; two compare.",
+        Some("=="),
+    ),
+    ("!", "`!` cannot stand alone; unequal is `!=`.", Some("!=")),
+    ("[", "Only parentheses group.", Some("(")),
+    ("]", "Only parentheses group.", Some(")")),
+    ("{", "Only parentheses group.", Some("(")),
+    ("}", "Only parentheses group.", Some(")")),
+    (
+        ".",
+        "A point stands only in numbers: nothing here has attributes.",
+        None,
+    ),
+    ("−", "This minus is a typographic one.", Some("-")),
+];
+
+/// Split a text; the last token is the end.
+pub(super) fn tokens(which: Which, text: &str) -> Result<Vec<Token>, LawError> {
+    let characters: Vec<char> = text.chars().collect();
+    let mut tokens = Vec::new();
+    let mut at = 0;
+    while let Some(&first) = characters.get(at) {
+        if first.is_whitespace() {
+            at += 1;
+            continue;
+        }
+        let rest = &characters[at..];
+        let (kind, length) = if first.is_ascii_digit() || (first == '.' && digits(&rest[1..]) > 0) {
+            number(which, rest, at)?
+        } else if is_letter(first) {
+            let length = rest
+                .iter()
+                .take_while(|c| is_letter(**c) || c.is_numeric())
+                .count();
+            (Kind::Name(rest[..length].iter().collect()), length)
+        } else {
+            sign(which, rest, at)?
+        };
+        tokens.push(Token {
+            kind,
+            offset: at,
+            length,
+        });
+        at += length;
+    }
+    // A caret needs something to stand under: the last character, or the first place of an empty text.
+    let end = text.trim_end().chars().count();
+    tokens.push(Token {
+        kind: Kind::End,
+        offset: end.saturating_sub(1),
+        length: 1.min(end),
+    });
+    Ok(tokens)
+}
+
+fn is_letter(c: char) -> bool {
+    c.is_alphabetic() || c == '_'
+}
+
+fn digits(characters: &[char]) -> usize {
+    characters.iter().take_while(|c| c.is_ascii_digit()).count()
+}
+
+/// `1`, `1.5`, `.5`, `1.`, each with an optional exponent.
+fn number(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawError> {
+    let mut length = digits(rest);
+    if rest.get(length) == Some(&'.') {
+        length += 1 + digits(&rest[length + 1..]);
+    }
+    if matches!(rest.get(length), Some('e' | 'E')) {
+        let signed = usize::from(matches!(rest.get(length + 1), Some('+' | '-')));
+        let exponent = digits(rest.get(length + 1 + signed..).unwrap_or(&[]));
+        if exponent > 0 {
+            length += 1 + signed + exponent;
+        }
+    }
+    let tail = rest[length..]
+        .iter()
+        .take_while(|c| is_letter(**c) || c.is_numeric())
+        .count();
+    if tail > 0 {
+        let message = "Numbers here are bare, in SI units: give what has a unit a name \
+                       (`k: 400N/m`), and write a product with `*`.";
+        return Err(LawError::new(which, at, length + tail, message.into()));
+    }
+    let text: String = rest[..length].iter().collect();
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok((Kind::Number(value), length)),
+        _ => Err(LawError::new(
+            which,
+            at,
+            length,
+            "This number is too large.".into(),
+        )),
+    }
+}
+
+fn sign(which: Which, rest: &[char], at: usize) -> Result<(Kind, usize), LawError> {
+    let is = |sign: &str| {
+        sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count()
+    };
+    let pair = SIGNS.iter().any(|sign| sign.len() == 2 && is(sign));
+    if let Some((habit, why, instead)) = HABITS.iter().find(|row| is(row.0) && !pair) {
+        let length = habit.chars().count();
+        return Err(
+            LawError::new(which, at, length, (*why).into()).suggesting(instead.map(str::to_owned))
+        );
+    }
+    if let Some(sign) = SIGNS.iter().find(|sign| is(sign)) {
+        return Ok((Kind::Sign(sign), sign.len()));
+    }
+    let message = match rest[0] {
+        '"' | '\'' => "A law has no texts, only numbers.".into(),
+        other => format!("`{}` has no meaning in a law.", other.escape_debug()),
+    };
+    Err(LawError::new(which, at, 1, message))
+}

@@ -1,0 +1,145 @@
+//! What an expression means: its operations, one value at a time.
+
+use crate::maths;
+
+/// Operations on one value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unary {
+    Negate,
+    Abs,
+    Sqrt,
+    Sign,
+    Exp,
+    Tanh,
+}
+
+/// Operations on two values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Binary {
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    Power,
+    Min,
+    Max,
+    Less,
+    LessEqual,
+    Greater,
+    GreaterEqual,
+    Equal,
+    NotEqual,
+}
+
+impl Unary {
+    #[inline(always)]
+    pub(super) fn of(self, a: f64) -> f64 {
+        match self {
+            Self::Negate => -a,
+            Self::Abs => a.abs(),
+            Self::Sqrt => a.sqrt(),
+            Self::Sign => {
+                if a > 0.0 {
+                    1.0
+                } else if a < 0.0 {
+                    -1.0
+                } else {
+                    a // 0, and what is not a number
+                }
+            }
+            Self::Exp => maths::exp(a),
+            Self::Tanh => maths::tanh(a),
+        }
+    }
+}
+
+impl Binary {
+    #[inline(always)]
+    pub(super) fn of(self, a: f64, b: f64) -> f64 {
+        let truth = |is: bool| if is { 1.0 } else { 0.0 };
+        match self {
+            Self::Add => a + b,
+            Self::Subtract => a - b,
+            Self::Multiply => a * b,
+            Self::Divide => a / b,
+            Self::Power => power(a, b),
+            // std's min and max leave open which zero wins.
+            Self::Min => {
+                if b < a {
+                    b
+                } else {
+                    a
+                }
+            }
+            Self::Max => {
+                if b > a {
+                    b
+                } else {
+                    a
+                }
+            }
+            Self::Less => truth(a < b),
+            Self::LessEqual => truth(a <= b),
+            Self::Greater => truth(a > b),
+            Self::GreaterEqual => truth(a >= b),
+            Self::Equal => truth(a == b),
+            Self::NotEqual => truth(a != b),
+        }
+    }
+}
+
+/// `where(c, a, b)`.
+#[inline(always)]
+pub(super) fn choose(c: f64, a: f64, b: f64) -> f64 {
+    if c != 0.0 { a } else { b }
+}
+
+/// Largest whole exponent taken by multiplying: above it the roundings add up to more than `pow`'s.
+const WHOLE: f64 = 64.0;
+
+/// The exponent as a whole number, where the power is taken by multiplying.
+pub(super) fn whole(exponent: f64) -> Option<i32> {
+    (exponent.abs() <= WHOLE && exponent == maths::floor(exponent)).then_some(exponent as i32)
+}
+
+/// `a ** b`: by multiplying for whole exponents up to 64, which is exact where the product is.
+pub(super) fn power(a: f64, b: f64) -> f64 {
+    match whole(b) {
+        Some(n) => whole_power(a, n),
+        None => maths::pow(a, b),
+    }
+}
+
+/// Squares from the exponent's highest bit down, multiplying by `a` at each one: a fixed order.
+pub(super) fn whole_power(a: f64, n: i32) -> f64 {
+    let size = n.unsigned_abs();
+    if size == 0 {
+        return 1.0;
+    }
+    let mut result = a;
+    for bit in (0..size.ilog2()).rev() {
+        result *= result;
+        if size >> bit & 1 == 1 {
+            result *= a;
+        }
+    }
+    if n < 0 { 1.0 / result } else { result }
+}
+
+/// A node; its arguments lie before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Node {
+    Number(f64),
+    Elongation,
+    Rate,
+    Unary(Unary, usize),
+    Binary(Binary, usize, usize),
+    Where(usize, usize, usize),
+}
+
+/// An expression: nodes in the order of their making, the root last.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Tree {
+    pub(super) nodes: Vec<Node>,
+    pub(super) root: usize,
+}

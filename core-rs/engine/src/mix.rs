@@ -1,0 +1,6 @@
+//! From outputs to loudspeakers and files.
+
+pub mod limiter;
+pub mod meter;
+pub mod mixer;
+pub mod pcm;

@@ -1,0 +1,174 @@
+//! The last thing before the loudspeakers.
+
+use std::collections::VecDeque;
+
+use thiserror::Error;
+
+use crate::maths;
+
+/// How far the limiter looks ahead [s]: the attack. Shorter than the ear's 10 ms of backward
+/// masking, long enough to fade without a click.
+const AHEAD: f64 = 5e-3;
+/// Time constant of the release [s].
+const RELEASE: f64 = 50e-3;
+/// One of gain in fixed point: a running sum of integers never drifts, so that the gain comes back
+/// to exactly 1. Its step is -241 dB.
+const ONE: f64 = (1u64 << 40) as f64;
+/// Most frames ahead: with [`ONE`] their sum stays below 2⁵³, where doubles are exact.
+const MAX_AHEAD: f64 = 8191.0;
+
+/// Most channels: the widest room there is has some hundreds of loudspeakers.
+pub const MAX_CHANNELS: usize = 1024;
+
+/// Why a limiter cannot be built.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum LimiterError {
+    /// Not a sample rate that fits 5 ms of look-ahead.
+    #[error("a limiter's rate lies above 0 and up to 1.6 MHz; here {0} Hz")]
+    Rate(f64),
+    /// More than [`MAX_CHANNELS`].
+    #[error("a limiter has at most {MAX_CHANNELS} channels; here {0}")]
+    Channels(usize),
+    /// Not a ceiling.
+    #[error("a limiter's ceiling is a number above zero; here {0}")]
+    Ceiling(f64),
+}
+
+/// Look-ahead limiter of sample peaks, one gain for all channels: 5 ms ahead, 50 ms release.
+///
+/// No sample leaves it above the ceiling. What needs no gain leaves it bit for bit as it came,
+/// [`Limiter::latency`] frames late.
+///
+/// The gain that each frame needs is held for the look-ahead (a sliding maximum of 1 - gain), let go
+/// exponentially and averaged over the look-ahead: it arrives at a peak on a straight line, in time.
+#[derive(Clone, Debug)]
+pub struct Limiter {
+    n_channels: usize,
+    ceiling: f64,
+    latency: usize,
+    keep: f64,
+    /// The last `latency` frames, oldest at `at`.
+    delay: Vec<f64>,
+    /// Held reductions of the last `latency` + 1 frames, the newest of which goes to `turn`.
+    held: Vec<u64>,
+    sum: u64,
+    at: usize,
+    turn: usize,
+    /// Reductions that may still be the largest of their window, falling, with their frame.
+    candidates: VecDeque<(u64, f64)>,
+    frame: u64,
+    reduction: f64,
+}
+
+impl Limiter {
+    /// A limiter at `rate` [Hz] whose output stays within ±`ceiling`.
+    pub fn new(rate: f64, n_channels: usize, ceiling: f64) -> Result<Self, LimiterError> {
+        let latency = (AHEAD * rate).ceil();
+        if !(latency > 0.0 && latency <= MAX_AHEAD) {
+            return Err(LimiterError::Rate(rate));
+        }
+        if !(ceiling > 0.0 && ceiling.is_finite()) {
+            return Err(LimiterError::Ceiling(ceiling));
+        }
+        if n_channels > MAX_CHANNELS {
+            return Err(LimiterError::Channels(n_channels));
+        }
+        let latency = latency as usize;
+        Ok(Self {
+            n_channels,
+            ceiling,
+            latency,
+            keep: maths::exp(-1.0 / (RELEASE * rate)),
+            delay: vec![0.0; latency * n_channels],
+            held: vec![0; latency + 1],
+            sum: 0,
+            at: 0,
+            turn: 0,
+            // Filled within `process`, which does not allocate.
+            candidates: VecDeque::with_capacity(latency + 2),
+            frame: 0,
+            reduction: 0.0,
+        })
+    }
+
+    /// How many frames what comes out is late.
+    pub fn latency(&self) -> usize {
+        self.latency
+    }
+
+    /// How many channels it has.
+    pub fn n_channels(&self) -> usize {
+        self.n_channels
+    }
+
+    /// Limit (n_frames, n_channels) in place. NaN counts as silence, infinity as very loud.
+    ///
+    /// # Panics
+    /// When the last frame is not whole.
+    pub fn process(&mut self, frames: &mut [f64]) {
+        if self.n_channels == 0 {
+            return;
+        }
+        assert_eq!(frames.len() % self.n_channels, 0);
+        for frame in frames.chunks_exact_mut(self.n_channels) {
+            let mut peak = 0.0f64;
+            for x in &mut *frame {
+                *x = if x.is_nan() {
+                    0.0
+                } else {
+                    x.clamp(-f64::MAX, f64::MAX)
+                };
+                peak = peak.max(x.abs());
+            }
+            let gain = self.gain(peak);
+            let late = &mut self.delay[self.at * self.n_channels..][..self.n_channels];
+            for (x, late) in frame.iter_mut().zip(late) {
+                // A rounding of the gain may leave the last bit above the ceiling.
+                let limited = (*late * gain).clamp(-self.ceiling, self.ceiling);
+                *late = std::mem::replace(x, limited);
+            }
+            self.at = (self.at + 1) % self.latency;
+        }
+    }
+
+    /// The gain of the frame that leaves, as one with this `peak` enters.
+    fn gain(&mut self, peak: f64) -> f64 {
+        let wanted = if peak > self.ceiling {
+            1.0 - self.ceiling / peak
+        } else {
+            0.0
+        };
+        let largest = self.largest(wanted);
+        let released = self.reduction * self.keep;
+        // Below one step of the fixed point the release has arrived.
+        self.reduction = if released * ONE < 1.0 {
+            largest
+        } else {
+            largest.max(released)
+        };
+        let newest = (self.reduction * ONE).ceil() as u64;
+        self.sum = self.sum + newest - std::mem::replace(&mut self.held[self.turn], newest);
+        self.turn = (self.turn + 1) % self.held.len();
+        1.0 - self.sum as f64 / (self.held.len() as f64 * ONE)
+    }
+
+    /// The largest reduction of this frame and the `latency` before it.
+    fn largest(&mut self, wanted: f64) -> f64 {
+        while self
+            .candidates
+            .back()
+            .is_some_and(|&(_, smaller)| smaller <= wanted)
+        {
+            self.candidates.pop_back();
+        }
+        self.candidates.push_back((self.frame, wanted));
+        if self.candidates[0].0 + (self.latency as u64) < self.frame {
+            self.candidates.pop_front();
+        }
+        self.frame += 1;
+        self.candidates[0].1
+    }
+}
+
+#[cfg(test)]
+mod tests;

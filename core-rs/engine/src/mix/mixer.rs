@@ -1,0 +1,241 @@
+//! Routes of outputs to channels.
+
+use thiserror::Error;
+
+use crate::section::{BUTTERWORTH_2, Section};
+
+/// Why a route cannot be built.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum RouteError {
+    /// No such output.
+    #[error("there is no output {out}: the mixer has {n_out}, counted from 0")]
+    Out {
+        /// Wanted output.
+        out: usize,
+        /// How many there are.
+        n_out: usize,
+    },
+    /// No such channel.
+    #[error("there is no channel {channel}: the mixer has {n_channels}, counted from 0")]
+    Channel {
+        /// Wanted channel.
+        channel: usize,
+        /// How many there are.
+        n_channels: usize,
+    },
+    /// NaN or infinite.
+    #[error("a route's gain is a finite number; here {0}")]
+    Gain(f64),
+    /// Outside of what the rate can carry.
+    #[error("highpass {cutoff} Hz must lie above 0 and below half of the rate, {rate} Hz")]
+    Highpass {
+        /// Wanted cutoff [Hz].
+        cutoff: f64,
+        /// Sample rate [Hz].
+        rate: f64,
+    },
+}
+
+/// Routes of outputs to channels, with gains and high-passes.
+///
+/// A channel is the sum of its routes in the order in which they were added, so the last bit of a
+/// mix does not depend on how it is cut into blocks.
+#[derive(Clone, Debug)]
+pub struct Mixer {
+    rate: f64,
+    n_out: usize,
+    n_channels: usize,
+    routes: Vec<Route>,
+}
+
+#[derive(Clone, Debug)]
+struct Route {
+    out: usize,
+    channel: usize,
+    gain: f64,
+    highpass: Option<Section>,
+}
+
+impl Mixer {
+    /// A silent mixer of `n_out` outputs into `n_channels` channels at `rate` [Hz].
+    pub fn new(rate: f64, n_out: usize, n_channels: usize) -> Self {
+        Self {
+            rate,
+            n_out,
+            n_channels,
+            routes: Vec::new(),
+        }
+    }
+
+    /// How many outputs come in.
+    pub fn n_out(&self) -> usize {
+        self.n_out
+    }
+
+    /// How many channels go out.
+    pub fn n_channels(&self) -> usize {
+        self.n_channels
+    }
+
+    /// Add `gain` · output to a channel; `highpass` [Hz] is the cutoff of a Butterworth of order 2.
+    pub fn route(
+        &mut self,
+        out: usize,
+        channel: usize,
+        gain: f64,
+        highpass: Option<f64>,
+    ) -> Result<(), RouteError> {
+        let (n_out, n_channels, rate) = (self.n_out, self.n_channels, self.rate);
+        if out >= n_out {
+            return Err(RouteError::Out { out, n_out });
+        }
+        if channel >= n_channels {
+            return Err(RouteError::Channel {
+                channel,
+                n_channels,
+            });
+        }
+        if !gain.is_finite() {
+            return Err(RouteError::Gain(gain));
+        }
+        if let Some(cutoff) = highpass.filter(|&f| !(f > 0.0 && f < 0.5 * rate)) {
+            return Err(RouteError::Highpass { cutoff, rate });
+        }
+        let highpass = highpass.map(|cutoff| Section::new(cutoff, rate, BUTTERWORTH_2));
+        self.routes.push(Route {
+            out,
+            channel,
+            gain,
+            highpass,
+        });
+        Ok(())
+    }
+
+    /// Fill `mixed` (n_frames, n_channels) from `frames` (n_frames, n_out), both row by row.
+    ///
+    /// # Panics
+    /// When the two do not hold the same number of frames.
+    pub fn process(&mut self, frames: &[f64], mixed: &mut [f64]) {
+        let n_frames = mixed.len().checked_div(self.n_channels).unwrap_or(0);
+        assert_eq!(mixed.len(), n_frames * self.n_channels);
+        assert_eq!(frames.len(), n_frames * self.n_out);
+        mixed.fill(0.0);
+        for route in &mut self.routes {
+            let from = frames.iter().skip(route.out).step_by(self.n_out);
+            let to = mixed
+                .iter_mut()
+                .skip(route.channel)
+                .step_by(self.n_channels);
+            match &mut route.highpass {
+                None => to.zip(from).for_each(|(y, x)| *y += route.gain * x),
+                Some(section) => to
+                    .zip(from)
+                    .for_each(|(y, x)| *y += route.gain * heard(section, *x)),
+            }
+        }
+    }
+}
+
+/// The high-pass of a sample. One that is not finite is left out: it would stay in the filter for
+/// ever and keep the channel silent long after its cause was muted.
+fn heard(section: &mut Section, x: f64) -> f64 {
+    section.next(if x.is_finite() { x } else { 0.0 }).high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maths;
+
+    /// Three outputs: noise, a hand that leans, one broken sample.
+    fn frames(n: usize) -> Vec<f64> {
+        let frame = |i: usize| {
+            let noise = maths::sin((i * i % 7919) as f64);
+            [
+                noise,
+                5e-3 + 1e-3 * noise,
+                if i == 17 { f64::NAN } else { 0.1 },
+            ]
+        };
+        (0..n).flat_map(frame).collect()
+    }
+
+    fn mixer() -> Mixer {
+        let mut mixer = Mixer::new(44_100.0, 3, 2);
+        mixer.route(0, 0, 0.5, None).unwrap();
+        mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
+        mixer.route(0, 1, -0.25, None).unwrap();
+        mixer.route(2, 1, 0.1, Some(8.0)).unwrap();
+        mixer
+    }
+
+    #[test]
+    fn sums_routes() {
+        let frames = frames(1000);
+        let mut mixed = vec![f64::NAN; 2000];
+        let mut mixer = Mixer::new(48_000.0, 3, 2);
+        mixer.route(0, 0, 0.5, None).unwrap();
+        mixer.route(1, 0, 2.0, None).unwrap();
+        mixer.process(&frames, &mut mixed);
+        for (i, out) in mixed.chunks(2).enumerate() {
+            assert_eq!(out, [0.5 * frames[3 * i] + 2.0 * frames[3 * i + 1], 0.0]);
+        }
+    }
+
+    #[test]
+    fn blocks_change_nothing() {
+        let n = 5000;
+        let frames = frames(n);
+        let mut whole = vec![0.0; 2 * n];
+        mixer().process(&frames, &mut whole);
+        let mut pieces = vec![0.0; 2 * n];
+        let (mut mixer, mut at) = (mixer(), 0);
+        for size in [1, 64, 7, 0, 4096, 333].into_iter().cycle() {
+            let stop = (at + size).min(n);
+            mixer.process(&frames[3 * at..3 * stop], &mut pieces[2 * at..2 * stop]);
+            at = stop;
+            if at == n {
+                break;
+            }
+        }
+        assert_eq!(whole, pieces);
+        assert!(
+            whole.iter().all(|x| x.is_finite()),
+            "one bad sample does not stay"
+        );
+    }
+
+    #[test]
+    fn highpass_lets_go_of_a_lean() {
+        let n = 88_200;
+        let mut mixer = Mixer::new(44_100.0, 1, 1);
+        mixer.route(0, 0, 1.0, Some(8.0)).unwrap();
+        let mut mixed = vec![0.0; n];
+        mixer.process(&vec![0.02; n], &mut mixed);
+        assert!(mixed[0] > 0.019 && mixed[n - 1].abs() < 1e-15);
+    }
+
+    #[test]
+    fn refuses_what_is_not_there() {
+        let mut mixer = Mixer::new(44_100.0, 3, 2);
+        assert_eq!(
+            mixer.route(3, 0, 1.0, None),
+            Err(RouteError::Out { out: 3, n_out: 3 })
+        );
+        let channel = RouteError::Channel {
+            channel: 2,
+            n_channels: 2,
+        };
+        assert_eq!(mixer.route(0, 2, 1.0, None), Err(channel));
+        assert!(mixer.route(0, 0, f64::NAN, None).is_err());
+        for cutoff in [0.0, -1.0, 22_050.0, f64::NAN] {
+            assert!(mixer.route(0, 0, 1.0, Some(cutoff)).is_err());
+        }
+    }
+
+    #[test]
+    fn nothing_in_or_out() {
+        Mixer::new(44_100.0, 0, 2).process(&[], &mut [1.0; 8]);
+        Mixer::new(44_100.0, 0, 0).process(&[], &mut []);
+    }
+}

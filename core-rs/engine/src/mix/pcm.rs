@@ -1,0 +1,114 @@
+//! Samples as a file holds them.
+
+/// Width of an integer sample.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Bits {
+    /// 16-bit, full scale 2¹⁵.
+    Sixteen,
+    /// 24-bit, full scale 2²³.
+    TwentyFour,
+}
+
+impl TryFrom<u32> for Bits {
+    type Error = u32;
+
+    fn try_from(bits: u32) -> Result<Self, u32> {
+        match bits {
+            16 => Ok(Self::Sixteen),
+            24 => Ok(Self::TwentyFour),
+            _ => Err(bits),
+        }
+    }
+}
+
+impl Bits {
+    fn width(self) -> u32 {
+        match self {
+            Self::Sixteen => 16,
+            Self::TwentyFour => 24,
+        }
+    }
+}
+
+/// `samples` · `gain` as integers in the top bits of `codes`, both of one length.
+///
+/// 1.0 is one step above the top code, as readers of such files have it; rounded half to even,
+/// clipped at the top and the bottom code; NaN is zero.
+pub fn pcm(samples: &[f64], gain: f64, bits: Bits, codes: &mut [i32]) {
+    let full = f64::from(1 << (bits.width() - 1));
+    let shift = 32 - bits.width();
+    for (x, code) in samples.iter().zip(codes) {
+        let step = (x * gain * full).round_ties_even().clamp(-full, full - 1.0);
+        // `as` sends NaN to 0.
+        *code = (step as i32) << shift;
+    }
+}
+
+/// `samples` · `gain` in single precision, both of one length; the product is in double precision.
+pub fn single(samples: &[f64], gain: f64, singles: &mut [f32]) {
+    for (x, y) in samples.iter().zip(singles) {
+        *y = (x * gain) as f32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn codes(samples: &[f64], gain: f64, bits: Bits) -> Vec<i32> {
+        let mut codes = vec![0; samples.len()];
+        pcm(samples, gain, bits, &mut codes);
+        let shift = 32 - bits.width();
+        assert!(
+            codes.iter().all(|c| c.trailing_zeros() >= shift),
+            "left-aligned"
+        );
+        codes.iter().map(|c| c >> shift).collect()
+    }
+
+    #[test]
+    fn rounds_half_to_even() {
+        let step = 1.0 / 32_768.0;
+        let halves = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * step);
+        assert_eq!(codes(&halves, 1.0, Bits::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
+        let halves = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
+        assert_eq!(codes(&halves, 1.0, Bits::TwentyFour), [0, 2, -2]);
+    }
+
+    #[test]
+    fn clips_at_the_last_codes() {
+        let loud = [
+            1.0,
+            -1.0,
+            0.999_99,
+            7.0,
+            -7.0,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NAN,
+        ];
+        let top = 32_767;
+        let wanted = [top, -32_768, top, top, -32_768, top, -32_768, 0];
+        assert_eq!(codes(&loud, 1.0, Bits::Sixteen), wanted);
+        assert_eq!(
+            codes(&[0.5, -0.25], 2.0, Bits::TwentyFour),
+            [8_388_607, -4_194_304]
+        );
+    }
+
+    #[test]
+    fn widths() {
+        assert_eq!(
+            (Bits::try_from(16), Bits::try_from(24)),
+            (Ok(Bits::Sixteen), Ok(Bits::TwentyFour))
+        );
+        assert_eq!(Bits::try_from(32), Err(32));
+    }
+
+    #[test]
+    fn single_rounds_once() {
+        let mut y = [0.0f32; 3];
+        single(&[0.1, 1.0 / 3.0, -2.0], 3.0, &mut y);
+        assert_eq!(y, [(0.1 * 3.0) as f32, 1.0, -6.0]);
+    }
+}

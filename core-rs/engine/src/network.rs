@@ -1,0 +1,258 @@
+//! What is: MATs and LIAs with their parameters, their names, and the parts they belong to.
+//!
+//! Sizes: `n_mat` MATs, `n_lia` LIAs, `n_out` outputs. Arrays are contiguous, one entry a module;
+//! links are stored as runs of equal offset, so that a mesh is a handful of loops.
+
+mod builder;
+mod checks;
+mod kinds;
+mod links;
+mod modes;
+mod names;
+mod output;
+
+pub use kinds::{But, Contact, Error, Side, Tie};
+pub use modes::Tone;
+pub use output::{Output, Term};
+
+use std::sync::Arc;
+
+use crate::law::Law;
+use crate::units::Rate;
+
+/// What a MAT does of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MatKind {
+    /// A free mass.
+    Mas,
+    /// A mass tied to the ground.
+    Cel,
+    /// A fixed point.
+    Sol,
+    /// A point whose position is imposed (ENX).
+    Imposed,
+}
+
+/// The MATs, one entry each.
+#[derive(Clone, Debug, Default)]
+pub struct Mats {
+    /// What the MAT is                                   (n_mat)
+    pub kind: Vec<MatKind>,
+    /// Mass [kg], or algorithmic M in a part under `ca`  (n_mat)
+    pub m: Vec<f64>,
+    /// Stiffness to the ground [N/m]                     (n_mat)
+    pub k: Vec<f64>,
+    /// Damping to the ground [N·s/m], or algorithmic Z   (n_mat)
+    pub z: Vec<f64>,
+    /// Where the ground is [m]                           (n_mat)
+    pub rest: Vec<f64>,
+    /// Initial position [m]                              (n_mat)
+    pub x0: Vec<f64>,
+    /// Initial velocity [m/s]                            (n_mat)
+    pub v0: Vec<f64>,
+    /// Place on the bench [m]                            (n_mat)
+    pub place: Vec<[f64; 2]>,
+    /// Index of the part                                 (n_mat)
+    pub part: Vec<u32>,
+}
+
+/// The law of a run of links.
+#[derive(Clone, Debug)]
+pub enum LinkKind {
+    /// Spring and damper (RES, FRO, REF).
+    Ref,
+    /// One-sided contact.
+    But(But),
+    /// Non-linear law.
+    Lnl(Arc<Law>),
+}
+
+/// Links of one kind whose ends advance together: link i joins MATs `a + i` and `b + i`.
+#[derive(Clone, Debug)]
+pub struct Run {
+    /// The law.
+    pub kind: LinkKind,
+    /// First point of the first link.
+    pub a: usize,
+    /// Second point of the first link.
+    pub b: usize,
+    /// Number of links.
+    pub len: usize,
+    /// Index of the first link among all LIAs.
+    pub first: usize,
+    /// Stiffness [N/m] of every link of the run.
+    pub k: f64,
+    /// Damping [N·s/m], or algorithmic Z in a part under `ca`.
+    pub z: f64,
+    /// Elongation at rest [m]; ± gap of a contact.
+    pub rest: f64,
+    /// Index of the part that declared the run.
+    pub part: usize,
+}
+
+/// An instrument or a key: what a composer gave one name.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Its name in the score.
+    pub name: String,
+    /// Rate of the discrete network that is the truth (`units: ca`); `None` when the truth is continuous.
+    pub ca_rate: Option<Rate>,
+}
+
+/// A network of MATs and LIAs.
+#[derive(Clone, Debug, Default)]
+pub struct Network {
+    parts: Vec<Part>,
+    /// The part that modules are added to.
+    current: usize,
+    mats: Mats,
+    runs: Vec<Run>,
+    n_lia: usize,
+    /// Number of links on each MAT, as far as any reaches  (n_mat at most)
+    degree: Vec<u32>,
+    outputs: Vec<Output>,
+    names: names::Names,
+}
+
+impl Network {
+    /// An empty network.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Number of MATs.
+    pub fn n_mat(&self) -> usize {
+        self.mats.m.len()
+    }
+
+    /// Number of LIAs.
+    pub fn n_lia(&self) -> usize {
+        self.n_lia
+    }
+
+    /// The MATs.
+    pub fn mats(&self) -> &Mats {
+        &self.mats
+    }
+
+    /// The runs of links, in order of declaration.
+    pub fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// The outputs, in order of declaration.
+    pub fn outputs(&self) -> &[Output] {
+        &self.outputs
+    }
+
+    /// The parts, in order of declaration.
+    pub fn parts(&self) -> &[Part] {
+        &self.parts
+    }
+
+    /// Name of a MAT as the composer wrote it, e.g. `bell.m` or `gong.12`.
+    pub fn mat_name(&self, index: usize) -> String {
+        self.names.mat(index)
+    }
+
+    /// Name of a LIA as the composer wrote it.
+    pub fn link_name(&self, index: usize) -> String {
+        self.names.link(index)
+    }
+
+    /// The run that holds a LIA.
+    pub fn run_of(&self, link: usize) -> Option<&Run> {
+        let at = self.runs.partition_point(|run| run.first + run.len <= link);
+        self.runs.get(at)
+    }
+
+    /// How many links end on a MAT.
+    pub fn degree(&self, mat: usize) -> u32 {
+        self.degree.get(mat).copied().unwrap_or(0)
+    }
+
+    /// The network of one part alone: its MATs, and the links between them. Also the index, in this
+    /// network, of each of its MATs.
+    pub fn alone(&self, part: usize) -> (Network, Vec<usize>) {
+        let inside = |i: usize| self.mats.part[i] as usize == part;
+        let members: Vec<usize> = (0..self.n_mat()).filter(|&i| inside(i)).collect();
+        let mut alone = Network {
+            parts: vec![self.parts[part].clone()],
+            ..Network::default()
+        };
+        for &i in &members {
+            let m = &self.mats;
+            alone.mats.push(Mat {
+                kind: m.kind[i],
+                m: m.m[i],
+                k: m.k[i],
+                z: m.z[i],
+                rest: m.rest[i],
+                x0: m.x0[i],
+                v0: m.v0[i],
+                place: m.place[i],
+                part: 0,
+            });
+        }
+        let local = |i: usize| members.binary_search(&i).ok();
+        for run in &self.runs {
+            for i in 0..run.len {
+                if let (Some(a), Some(b)) = (local(run.a + i), local(run.b + i)) {
+                    alone.push_run(Run {
+                        a,
+                        b,
+                        len: 1,
+                        part: 0,
+                        ..run.clone()
+                    });
+                }
+            }
+        }
+        (alone, members)
+    }
+}
+
+impl Network {
+    /// Append a run of links; its first index is given here.
+    fn push_run(&mut self, run: Run) {
+        let reach = run.len + run.a.max(run.b);
+        self.degree.resize(self.degree.len().max(reach), 0);
+        for i in 0..run.len {
+            self.degree[run.a + i] += 1;
+            self.degree[run.b + i] += 1;
+        }
+        self.runs.push(Run {
+            first: self.n_lia,
+            ..run
+        });
+        self.n_lia += self.runs[self.runs.len() - 1].len;
+    }
+}
+
+/// One MAT, as it is added.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mat {
+    kind: MatKind,
+    m: f64,
+    k: f64,
+    z: f64,
+    rest: f64,
+    x0: f64,
+    v0: f64,
+    place: [f64; 2],
+    part: u32,
+}
+
+impl Mats {
+    fn push(&mut self, mat: Mat) {
+        self.kind.push(mat.kind);
+        self.m.push(mat.m);
+        self.k.push(mat.k);
+        self.z.push(mat.z);
+        self.rest.push(mat.rest);
+        self.x0.push(mat.x0);
+        self.v0.push(mat.v0);
+        self.place.push(mat.place);
+        self.part.push(mat.part);
+    }
+}

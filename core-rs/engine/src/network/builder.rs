@@ -1,0 +1,303 @@
+//! Adding <M> points and outputs, with the rules of the formalism checked as they come.
+
+use std::sync::Arc;
+
+use super::kinds::{Error, Tie};
+use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
+use crate::cell::{self, Cell};
+use crate::chance::Chance;
+use crate::generator::{self, BankForm, Topology};
+use crate::law::Law;
+use crate::units::Rate;
+
+impl Network {
+    /// Start a part, or go on with one: modules added from now on belong to it.
+    pub fn part(&mut self, name: &str, ca_rate: Option<Rate>) {
+        let known = self.parts.iter().position(|part| part.name == name);
+        self.current = known.unwrap_or_else(|| {
+            self.parts.push(Part {
+                name: name.to_owned(),
+                ca_rate,
+            });
+            self.parts.len() - 1
+        });
+    }
+
+    /// Add a MAS [kg, m, m/s].
+    pub fn mas(&mut self, name: &str, m: f64, x0: f64, v0: f64) -> Result<usize, Error> {
+        self.check(
+            name,
+            &[
+                ("M", m, 0.0, false),
+                ("X0", x0, f64::MIN, true),
+                ("V0", v0, f64::MIN, true),
+            ],
+        )?;
+        self.mat(name, MatKind::Mas, [m, 0.0, 0.0, 0.0, x0, v0])
+    }
+
+    /// Add a SOL [m].
+    pub fn sol(&mut self, name: &str, x0: f64) -> Result<usize, Error> {
+        self.check(name, &[("X0", x0, f64::MIN, true)])?;
+        self.mat(name, MatKind::Sol, [0.0, 0.0, 0.0, 0.0, x0, 0.0])
+    }
+
+    /// Add a CEL.
+    pub fn cel(
+        &mut self,
+        name: &str,
+        m: f64,
+        tie: Tie,
+        rest: f64,
+        x0: f64,
+        v0: f64,
+    ) -> Result<usize, Error> {
+        self.check(
+            name,
+            &[
+                ("M", m, 0.0, false),
+                ("rest", rest, f64::MIN, true),
+                ("X0", x0, f64::MIN, true),
+                ("V0", v0, f64::MIN, true),
+            ],
+        )?;
+        let (k, z) = match tie {
+            Tie::Physical { k, z } => (k, z),
+            Tie::Tuned { f, t60 } => {
+                self.check_tuning(name, f, t60)?;
+                self.tie(m, f, t60)
+            }
+        };
+        self.check(name, &[("K", k, 0.0, true), ("Z", z, 0.0, true)])?;
+        self.mat(name, MatKind::Cel, [m, k, z, rest, x0, v0])
+    }
+
+    /// Add a bank of CELs of mass `m` each; returns the first.
+    pub fn bank(
+        &mut self,
+        name: &str,
+        m: f64,
+        form: &BankForm,
+        seed: i128,
+    ) -> Result<usize, Error> {
+        self.check(name, &[("M", m, 0.0, false)])?;
+        let full = self.full(name);
+        let draw = |member: usize| {
+            let mut chance = Chance::new(seed, "bank", &full, member as u64, 0);
+            (chance.uniform(0.0, 1.0), chance.uniform(0.0, 1.0))
+        };
+        let cells =
+            generator::bank(form, draw).map_err(|error| self.refused(name, &error.to_string()))?;
+        self.room(name, cells.len())?;
+        let first = self.n_mat();
+        let part = self.current();
+        for cell in &cells {
+            let (k, z) = self.tie(m, cell.f, Some(cell.t60));
+            self.mats.push(Mat {
+                kind: MatKind::Cel,
+                m,
+                k,
+                z,
+                rest: 0.0,
+                x0: 0.0,
+                v0: 0.0,
+                place: cell.position,
+                part,
+            });
+        }
+        self.names
+            .add_mats(first, cells.len(), true, full, cells.len() / 2);
+        Ok(first)
+    }
+
+    /// Add a string or a plate: the masses of a topology, tuned to its lowest mode; returns the first.
+    pub fn mesh(
+        &mut self,
+        name: &str,
+        topology: &Topology,
+        mass: f64,
+        f: f64,
+        t60: Option<f64>,
+        hardening: f64,
+    ) -> Result<usize, Error> {
+        self.check(
+            name,
+            &[("M", mass, 0.0, false), ("hardening", hardening, 0.0, true)],
+        )?;
+        self.check_tuning(name, f, t60)?;
+        self.room(name, topology.n_mat + topology.n_fixed)?;
+        let each = mass / topology.n_mat as f64;
+        let tuned = generator::tune(topology, each, f, t60, self.ca_rate())
+            .map_err(|error| self.refused(name, &error.to_string()))?;
+        let first = self.n_mat();
+        let part = self.current();
+        for (i, place) in topology.positions.iter().enumerate() {
+            let (kind, m) = if i < topology.n_mat {
+                (MatKind::Mas, each)
+            } else {
+                (MatKind::Sol, 0.0)
+            };
+            self.mats.push(Mat {
+                kind,
+                m,
+                k: 0.0,
+                z: 0.0,
+                rest: 0.0,
+                x0: 0.0,
+                v0: 0.0,
+                place: *place,
+                part,
+            });
+        }
+        let full = self.full(name);
+        self.names
+            .add_mats(first, topology.n_mat, true, full.clone(), topology.centre);
+        self.names.add_mats(
+            first + topology.n_mat,
+            topology.n_fixed,
+            true,
+            format!("{full}.end"),
+            0,
+        );
+        let links = self.n_lia;
+        // Runs of one factor share one law.
+        let mut laws: Vec<(f64, Arc<Law>)> = Vec::new();
+        for run in &topology.runs {
+            let (k, z) = (tuned.k * run.factor, tuned.z * run.factor);
+            let kind = if hardening == 0.0 {
+                LinkKind::Ref
+            } else if let Some((_, law)) = laws.iter().find(|(factor, _)| *factor == run.factor) {
+                LinkKind::Lnl(law.clone())
+            } else {
+                let law = Law::hardening(k, hardening, z);
+                let law = Arc::new(law.map_err(|error| self.refused(name, &error.to_string()))?);
+                laws.push((run.factor, law.clone()));
+                LinkKind::Lnl(law)
+            };
+            self.add_run(kind, first + run.a, first + run.b, run.len, [k, z, 0.0]);
+        }
+        self.names
+            .add_links(links, self.n_lia - links, true, format!("{full}.link"));
+        Ok(first)
+    }
+
+    /// Set the initial position [m] and velocity [m/s] of one MAT.
+    pub fn start(&mut self, index: usize, x0: f64, v0: f64) {
+        self.mats.x0[index] = x0;
+        self.mats.v0[index] = v0;
+    }
+
+    /// Make a MAT's position imposed (ENX).
+    pub fn impose(&mut self, index: usize) {
+        self.mats.kind[index] = MatKind::Imposed;
+    }
+
+    /// Add an output; returns its index.
+    pub fn listen(&mut self, name: &str, terms: Vec<Term>) -> Result<usize, Error> {
+        let fits = terms.iter().all(|term| match *term {
+            Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
+                first + len <= self.n_mat()
+            }
+            Term::Force { first, len, .. } => first + len <= self.n_lia,
+        });
+        if !fits {
+            return Err(self.refused(name, "listens to a module that is not there"));
+        }
+        self.outputs.push(Output {
+            name: name.to_owned(),
+            terms,
+        });
+        Ok(self.outputs.len() - 1)
+    }
+
+    /// How many MATs the module that begins at `first` has: 1, or a generator's.
+    pub fn count(&self, first: usize) -> usize {
+        self.names.count(first)
+    }
+
+    /// Index of the middle MAT of the module that begins at `first`.
+    pub fn centre(&self, first: usize) -> usize {
+        self.names.centre(first)
+    }
+
+    fn mat(
+        &mut self,
+        name: &str,
+        kind: MatKind,
+        [m, k, z, rest, x0, v0]: [f64; 6],
+    ) -> Result<usize, Error> {
+        self.room(name, 1)?;
+        let index = self.n_mat();
+        let part = self.current();
+        self.mats.push(Mat {
+            kind,
+            m,
+            k,
+            z,
+            rest,
+            x0,
+            v0,
+            place: [0.0; 2],
+            part,
+        });
+        let name = self.full(name);
+        self.names.add_mats(index, 1, false, name, 0);
+        Ok(index)
+    }
+
+    pub(super) fn add_run(
+        &mut self,
+        kind: LinkKind,
+        a: usize,
+        b: usize,
+        len: usize,
+        [k, z, rest]: [f64; 3],
+    ) {
+        let part = self.current() as usize;
+        self.push_run(Run {
+            kind,
+            a,
+            b,
+            len,
+            first: 0,
+            k,
+            z,
+            rest,
+            part,
+        });
+    }
+
+    /// K and Z of a CEL of damped frequency f: physical, or algorithmic in a part under `ca`.
+    fn tie(&self, m: f64, f: f64, t60: Option<f64>) -> (f64, f64) {
+        match self.ca_rate() {
+            None => {
+                let cell = Cell::tuned(m, f, t60);
+                (cell.stiffness(), cell.viscosity())
+            }
+            Some(rate) => {
+                let ratios = cell::tune(f, t60, rate);
+                (ratios.kappa * m, ratios.zeta * m)
+            }
+        }
+    }
+
+    fn current(&self) -> u32 {
+        self.current as u32
+    }
+
+    fn ca_rate(&self) -> Option<Rate> {
+        self.parts.get(self.current).and_then(|part| part.ca_rate)
+    }
+
+    pub(super) fn full(&self, name: &str) -> String {
+        let part = self
+            .parts
+            .get(self.current)
+            .map_or("", |part| part.name.as_str());
+        match (part.is_empty(), name.is_empty()) {
+            (true, _) => name.to_owned(),
+            (_, true) => part.to_owned(),
+            _ => format!("{part}.{name}"),
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! What modules are made from, and why they are refused.
+
+/// Why a network is refused; `module` is named as the composer wrote it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A parameter or a rule of the formalism.
+    #[error("{module}: {message}")]
+    Refused {
+        /// The module at fault.
+        module: String,
+        /// A sentence.
+        message: String,
+    },
+    /// The scheme would diverge at this rate.
+    #[error(
+        "{module}: unstable at this rate: λmax(M⁻¹(K+2Z)) = {lambda:.6} must stay below 4; \
+         it would take {oversampling} times the rate, a larger M, or a smaller K or Z"
+    )]
+    Unstable {
+        /// The module that would move most.
+        module: String,
+        /// Largest eigenvalue of M⁻¹(K+2Z), algorithmic.
+        lambda: f64,
+        /// Factor of the rate that would make it stable.
+        oversampling: u32,
+    },
+}
+
+/// How a CEL is tied to the ground.
+#[derive(Clone, Copy, Debug)]
+pub enum Tie {
+    /// Stiffness [N/m] and damping [N·s/m].
+    Physical {
+        /// K
+        k: f64,
+        /// Z
+        z: f64,
+    },
+    /// Damped frequency [Hz] and decay to -60 dB [s] (none: no decay).
+    Tuned {
+        /// f
+        f: f64,
+        /// T60
+        t60: Option<f64>,
+    },
+}
+
+/// How a contact is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contact {
+    /// The plain scheme of CORDIS-ANIMA.
+    Plain,
+    /// Energy-exact by a discrete gradient (Chatziioannou & van Walstijn 2015).
+    Exact,
+    /// K and Z such that the restitution is exact whatever the instant of contact.
+    Magic,
+}
+
+/// Where the striker is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The striker comes from below and pushes up.
+    Below,
+    /// The striker comes from above and pushes down.
+    Above,
+}
+
+/// A one-sided contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct But {
+    /// Stiffness [N/m^exponent]; a magic contact chooses its own.
+    pub k: f64,
+    /// Viscosity while it is closed [N·s/m], or algorithmic Z in a part under `ca`.
+    pub z: f64,
+    /// Distance at which the two touch [m].
+    pub gap: f64,
+    /// Where the striker is.
+    pub side: Side,
+    /// How the contact is computed.
+    pub contact: Contact,
+    /// Ratio of speeds after and before (magic contacts).
+    pub restitution: f64,
+    /// Number of steps a magic contact lasts.
+    pub steps: u32,
+    /// Power of the penetration.
+    pub exponent: f64,
+    /// Never pulls.
+    pub clamp: bool,
+}

@@ -1,0 +1,105 @@
+//! Adding links: an <L> point joins exactly one <M> point, and a link two different ones.
+
+use std::sync::Arc;
+
+use super::kinds::{But, Contact, Error, Side};
+use super::{LinkKind, Network};
+use crate::law::Law;
+
+impl Network {
+    /// Add a spring and damper between two MATs (REF; RES without Z, FRO without K).
+    pub fn spring(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        k: f64,
+        z: f64,
+        rest: f64,
+    ) -> Result<usize, Error> {
+        self.check(
+            name,
+            &[
+                ("K", k, 0.0, true),
+                ("Z", z, 0.0, true),
+                ("rest", rest, f64::MIN, true),
+            ],
+        )?;
+        self.link(name, LinkKind::Ref, a, b, [k, z, rest])
+    }
+
+    /// Add a one-sided contact of the striker `a` on `b`, closing when the gap is used up.
+    pub fn but(&mut self, name: &str, a: usize, b: usize, but: But) -> Result<usize, Error> {
+        let But { k, z, gap, .. } = but;
+        self.check(
+            name,
+            &[
+                ("K", k, 0.0, true),
+                ("Z", z, 0.0, true),
+                ("gap", gap, f64::MIN, true),
+            ],
+        )?;
+        if !(1.0..=8.0).contains(&but.exponent) {
+            return Err(self.refused(name, "the exponent of a contact must be from 1 to 8"));
+        }
+        if but.contact == Contact::Magic {
+            self.check_magic(name, &but)?;
+        }
+        // d = x_b - x_a - rest: from below the penetration is -d with rest = -gap, from above d with
+        // rest = gap.
+        let rest = match but.side {
+            Side::Below => -gap,
+            Side::Above => gap,
+        };
+        self.link(name, LinkKind::But(but), a, b, [k, z, rest])
+    }
+
+    fn check_magic(&self, name: &str, but: &But) -> Result<(), Error> {
+        let bounces = but.restitution > 0.0 && but.restitution <= 1.0;
+        if !bounces || !(2..=10_000).contains(&but.steps) {
+            let message =
+                "a magic contact takes a restitution above 0, at most 1, and 2 steps or more";
+            return Err(self.refused(name, message));
+        }
+        if but.clamp && but.restitution < 1.0 {
+            let message = "a magic contact with a restitution below 1 has to pull at the exit: take clamp away";
+            return Err(self.refused(name, message));
+        }
+        Ok(())
+    }
+
+    /// Add a non-linear link.
+    pub fn lnl(
+        &mut self,
+        name: &str,
+        a: usize,
+        b: usize,
+        law: Arc<Law>,
+        rest: f64,
+    ) -> Result<usize, Error> {
+        self.check(name, &[("rest", rest, f64::MIN, true)])?;
+        self.link(name, LinkKind::Lnl(law), a, b, [0.0, 0.0, rest])
+    }
+
+    fn link(
+        &mut self,
+        name: &str,
+        kind: LinkKind,
+        a: usize,
+        b: usize,
+        [k, z, rest]: [f64; 3],
+    ) -> Result<usize, Error> {
+        if a >= self.n_mat() || b >= self.n_mat() {
+            return Err(self.refused(name, "joins a module that is not there"));
+        }
+        if a == b {
+            return Err(self.refused(name, "a link joins two different points"));
+        }
+        self.room(name, 1)?;
+        let first = self.n_lia;
+        self.add_run(kind, a, b, 1, [k, z, rest]);
+        let name = self.full(name);
+        self.names.add_links(first, 1, false, name);
+        Ok(first)
+    }
+}

@@ -1,0 +1,92 @@
+//! Modes of one part alone: what a tuner hears.
+
+use super::{LinkKind, MatKind, Network};
+use crate::plan::moves;
+use crate::spectrum;
+
+/// -60 dB as a ratio of amplitudes: T60 = ln(1000)/σ.
+const LN_1000: f64 = 6.907_755_278_982_137;
+
+/// A mode of the continuous network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tone {
+    /// Damped frequency [Hz]; 0 where damping is beyond critical.
+    pub f: f64,
+    /// Time to fall by 60 dB [s]; infinite without loss.
+    pub t60: f64,
+}
+
+impl Network {
+    /// The lowest modes of a part, its links with other parts cut, contacts open and laws at their slope
+    /// at rest. Damping is taken mode by mode, φᵀZφ, which is exact where it is proportional and good
+    /// to second order where it is light.
+    pub fn tones(&self, part: usize, n_tones: usize) -> Vec<Tone> {
+        let (alone, _) = self.alone(part);
+        let mats = alone.mats();
+        let moving: Vec<usize> = (0..alone.n_mat())
+            .filter(|&i| moves(mats.kind[i]))
+            .collect();
+        if moving.is_empty() {
+            return Vec::new();
+        }
+        let root: Vec<f64> = moving.iter().map(|&i| mats.m[i].sqrt()).collect();
+        let mut full = vec![0.0; alone.n_mat()];
+        // y = M^-½ A M^-½ v, for A of stiffness or of damping.
+        let mut apply = |v: &[f64], y: &mut [f64], damping: bool| {
+            full.fill(0.0);
+            for ((&i, v), root) in moving.iter().zip(v).zip(&root) {
+                full[i] = v / root;
+            }
+            for (slot, &i) in moving.iter().enumerate() {
+                let tie = if mats.kind[i] != MatKind::Cel {
+                    0.0
+                } else if damping {
+                    mats.z[i]
+                } else {
+                    mats.k[i]
+                };
+                y[slot] = tie * full[i] / root[slot];
+            }
+            for run in alone.runs() {
+                let a = match (&run.kind, damping) {
+                    (LinkKind::Ref, false) => run.k,
+                    (LinkKind::Ref, true) => run.z,
+                    (LinkKind::Lnl(law), false) => law.slope(0.0),
+                    (LinkKind::Lnl(law), true) => law.damping_slope(0.0),
+                    (LinkKind::But(_), _) => 0.0,
+                };
+                for i in 0..run.len {
+                    let pull = a * (full[run.b + i] - full[run.a + i]);
+                    for (end, pull) in [(run.a + i, -pull), (run.b + i, pull)] {
+                        if let Ok(slot) = moving.binary_search(&end) {
+                            y[slot] += pull / root[slot];
+                        }
+                    }
+                }
+            }
+        };
+        let n = moving.len();
+        let modes = spectrum::lowest_modes(n, &mut |v, y| apply(v, y, false), &[], n_tones);
+        let mut image = vec![0.0; n];
+        let tone = |mode: spectrum::Mode| {
+            apply(&mode.vector, &mut image, true);
+            let z: f64 = mode
+                .vector
+                .iter()
+                .zip(&image)
+                .map(|(v, image)| v * image)
+                .sum();
+            let sigma = 0.5 * z;
+            let squared = mode.lambda - sigma * sigma;
+            Tone {
+                f: squared.max(0.0).sqrt() / std::f64::consts::TAU,
+                t60: if sigma > 0.0 {
+                    LN_1000 / sigma
+                } else {
+                    f64::INFINITY
+                },
+            }
+        };
+        modes.into_iter().map(tone).collect()
+    }
+}

@@ -1,0 +1,42 @@
+//! What is listened to: weighted sums of positions and forces.
+
+/// One term of an output: a weight on a range of like modules.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Term {
+    /// Positions of MATs [m] (SOX).
+    Position {
+        /// First MAT.
+        first: usize,
+        /// How many.
+        len: usize,
+        /// Factor of their sum.
+        weight: f64,
+    },
+    /// Forces that LIAs put on their second points [N] (SOF).
+    Force {
+        /// First LIA.
+        first: usize,
+        /// How many.
+        len: usize,
+        /// Factor of their sum.
+        weight: f64,
+    },
+    /// Forces that CELs put on the ground, K·(x − rest) [N] (SOF of a bank).
+    Ground {
+        /// First CEL.
+        first: usize,
+        /// How many.
+        len: usize,
+        /// Factor of their sum.
+        weight: f64,
+    },
+}
+
+/// A named output: the sum of its terms.
+#[derive(Clone, Debug)]
+pub struct Output {
+    /// Its name in the score, e.g. `bell` or `string.left`.
+    pub name: String,
+    /// What it sums.
+    pub terms: Vec<Term>,
+}

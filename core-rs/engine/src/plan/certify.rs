@@ -1,0 +1,136 @@
+//! The stability certificate: λmax(M⁻¹(K + 2Z)) < 4.
+//!
+//! CA with backward damping is leapfrog with mass M − Z/2, so the number of unstable roots is the
+//! number of negative eigenvalues of 4M − K − 2Z. Every contact is taken closed, every law at
+//! its slope at rest; with such links the certificate guards, without them it proves.
+
+use super::{Kind, Plan, Run};
+use crate::network::{Error, Network};
+use crate::spectrum;
+
+/// How sure a certificate is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Word {
+    /// The scheme cannot diverge.
+    Proved,
+    /// Each state of the contacts is stable; a law may stiffen, which is watched at every step.
+    Guarded,
+}
+
+/// How the largest eigenvalue was bounded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Means {
+    /// From the sums at the two ends of each link.
+    Gershgorin,
+    /// By Lanczos, with its residual.
+    Lanczos,
+}
+
+/// A stability certificate.
+#[derive(Clone, Copy, Debug)]
+pub struct Certificate {
+    /// Upper bound of λmax(M⁻¹(K + 2Z)).
+    pub lambda_max: f64,
+    /// How it was found.
+    pub means: Means,
+    /// What it is worth.
+    pub word: Word,
+}
+
+impl Certificate {
+    /// How many times the rate would have to be multiplied, ⌈√(λmax/4)⌉; 1 when stable.
+    pub fn oversampling(&self) -> u32 {
+        oversampling(self.lambda_max)
+    }
+}
+
+fn oversampling(lambda: f64) -> u32 {
+    (lambda / 4.0).sqrt().ceil().max(1.0) as u32
+}
+
+/// K + 2Z of one link at its stiffest known state.
+fn weight(run: &Run) -> f64 {
+    match &run.kind {
+        Kind::Ref => run.k + 2.0 * run.z,
+        Kind::But(but) if but.exponent == 1.0 => run.k + 2.0 * run.z,
+        Kind::But(_) => 2.0 * run.z,
+        Kind::Lnl { law, rate, .. } => {
+            law.slope(0.0).max(0.0) + 2.0 * (law.damping_slope(0.0) * rate).max(0.0)
+        }
+    }
+}
+
+pub(super) fn certify(plan: &Plan, network: &Network) -> Result<Certificate, Error> {
+    let word = if plan.linear {
+        Word::Proved
+    } else {
+        Word::Guarded
+    };
+    let weights: Vec<f64> = plan.runs.iter().map(weight).collect();
+    let links = || {
+        plan.runs
+            .iter()
+            .zip(&weights)
+            .filter(|(_, weight)| **weight != 0.0)
+    };
+    let n = plan.n_mat();
+    // Sums at each MAT: D = Σ(K + 2Z).
+    let mut sums: Vec<f64> = (0..n)
+        .map(|i| {
+            if plan.w[i] > 0.0 {
+                (plan.kappa[i] + 2.0 * plan.zeta[i]) / plan.w[i]
+            } else {
+                0.0
+            }
+        })
+        .collect();
+    for (run, weight) in links() {
+        for i in 0..run.len {
+            sums[run.a + i] += weight;
+            sums[run.b + i] += weight;
+        }
+    }
+    let at = |i: usize| sums[i] * plan.w[i];
+    let edges = links().flat_map(|(run, _)| (0..run.len).map(|i| at(run.a + i) + at(run.b + i)));
+    let bound = (0..n).map(at).chain(edges).fold(0.0, f64::max);
+    if bound < 4.0 {
+        return Ok(Certificate {
+            lambda_max: bound,
+            means: Means::Gershgorin,
+            word,
+        });
+    }
+    // y = M^-½ (K + 2Z) M^-½ v
+    let root: Vec<f64> = plan.w.iter().map(|w| w.sqrt()).collect();
+    let mut scaled = vec![0.0; n];
+    let largest = spectrum::largest(n, &mut |v: &[f64], y: &mut [f64]| {
+        for i in 0..n {
+            scaled[i] = v[i] * root[i];
+            y[i] = (plan.kappa[i] + 2.0 * plan.zeta[i]) * v[i];
+        }
+        for (run, weight) in links() {
+            for i in 0..run.len {
+                let (a, b) = (run.a + i, run.b + i);
+                let f = weight * (scaled[b] - scaled[a]);
+                y[a] -= f * root[a];
+                y[b] += f * root[b];
+            }
+        }
+    });
+    let lambda = largest.theta + largest.residual;
+    if lambda < 4.0 {
+        return Ok(Certificate {
+            lambda_max: lambda,
+            means: Means::Lanczos,
+            word,
+        });
+    }
+    let worst = (0..n)
+        .max_by(|&i, &j| largest.vector[i].abs().total_cmp(&largest.vector[j].abs()))
+        .unwrap_or(0);
+    Err(Error::Unstable {
+        module: network.mat_name(worst),
+        lambda,
+        oversampling: oversampling(lambda),
+    })
+}

@@ -1,0 +1,165 @@
+//! SI parameters → algorithmic ones: M = m/T², K = k, Z = z/T; a CEL by its exact poles.
+
+use std::sync::Arc;
+
+use super::{Kind, Plan, Run};
+use crate::cell::{self, Cell, Ratios};
+use crate::law::Law;
+use crate::maths;
+use crate::network::{But, Contact, Error, LinkKind, MatKind, Network};
+use crate::units::Rate;
+
+pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
+    let n = network.n_mat();
+    let mats = network.mats();
+    let mut plan = Plan {
+        rate: rate.hertz(),
+        kappa: vec![0.0; n],
+        zeta: vec![0.0; n],
+        w: vec![0.0; n],
+        ground: mats.k.clone(),
+        rest: mats.rest.clone(),
+        part: mats.part.clone(),
+        runs: Vec::new(),
+        exact: Vec::new(),
+        outputs: network.outputs().to_vec(),
+        n_lia: network.n_lia(),
+        n_parts: network.parts().len(),
+        linear: true,
+    };
+    for i in (0..n).filter(|&i| super::moves(mats.kind[i])) {
+        let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
+        let ratios;
+        (plan.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
+            None => (
+                rate.step() * rate.step() / m,
+                Cell::new(m, k, z).ratios(rate),
+            ),
+            Some(at) => {
+                // The number is M at its own rate: m = M·T²; at that rate the factor is exactly 1.
+                let step = at.hertz() / rate.hertz();
+                (
+                    step * step / m,
+                    moved(
+                        Ratios {
+                            kappa: k / m,
+                            zeta: z / m,
+                        },
+                        at,
+                        rate,
+                    ),
+                )
+            }
+        };
+        if mats.kind[i] == MatKind::Cel {
+            (plan.kappa[i], plan.zeta[i]) = (ratios.kappa, ratios.zeta);
+        }
+    }
+    let mut rooms: Vec<Arc<Law>> = Vec::new();
+    for run in network.runs() {
+        let ca = ca_rate(network, run.part);
+        // z = Z·T_ca under `ca`; then Z = z/T.
+        let per_step = rate.hertz() / ca.map_or(1.0, Rate::hertz);
+        let mut planned = Run {
+            kind: Kind::Ref,
+            a: run.a,
+            b: run.b,
+            len: run.len,
+            first: run.first,
+            k: run.k,
+            z: run.z * per_step,
+            rest: run.rest,
+            gate: None,
+        };
+        match &run.kind {
+            LinkKind::Ref => plan.runs.push(planned),
+            LinkKind::Lnl(law) => {
+                plan.linear = false;
+                // Runs that share a law share its room.
+                let known = rooms.iter().position(|known| Arc::ptr_eq(known, law));
+                let room = known.unwrap_or_else(|| {
+                    rooms.push(law.clone());
+                    rooms.len() - 1
+                });
+                planned.kind = Kind::Lnl {
+                    law: law.clone(),
+                    rate: per_step,
+                    room,
+                };
+                plan.runs.push(planned);
+            }
+            LinkKind::But(but) => {
+                plan.linear = false;
+                planned.kind = Kind::But(*but);
+                match but.contact {
+                    Contact::Plain => plan.runs.push(planned),
+                    Contact::Exact => plan.exact.push(planned),
+                    Contact::Magic => {
+                        free(network, run.a, run.first)?;
+                        free(network, run.b, run.first)?;
+                        let mu = 1.0 / (plan.w[run.a] + plan.w[run.b]);
+                        let (k, z) = magic(but);
+                        planned.k = k * mu;
+                        planned.z = z * mu;
+                        plan.runs.push(planned);
+                    }
+                }
+            }
+        }
+    }
+    Ok(plan)
+}
+
+fn ca_rate(network: &Network, part: usize) -> Option<Rate> {
+    network.parts().get(part).and_then(|part| part.ca_rate)
+}
+
+/// The cell of a discrete network at another rate: by its poles where they are a pitch and a decay, by
+/// M = m/T², Z = z/T where they are not.
+fn moved(own: Ratios, at: Rate, rate: Rate) -> Ratios {
+    if at.hertz() == rate.hertz() {
+        return own;
+    }
+    let step = at.hertz() / rate.hertz();
+    match own.pitch(at) {
+        Some((f, t60)) => cell::tune(f, t60.is_finite().then_some(t60), rate),
+        None => Ratios {
+            kappa: own.kappa * step * step,
+            zeta: own.zeta * step,
+        },
+    }
+}
+
+/// κ and ζ of a contact that lasts N steps and gives back e exactly: x[k+N] = −r^N·x[k] whatever
+/// the phase of the contact, with r = e^(1/N), Nθ = π.
+pub(crate) fn magic(but: &But) -> (f64, f64) {
+    let n = f64::from(but.steps);
+    let r = if but.restitution == 1.0 {
+        1.0
+    } else {
+        maths::pow(but.restitution, 1.0 / n)
+    };
+    // cos(π/2) is 6e-17 in floating point; two and three steps are the common cases and exact.
+    let cos = match but.steps {
+        2 => 0.0,
+        3 => 0.5,
+        _ => maths::cos(std::f64::consts::PI / n),
+    };
+    (1.0 + r * r - 2.0 * r * cos, 1.0 - r * r)
+}
+
+/// A magic contact is exact only where nothing else acts on its two ends.
+fn free(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
+    let tied = network.mats().kind[mat] == MatKind::Cel;
+    let held = tied || (network.degree(mat) > 1 && super::moves(network.mats().kind[mat]));
+    if held {
+        return Err(Error::Refused {
+            module: network.link_name(link),
+            message: format!(
+                "a magic contact needs {} to move freely but for this contact; use contact: exact",
+                network.mat_name(mat)
+            ),
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! How the scheme starts: the step that leads into frame 0.
+
+use super::Plan;
+use crate::cell::Cell;
+use crate::network::{LinkKind, MatKind, Network, Side};
+use crate::timeline::Timeline;
+use crate::units::Rate;
+
+/// d[0] = x[0] − x[−1] of every MAT [m], (n_mat): a CEL by its own exact backward flow, a MAS by
+/// Taylor, both with the forces of the links at t = 0: x[−1] = own(−T) + ½T²·F/m. Under `ca`, V0·T.
+///
+/// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton).
+pub(crate) fn backward_steps(
+    network: &Network,
+    timeline: &Timeline,
+    plan: &Plan,
+    x: &[f64],
+    pushes: &[(usize, f64)],
+) -> Vec<f64> {
+    let rate = timeline.rate;
+    let t = rate.step();
+    let mats = network.mats();
+    let force = forces(network, timeline, x, pushes);
+    (0..network.n_mat())
+        .map(|i| {
+            let (x0, v0) = (x[i], mats.v0[i]);
+            let ca = network
+                .parts()
+                .get(mats.part[i] as usize)
+                .and_then(|part| part.ca_rate);
+            let half = 0.5 * plan.w[i] * force[i]; // ½T²F/m, since w = T²/m
+            match mats.kind[i] {
+                MatKind::Sol | MatKind::Imposed => 0.0,
+                _ if ca.is_some() => v0 * t,
+                MatKind::Mas => v0 * t - half,
+                MatKind::Cel => {
+                    let own = Cell::new(mats.m[i], mats.k[i], mats.z[i]);
+                    own.last_step(x0, v0, mats.rest[i], rate) - half
+                }
+            }
+        })
+        .collect()
+}
+
+/// Forces of all links on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
+fn forces(network: &Network, timeline: &Timeline, x: &[f64], pushes: &[(usize, f64)]) -> Vec<f64> {
+    let mats = network.mats();
+    let mut force = vec![0.0; network.n_mat()];
+    for &(mat, push) in pushes {
+        force[mat] += push;
+    }
+    let closed = |first: usize| {
+        timeline
+            .gates
+            .iter()
+            .any(|gate| gate.link == first && gate.open(0) == 0.0)
+    };
+    for run in network.runs().iter().filter(|run| !closed(run.first)) {
+        let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);
+        let t_own = ca.map_or(1.0, Rate::step);
+        for i in 0..run.len {
+            let (a, b) = (run.a + i, run.b + i);
+            let e = x[b] - x[a] - run.rest;
+            // Under `ca` Z takes the velocity per sample.
+            let v = (mats.v0[b] - mats.v0[a]) * t_own;
+            let f = match &run.kind {
+                LinkKind::Ref => run.k * e + run.z * v,
+                LinkKind::Lnl(law) => law.force(e, v),
+                LinkKind::But(but) => {
+                    let s = match but.side {
+                        Side::Below => -1.0,
+                        Side::Above => 1.0,
+                    };
+                    crate::kernel::push(but, run.k, run.z, s * e, s * v) * s
+                }
+            };
+            force[a] += f;
+            force[b] -= f;
+        }
+    }
+    force
+}

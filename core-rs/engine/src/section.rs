@@ -1,0 +1,114 @@
+//! A filter of second order: low-pass and high-pass at once.
+
+use crate::maths;
+
+/// A state-variable section by the trapezoidal rule, its cutoff prewarped (Zavalishin, *The Art of
+/// VA Filter Design*, 2012, ch. 4): the bilinear transform's response, without the cancellation that
+/// the direct form suffers at 8 Hz under a rate of 44.1 kHz.
+#[derive(Clone, Debug)]
+pub(crate) struct Section {
+    g: f64,
+    damping: f64,
+    whole: f64,
+    band: f64,
+    low: f64,
+}
+
+/// What a section makes of one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Split {
+    /// Low-pass.
+    pub(crate) low: f64,
+    /// High-pass.
+    pub(crate) high: f64,
+}
+
+/// 1/Q of a Butterworth of order 2: √2.
+pub(crate) const BUTTERWORTH_2: f64 = std::f64::consts::SQRT_2;
+
+impl Section {
+    /// A section at rest: `cutoff` and `rate` [Hz], 0 < cutoff < rate/2; `damping` is 1/Q.
+    pub(crate) fn new(cutoff: f64, rate: f64, damping: f64) -> Self {
+        let (sin, cos) = maths::sincos(std::f64::consts::PI * cutoff / rate);
+        let g = sin / cos;
+        Self {
+            g,
+            damping,
+            whole: 1.0 / (1.0 + g * (g + damping)),
+            band: 0.0,
+            low: 0.0,
+        }
+    }
+
+    /// Put it where a constant `x` from ever on would have brought it.
+    pub(crate) fn settle(&mut self, x: f64) {
+        (self.band, self.low) = (0.0, x);
+    }
+
+    /// The next sample through it.
+    #[inline]
+    pub(crate) fn next(&mut self, x: f64) -> Split {
+        let high = (x - (self.damping + self.g) * self.band - self.low) * self.whole;
+        let up = self.g * high;
+        let band = up + self.band;
+        self.band = up + band;
+        let up = self.g * band;
+        let low = up + self.low;
+        self.low = up + low;
+        Split { low, high }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    /// Gain of an analogue Butterworth of order 2 at the prewarped frequency.
+    fn wanted(f: f64, cutoff: f64, rate: f64) -> f64 {
+        let warp = |f: f64| maths::sin(0.5 * TAU * f / rate) / maths::cos(0.5 * TAU * f / rate);
+        let r = warp(f) / warp(cutoff);
+        1.0 / maths::sqrt(1.0 + 1.0 / (r * r * r * r))
+    }
+
+    /// Gain at f from the impulse response, by its Fourier sum.
+    fn gain(cutoff: f64, rate: f64, f: f64) -> f64 {
+        let mut section = Section::new(cutoff, rate, BUTTERWORTH_2);
+        let n = 1000 + (20.0 * rate / cutoff) as usize;
+        let (mut re, mut im) = (0.0, 0.0);
+        for i in 0..n {
+            let h = section.next(if i == 0 { 1.0 } else { 0.0 }).high;
+            let (sin, cos) = maths::sincos(TAU * f * i as f64 / rate);
+            re += h * cos;
+            im += h * sin;
+        }
+        maths::sqrt(re * re + im * im)
+    }
+
+    #[test]
+    fn high_pass_is_butterworth() {
+        for (cutoff, rate, f) in [
+            (8.0, 44_100.0, 8.0),
+            (8.0, 44_100.0, 1.0),
+            (8.0, 44_100.0, 100.0),
+            (1000.0, 48_000.0, 300.0),
+            (20_000.0, 44_100.0, 21_000.0),
+        ] {
+            let (found, wanted) = (gain(cutoff, rate, f), wanted(f, cutoff, rate));
+            assert!(
+                (found - wanted).abs() < 1e-9,
+                "{cutoff} {f}: {found} {wanted}"
+            );
+        }
+    }
+
+    #[test]
+    fn settled_it_stays() {
+        let mut section = Section::new(8.0, 44_100.0, BUTTERWORTH_2);
+        section.settle(0.3);
+        for _ in 0..1000 {
+            let Split { low, high } = section.next(0.3);
+            assert!((low - 0.3).abs() < 1e-15 && high.abs() < 1e-15);
+        }
+    }
+}

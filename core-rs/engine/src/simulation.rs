@@ -1,0 +1,286 @@
+//! Plan + State: steps frames, taps outputs, keeps the ledger.
+//!
+//! While it steps it does not allocate (but for a recorded stream of ergons), lock, fail or panic.
+
+mod build;
+mod fault;
+mod ledger;
+pub(crate) mod record;
+
+pub use build::Options;
+pub use fault::{Fault, OnFault};
+pub use ledger::Energy;
+pub use record::{Record, Stream};
+
+use std::sync::Arc;
+
+use crate::gesture::script::{Gesture, Report};
+use crate::gesture::voice::{Scene, Voice, VoiceScript};
+use crate::kernel;
+use crate::network::Network;
+use crate::plan::{Laws, Plan};
+use crate::state::{Body, Target};
+use crate::timeline::{Drive, Ergon, Gate, Push};
+
+use fault::Mutes;
+use ledger::Ledger;
+
+/// Everything that does not change while the simulation runs.
+#[derive(Clone, Debug)]
+struct Script {
+    plan: Plan,
+    gestures: Vec<Gesture>,
+    voices: Vec<VoiceScript>,
+    pushes: Vec<Push>,
+    ergons: Vec<Ergon>,
+    gates: Vec<Gate>,
+    drives: Vec<Drive>,
+    n_keys: usize,
+    on_fault: OnFault,
+}
+
+/// Everything that changes: cloning it is a snapshot.
+#[derive(Clone, Debug)]
+struct State {
+    frame: u64,
+    body: Body,
+    voices: Vec<Voice>,
+    reports: Vec<Report>,
+    /// Next push and next ergon.
+    pushed: usize,
+    ergons: usize,
+    /// How far each gate is open now, and (for the ledger) at the next frame.
+    gates: Vec<f64>,
+    gates_next: Vec<f64>,
+    targets: Vec<Target>,
+    laws: Laws,
+    stream: Stream,
+    ledger: Option<Ledger>,
+    mutes: Mutes,
+}
+
+/// A network that plays.
+#[derive(Debug)]
+pub struct Simulation {
+    network: Arc<Network>,
+    script: Arc<Script>,
+    state: State,
+}
+
+/// A moment of a simulation, to come back to.
+#[derive(Clone, Debug)]
+pub struct Snapshot(Box<State>);
+
+impl Simulation {
+    /// Number of outputs.
+    pub fn n_out(&self) -> usize {
+        self.script.plan.n_out()
+    }
+
+    /// Frames done.
+    pub fn frame(&self) -> u64 {
+        self.state.frame
+    }
+
+    /// Frames a second [Hz].
+    pub fn rate(&self) -> f64 {
+        self.script.plan.rate
+    }
+
+    /// Fill `out` with whole frames of outputs, frame by frame, (n_frames · n_out).
+    ///
+    /// Fails with the first part that goes non-finite, unless faults are muted.
+    pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
+        let n_out = self.n_out().max(1);
+        flushed(|| {
+            out.chunks_exact_mut(n_out)
+                .try_for_each(|frame| self.step(frame))
+        })
+    }
+
+    /// Go on `n_frames` frames without listening.
+    pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
+        let mut unheard = vec![0.0; self.n_out()];
+        flushed(|| (0..n_frames).try_for_each(|_| self.step(&mut unheard)))
+    }
+
+    /// One frame: forces, outputs, hands, contacts, masses.
+    fn step(&mut self, out: &mut [f64]) -> Result<(), Fault> {
+        let (script, state) = (&*self.script, &mut self.state);
+        let (plan, n) = (&script.plan, state.frame);
+        for (open, gate) in state.gates.iter_mut().zip(&script.gates) {
+            *open = gate.open(n);
+        }
+        kernel::links(plan, &state.gates, &mut state.body, &mut state.laws);
+        state.targets.clear();
+        for drive in &script.drives {
+            drive.apply(n, plan.rate, &mut state.body, &mut state.targets);
+        }
+        let State {
+            voices,
+            body,
+            targets,
+            reports,
+            stream,
+            ..
+        } = state;
+        for (voice, own) in voices.iter_mut().zip(&script.voices) {
+            let gestures = &script.gestures;
+            voice.step(
+                own,
+                &mut Scene {
+                    plan,
+                    body,
+                    targets,
+                    gestures,
+                    reports,
+                    stream,
+                },
+                n,
+            );
+        }
+        strike(script, state, n);
+        kernel::contacts(plan, &state.gates, &state.targets, &mut state.body);
+        kernel::tap(plan, &state.body, out);
+        state.mutes.fade(n, plan, out);
+        if let Some(ledger) = &mut state.ledger {
+            ledger.before(plan, &state.targets, &state.body);
+        }
+        let sound = kernel::advance(plan, &mut state.targets, &mut state.body);
+        if let Some(ledger) = &mut state.ledger {
+            for (next, gate) in state.gates_next.iter_mut().zip(&script.gates) {
+                *next = gate.open(n + 1);
+            }
+            ledger.after(
+                plan,
+                [&state.gates, &state.gates_next],
+                &state.targets,
+                &state.body,
+            );
+        }
+        state.frame += 1;
+        if sound { Ok(()) } else { self.fault() }
+    }
+
+    /// Positions now [m], (n_mat).
+    pub fn positions(&self) -> &[f64] {
+        &self.state.body.x
+    }
+
+    /// Steps x[n] − x[n−1] now [m], (n_mat).
+    pub fn steps(&self) -> &[f64] {
+        &self.state.body.d
+    }
+
+    /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys).
+    pub fn asked(&self) -> Vec<f64> {
+        let mut asked = vec![f64::NAN; self.script.n_keys];
+        for (voice, own) in self.state.voices.iter().zip(&self.script.voices) {
+            if !own.layer {
+                asked[own.key] = voice.asked;
+            }
+        }
+        asked
+    }
+
+    /// Reports of all gestures, in the timeline's order.
+    pub fn reports(&self) -> &[Report] {
+        &self.state.reports
+    }
+
+    /// Ergons since the last call.
+    pub fn take_ergons(&mut self) -> Vec<Record> {
+        self.state.stream.take()
+    }
+
+    /// The ledger, if it is kept.
+    pub fn energy(&self) -> Option<Energy> {
+        let state = &self.state;
+        state
+            .ledger
+            .as_ref()
+            .map(|ledger| ledger.energy(&self.script.plan, &state.body))
+    }
+
+    /// Parts put to silence, with the frame of each.
+    pub fn muted(&self) -> Vec<(String, u64)> {
+        self.state
+            .mutes
+            .list()
+            .map(|(part, frame)| (self.network.parts()[part].name.clone(), frame))
+            .collect()
+    }
+
+    /// Remember this moment.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot(Box::new(self.state.clone()))
+    }
+
+    /// Go back to a moment of this simulation.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.state = (*snapshot.0).clone();
+    }
+}
+
+/// Run with denormals flushed to zero: decaying networks end in them, and they are slow.
+fn flushed<T>(run: impl FnOnce() -> T) -> T {
+    // SAFETY: nothing inside relies on gradual underflow; the guard restores the mode on the way out.
+    unsafe { no_denormals::no_denormals(run) }
+}
+
+/// Strikes that fall on frame `n`.
+fn strike(script: &Script, state: &mut State, n: u64) {
+    let plan = &script.plan;
+    let t = 1.0 / plan.rate;
+    let body = &mut state.body;
+    while let Some(push) = script
+        .pushes
+        .get(state.pushed)
+        .filter(|push| push.frame <= n)
+    {
+        state.pushed += 1;
+        let mat = push.mat as usize;
+        if push.impulse != 0.0 && state.stream.is_kept() {
+            let velocity = centred(plan, body, mat);
+            let mass = t * t / plan.w[mat];
+            state.stream.push(Record::event(
+                push.at,
+                mat,
+                push.source,
+                mass,
+                velocity,
+                push.impulse,
+            ));
+        }
+        body.push(mat, push.force);
+    }
+    while let Some(ergon) = script
+        .ergons
+        .get(state.ergons)
+        .filter(|ergon| ergon.frame <= n)
+    {
+        state.ergons += 1;
+        let mat = ergon.mat as usize;
+        // p = 2 m m_S/(m + m_S)·(v − V), V the centred velocity without the ergon: then the work on the
+        // struck is exactly the energy the ergon loses.
+        let mass = t * t / plan.w[mat];
+        let velocity = centred(plan, body, mat);
+        let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);
+        body.push(mat, impulse * plan.rate);
+        let (mass, speed, source) = (ergon.mass, ergon.speed, ergon.source);
+        state.stream.push(Record {
+            time: n as f64 / plan.rate,
+            mat: ergon.mat,
+            source,
+            mass,
+            speed,
+            impulse,
+        });
+    }
+}
+
+/// Velocity of a MAT now, were it not struck: (x̂[n+1] − x[n−1])/2T [m/s].
+fn centred(plan: &Plan, body: &Body, mat: usize) -> f64 {
+    let before = body.x[mat] - body.d[mat];
+    (kernel::predict(plan, body, mat) - before) * (0.5 * plan.rate)
+}

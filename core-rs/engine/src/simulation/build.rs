@@ -1,0 +1,199 @@
+//! Network + Timeline → Simulation.
+
+use std::sync::Arc;
+
+use super::fault::Mutes;
+use super::ledger::Ledger;
+use super::{OnFault, Script, Simulation, State, Stream};
+use crate::gesture::free::FreeKey;
+use crate::gesture::script::{Report, Touch};
+use crate::gesture::voice::{Voice, VoiceScript};
+use crate::network::{Error, MatKind, Network};
+use crate::plan::{Plan, backward_steps};
+use crate::state::Body;
+use crate::timeline::{Drive, DriveKind, Timeline};
+
+/// How a simulation is to run.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Keep the ledger (it costs work for every link).
+    pub ledger: bool,
+    /// Keep the stream of ergons.
+    pub record: bool,
+    /// What to do with a part that goes non-finite.
+    pub on_fault: OnFault,
+}
+
+impl Simulation {
+    /// Plan a network, certify it, and set it at frame 0 of its timeline.
+    pub fn new(
+        network: Arc<Network>,
+        timeline: &Timeline,
+        options: Options,
+    ) -> Result<Self, Error> {
+        let mut plan = Plan::new(&network, timeline.rate)?;
+        plan.certify(&network)?;
+        gate(&mut plan, timeline);
+        let laws = plan.laws();
+        let body = start(&network, &plan, timeline, &timeline.drives);
+        let (scripts, voices) = hands(&network, timeline)?;
+        let mut pushes = timeline.pushes.clone();
+        pushes.sort_by_key(|push| push.frame);
+        let mut ergons = timeline.ergons.clone();
+        ergons.sort_by_key(|ergon| ergon.frame);
+        let mut body = body;
+        let ledger = options
+            .ledger
+            .then(|| Ledger::new(&plan, &timeline.gates, &mut body));
+        let state = State {
+            frame: 0,
+            voices,
+            reports: vec![Report::default(); timeline.gestures.len()],
+            pushed: 0,
+            ergons: 0,
+            gates: vec![0.0; timeline.gates.len()],
+            gates_next: vec![0.0; timeline.gates.len()],
+            targets: Vec::with_capacity(timeline.drives.len() + scripts.len()),
+            laws,
+            stream: Stream::new(options.record),
+            ledger,
+            mutes: Mutes::new(&plan),
+            body,
+        };
+        let script = Script {
+            plan,
+            gestures: timeline.gestures.clone(),
+            voices: scripts,
+            pushes,
+            ergons,
+            gates: timeline.gates.clone(),
+            drives: timeline.drives.clone(),
+            n_keys: timeline.keys.len(),
+            on_fault: options.on_fault,
+        };
+        Ok(Self {
+            network,
+            script: Arc::new(script),
+            state,
+        })
+    }
+}
+
+/// Runs that a gate opens: single links cut out of their runs are not needed, couplings are single.
+fn gate(plan: &mut Plan, timeline: &Timeline) {
+    for (index, gate) in timeline.gates.iter().enumerate() {
+        let mut runs = plan.runs.iter_mut().chain(&mut plan.exact);
+        if let Some(run) = runs.find(|run| run.first == gate.link) {
+            run.gate = Some(index);
+        }
+    }
+}
+
+/// Where every MAT is at frame 0, and the step that led there.
+fn start(network: &Network, plan: &Plan, timeline: &Timeline, drives: &[Drive]) -> Body {
+    let pushes: Vec<_> = drives
+        .iter()
+        .filter(|drive| drive.kind == DriveKind::Force)
+        .map(|drive| (drive.mat, drive.value(0, plan.rate)))
+        .collect();
+    let mut x = network.mats().x0.clone();
+    for drive in drives
+        .iter()
+        .filter(|drive| drive.kind == DriveKind::Position)
+    {
+        x[drive.mat] = drive.value(0, plan.rate);
+    }
+    let d = backward_steps(network, timeline, plan, &x, &pushes);
+    Body::new(plan, x, d)
+}
+
+/// The voices of all keys: one for the gestures that follow one another, one for each that is laid
+/// over them.
+fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
+    let mut scripts = Vec::new();
+    let mut voices = Vec::new();
+    for (key, known) in timeline.keys.iter().enumerate() {
+        if network.mats().kind[known.struck] != MatKind::Mas
+            && network.mats().kind[known.struck] != MatKind::Cel
+        {
+            return Err(Error::Refused {
+                module: network.mat_name(known.struck),
+                message: "a key is struck on a MAS or a CEL".to_owned(),
+            });
+        }
+        let part = network.mats().part[known.struck] as usize;
+        let (alone, members) = network.alone(part);
+        let inside = |mat: usize| members.binary_search(&mat).ok();
+        let drives: Vec<Drive> = timeline
+            .drives
+            .iter()
+            .filter_map(|drive| {
+                inside(drive.mat).map(|mat| Drive {
+                    mat,
+                    ..drive.clone()
+                })
+            })
+            .collect();
+        let plan = Arc::new(Plan::new(&alone, timeline.rate)?);
+        let body = start(&alone, &plan, &Timeline::new(timeline.rate), &drives);
+        let free = FreeKey {
+            struck: inside(known.struck).unwrap_or(0),
+            plan,
+            members,
+            drives,
+        };
+        let mut own: Vec<usize> = (0..timeline.gestures.len())
+            .filter(|&i| timeline.gestures[i].key == key)
+            .collect();
+        own.sort_by(|&i, &j| {
+            timeline.gestures[i]
+                .start
+                .total_cmp(&timeline.gestures[j].start)
+        });
+        for gesture in own.iter().map(|&i| &timeline.gestures[i]) {
+            if let Some(grain) = gesture.grain.filter(|&grain| free.is_past_quarter(grain)) {
+                return Err(Error::Refused {
+                    module: known.name.clone(),
+                    message: format!(
+                        "a grain of {:.1} ms is longer than a quarter of the key's own period: between \
+                         ergons the key would swing back",
+                        1e3 * grain as f64 * timeline.rate.step()
+                    ),
+                });
+            }
+        }
+        let (layers, line): (Vec<usize>, Vec<usize>) =
+            own.into_iter().partition(|&i| timeline.gestures[i].layer);
+        let script = VoiceScript {
+            key,
+            struck: known.struck,
+            free,
+            gestures: line,
+            layer: false,
+        };
+        voices.push(Voice::new(&script, body));
+        scripts.push(script.clone());
+        for gesture in layers {
+            if timeline.gestures[gesture].touch == Touch::Tracked {
+                return Err(Error::Refused {
+                    module: known.name.clone(),
+                    message: "layer adds ergons to a gesture: it cannot be tracked".to_owned(),
+                });
+            }
+            let layer = VoiceScript {
+                gestures: vec![gesture],
+                layer: true,
+                ..script.clone()
+            };
+            let layer = VoiceScript {
+                free: layer.free.deviation(),
+                ..layer
+            };
+            let still = vec![0.0; layer.free.plan.n_mat()];
+            let body = Body::new(&layer.free.plan, still.clone(), still);
+            voices.push(Voice::new(&layer, body));
+            scripts.push(layer);
+        }
+    }
+    Ok((scripts, voices))
+}

@@ -1,0 +1,142 @@
+//! Parts that go non-finite: named and stopped, or put to silence while all others play on.
+
+use super::Simulation;
+use crate::kernel;
+use crate::network::Term;
+use crate::plan::Plan;
+
+/// A muted part's outputs fade from where they were over this time [s].
+const FADE: f64 = 0.005;
+
+/// What to do with a part that goes non-finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnFault {
+    /// End the run with a `Fault` (a render).
+    Stop,
+    /// Mute the part, name it, go on (a performance).
+    Mute,
+}
+
+/// A part went non-finite.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{module} went beyond all bounds at {seconds:.3} s: the scheme diverged there")]
+pub struct Fault {
+    /// The module that went first, as the composer wrote it.
+    pub module: String,
+    /// Its part.
+    pub part: String,
+    /// When.
+    pub frame: u64,
+    /// When [s].
+    pub seconds: f64,
+}
+
+/// Which parts are mute, and since when.
+#[derive(Clone, Debug)]
+pub(super) struct Mutes {
+    /// Frame at which each part fell silent   (n_parts)
+    since: Vec<Option<u64>>,
+    /// Last sound frame of outputs            (n_out)
+    last: Vec<f64>,
+    /// Outputs that listen to a muted part, and since when  (n_out)
+    outputs: Vec<Option<u64>>,
+}
+
+impl Mutes {
+    pub(super) fn new(plan: &Plan) -> Self {
+        Self {
+            since: vec![None; plan.n_parts],
+            last: vec![0.0; plan.n_out()],
+            outputs: vec![None; plan.n_out()],
+        }
+    }
+
+    pub(super) fn list(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
+        self.since
+            .iter()
+            .enumerate()
+            .filter_map(|(part, since)| since.map(|frame| (part, frame)))
+    }
+
+    /// Fade the outputs of muted parts from their last sound sample; keep that of the others.
+    pub(super) fn fade(&mut self, n: u64, plan: &Plan, out: &mut [f64]) {
+        let length = FADE * plan.rate;
+        for ((sample, last), since) in out.iter_mut().zip(&mut self.last).zip(&self.outputs) {
+            match since {
+                Some(since) => *sample = *last * (1.0 - (n - since) as f64 / length).max(0.0),
+                None => *last = *sample,
+            }
+        }
+    }
+}
+
+impl Simulation {
+    /// The MAT phase left something beyond all bounds: name it; stop, or mute its part.
+    #[cold]
+    pub(super) fn fault(&mut self) -> Result<(), Fault> {
+        let n = self.state.frame;
+        while let Some(mat) = self.state.body.x.iter().position(|&x| !kernel::sound(x)) {
+            let part = self.script.plan.part[mat] as usize;
+            if self.script.on_fault == OnFault::Stop {
+                return Err(Fault {
+                    module: self.network.mat_name(mat),
+                    part: self.network.parts()[part].name.clone(),
+                    frame: n,
+                    seconds: n as f64 / self.rate(),
+                });
+            }
+            self.mute(part, n);
+        }
+        Ok(())
+    }
+
+    /// Take a part out of the scene: its MATs stay where the ground is, its links let go.
+    fn mute(&mut self, part: usize, n: u64) {
+        let state = &mut self.state;
+        state.mutes.since[part] = Some(n);
+        // A part is muted once in a run: a copy of the plan for it is allowed to cost.
+        let script = std::sync::Arc::make_mut(&mut self.script);
+        let plan = &mut script.plan;
+        let ours: Vec<bool> = plan.part.iter().map(|&own| own as usize == part).collect();
+        for (mat, _) in ours.iter().enumerate().filter(|(_, ours)| **ours) {
+            state.body.x[mat] = plan.rest[mat];
+            state.body.d[mat] = 0.0;
+            (plan.w[mat], plan.kappa[mat], plan.zeta[mat]) = (0.0, 0.0, 0.0);
+        }
+        let lets_go = |a: usize, b: usize, len: usize| {
+            ours[a..a + len]
+                .iter()
+                .chain(&ours[b..b + len])
+                .any(|&ours| ours)
+        };
+        let mut cut = vec![false; plan.n_lia];
+        for run in plan
+            .runs
+            .iter()
+            .chain(&plan.exact)
+            .filter(|run| lets_go(run.a, run.b, run.len))
+        {
+            let span = run.first..run.first + run.len;
+            state.body.link[span.clone()].fill(0.0);
+            cut[span].fill(true);
+        }
+        plan.runs.retain(|run| !lets_go(run.a, run.b, run.len));
+        plan.exact.retain(|run| !lets_go(run.a, run.b, run.len));
+        script
+            .voices
+            .iter_mut()
+            .filter(|voice| ours[voice.struck])
+            .for_each(|voice| voice.gestures.clear());
+        for (output, since) in plan.outputs.iter().zip(&mut state.mutes.outputs) {
+            let listens = output.terms.iter().any(|term| match *term {
+                Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
+                    ours[first..first + len].contains(&true)
+                }
+                Term::Force { first, len, .. } => cut[first..first + len].contains(&true),
+            });
+            if listens {
+                since.get_or_insert(n);
+            }
+        }
+    }
+}

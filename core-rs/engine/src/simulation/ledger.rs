@@ -1,0 +1,253 @@
+//! The ledger: energy at the start + injected = stored + lost − produced, to rounding.
+//!
+//! Linear: H = ½δᵀ(M − Z/2)δ + ½x⁺ᵀKx closes exactly. Non-linear links store ½(V(e⁺) + V(e)); what the
+//! scheme's work differs from that is the production P, the quality figure of an explicit contact.
+
+use crate::kernel;
+use crate::network::But;
+use crate::plan::{Kind, Plan, Run};
+use crate::state::{Body, Target};
+use crate::timeline::Gate;
+
+/// The ledger so far [J].
+#[derive(Clone, Copy, Debug)]
+pub struct Energy {
+    /// At frame 0.
+    pub start: f64,
+    /// Now, in masses and links.
+    pub stored: f64,
+    /// Work of hands, strikes, weights and imposed points.
+    pub injected: f64,
+    /// Taken by damping (negative where a bow gives).
+    pub lost: f64,
+    /// Made by the scheme itself at non-linear links, signed.
+    pub produced: f64,
+    /// start + injected − lost + produced − stored: rounding alone.
+    pub residual: f64,
+    /// Σ|injected| + Σ|lost| + Σ|produced| + start: what the residual is held against.
+    pub flow: f64,
+}
+
+/// A sum that keeps what rounding drops (Neumaier 1974).
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    sum: f64,
+    dropped: f64,
+    flow: f64,
+}
+
+impl Sum {
+    fn add(&mut self, value: f64) {
+        let total = self.sum + value;
+        self.dropped += if self.sum.abs() >= value.abs() {
+            (self.sum - total) + value
+        } else {
+            (value - total) + self.sum
+        };
+        self.sum = total;
+        self.flow += value.abs();
+    }
+
+    fn value(&self) -> f64 {
+        self.sum + self.dropped
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Ledger {
+    start: f64,
+    injected: Sum,
+    lost: Sum,
+    produced: Sum,
+    /// The step before this one [m]                                (n_mat)
+    d: Vec<f64>,
+    /// Forces that hold imposed MATs on their way [N], by target
+    hold: Vec<f64>,
+    /// ½(V(e⁺) + V(e)) of links that are not plain springs [J]     (n_lia)
+    potential: Vec<f64>,
+}
+
+/// Elongation of the i-th link of a run: now, and one step ago.
+fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
+    let (a, b) = (run.a + i, run.b + i);
+    let now = body.x[b] - body.x[a] - run.rest;
+    (now, now - (body.d[b] - body.d[a]))
+}
+
+fn potential(run: &Run, e: f64) -> f64 {
+    match &run.kind {
+        Kind::Ref => 0.5 * run.k * e * e,
+        Kind::But(but) => {
+            let p = kernel::side(but) * e;
+            if p > 0.0 {
+                run.k * kernel::power(p, but.exponent + 1.0) / (but.exponent + 1.0)
+            } else {
+                0.0
+            }
+        }
+        Kind::Lnl { law, .. } => law.potential(e),
+    }
+}
+
+/// The elastic part of a link's force.
+fn elastic(run: &Run, e: f64) -> f64 {
+    match &run.kind {
+        Kind::Ref => run.k * e,
+        Kind::But(but) => {
+            let s = kernel::side(but);
+            s * kernel::push(
+                &But {
+                    clamp: false,
+                    ..*but
+                },
+                run.k,
+                0.0,
+                s * e,
+                0.0,
+            )
+        }
+        Kind::Lnl { law, .. } => law.spring(e),
+    }
+}
+
+fn is_spring(run: &Run) -> bool {
+    matches!(run.kind, Kind::Ref) && run.gate.is_none()
+}
+
+fn all(plan: &Plan) -> impl Iterator<Item = &Run> {
+    plan.runs.iter().chain(&plan.exact)
+}
+
+impl Ledger {
+    pub(super) fn new(plan: &Plan, gates: &[Gate], body: &mut Body) -> Self {
+        body.outside = vec![0.0; plan.n_mat()];
+        let mut ledger = Self {
+            start: 0.0,
+            injected: Sum::default(),
+            lost: Sum::default(),
+            produced: Sum::default(),
+            d: body.d.clone(),
+            hold: Vec::new(),
+            potential: vec![0.0; plan.n_lia],
+        };
+        let open = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
+        for run in all(plan).filter(|run| !is_spring(run)) {
+            for i in 0..run.len {
+                let (now, before) = elongation(run, body, i);
+                ledger.potential[run.first + i] =
+                    0.5 * open(run) * (potential(run, now) + potential(run, before));
+            }
+        }
+        ledger.start = ledger.stored(plan, body);
+        ledger
+    }
+
+    /// Before the MAT phase: forces are complete, positions are those of frame n.
+    pub(super) fn before(&mut self, plan: &Plan, targets: &[Target], body: &Body) {
+        self.d.copy_from_slice(&body.d);
+        self.hold.clear();
+        self.hold
+            .extend(targets.iter().map(|target| match plan.w[target.mat] {
+                0.0 => -body.force[target.mat],
+                w => (target.x - kernel::predict(plan, body, target.mat)) / w,
+            }));
+    }
+
+    /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n.
+    pub(super) fn after(
+        &mut self,
+        plan: &Plan,
+        gates: [&[f64]; 2],
+        targets: &[Target],
+        body: &Body,
+    ) {
+        // s = x[n+1] − x[n−1]
+        let d = std::mem::take(&mut self.d);
+        let s = |i: usize| body.d[i] + d[i];
+        for i in 0..plan.n_mat() {
+            if plan.zeta[i] != 0.0 {
+                self.lost.add(0.25 * plan.zeta[i] / plan.w[i] * s(i) * s(i));
+            }
+            if body.outside[i] != 0.0 {
+                self.injected.add(0.5 * s(i) * body.outside[i]);
+            }
+        }
+        for (target, hold) in targets.iter().zip(&self.hold) {
+            self.injected.add(0.5 * s(target.mat) * hold);
+        }
+        for run in all(plan) {
+            let spring = is_spring(run);
+            let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
+            for i in 0..run.len {
+                let stretch = s(run.b + i) - s(run.a + i);
+                if spring {
+                    if run.z != 0.0 {
+                        self.lost.add(0.25 * run.z * stretch * stretch);
+                    }
+                    continue;
+                }
+                let (e_next, e) = elongation(run, body, i);
+                let stored = 0.5 * (next * potential(run, e_next) + now * potential(run, e));
+                let risen = stored - self.potential[run.first + i];
+                self.potential[run.first + i] = stored;
+                let given = 0.5 * stretch * body.link[run.first + i];
+                if is_exact(run) && run.z != 0.0 {
+                    self.lost.add(given - risen);
+                } else {
+                    let kept = if is_exact(run) {
+                        given
+                    } else {
+                        0.5 * stretch * now * elastic(run, e)
+                    };
+                    self.lost.add(given - kept);
+                    self.produced.add(risen - kept);
+                }
+            }
+        }
+        self.d = d;
+    }
+
+    /// Energy in masses and links between the last frame and this one [J].
+    fn stored(&self, plan: &Plan, body: &Body) -> f64 {
+        let mut sum = Sum::default();
+        for i in (0..plan.n_mat()).filter(|&i| plan.w[i] != 0.0) {
+            let (x, d, rest) = (body.x[i], body.d[i], plan.rest[i]);
+            let own = 0.5 * d * d + 0.5 * plan.kappa[i] * (x - rest) * (x - d - rest)
+                - 0.25 * plan.zeta[i] * d * d;
+            sum.add(own / plan.w[i]);
+        }
+        for run in all(plan) {
+            for i in 0..run.len {
+                sum.add(if is_spring(run) {
+                    let (now, before) = elongation(run, body, i);
+                    0.5 * run.k * now * before - 0.25 * run.z * (now - before) * (now - before)
+                } else {
+                    self.potential[run.first + i]
+                });
+            }
+        }
+        sum.value()
+    }
+
+    pub(super) fn energy(&self, plan: &Plan, body: &Body) -> Energy {
+        let (start, stored) = (self.start, self.stored(plan, body));
+        let (injected, lost, produced) = (
+            self.injected.value(),
+            self.lost.value(),
+            self.produced.value(),
+        );
+        Energy {
+            start,
+            stored,
+            injected,
+            lost,
+            produced,
+            residual: start + injected - lost + produced - stored,
+            flow: start + self.injected.flow + self.lost.flow + self.produced.flow,
+        }
+    }
+}
+
+fn is_exact(run: &Run) -> bool {
+    matches!(&run.kind, Kind::But(but) if but.contact == crate::network::Contact::Exact)
+}

@@ -1,0 +1,68 @@
+//! The stream of ergons that struck, for those who want to read it.
+
+/// Mass of an event ergon, relative to the struck: small enough that v' ≈ −v, as in the paper.
+const MASS_RATIO: f64 = 1e-4;
+
+/// One ergon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Record {
+    /// Instant of the strike [s].
+    pub time: f64,
+    /// The struck MAT.
+    pub mat: u32,
+    /// Place in the score, as the timeline was given it.
+    pub source: u32,
+    /// Mass [kg].
+    pub mass: f64,
+    /// Velocity before the strike [m/s]; its sign is the ergon's.
+    pub speed: f64,
+    /// Impulse given [N·s].
+    pub impulse: f64,
+}
+
+impl Record {
+    /// An event ergon: v = V + p(m + M)/(2mM) (elastic meeting of m and M, momentum p).
+    pub(crate) fn event(
+        time: f64,
+        mat: usize,
+        source: u32,
+        struck: f64,
+        velocity: f64,
+        impulse: f64,
+    ) -> Self {
+        let mass = MASS_RATIO * struck;
+        let speed = velocity + impulse * (mass + struck) / (2.0 * mass * struck);
+        Self {
+            time,
+            mat: mat as u32,
+            source,
+            mass,
+            speed,
+            impulse,
+        }
+    }
+}
+
+/// Ergons kept since they were last taken.
+#[derive(Clone, Debug)]
+pub struct Stream(Option<Vec<Record>>);
+
+impl Stream {
+    pub(crate) fn new(kept: bool) -> Self {
+        Self(kept.then(Vec::new))
+    }
+
+    pub(crate) fn is_kept(&self) -> bool {
+        self.0.is_some()
+    }
+
+    pub(crate) fn push(&mut self, record: Record) {
+        if let Some(kept) = &mut self.0 {
+            kept.push(record);
+        }
+    }
+
+    pub(crate) fn take(&mut self) -> Vec<Record> {
+        self.0.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+}

@@ -1,0 +1,27 @@
+//! Ends of the spectrum of a symmetric operator that is only known by what it does to a vector.
+//!
+//! Deterministic to the bit: start vectors are fixed, sums are taken in a fixed order.
+
+mod filter;
+mod jacobi;
+mod lanczos;
+mod lowest;
+#[cfg(test)]
+mod tests;
+mod vector;
+
+pub use filter::lowest_modes;
+pub use lanczos::{Largest, largest};
+pub use lowest::lowest;
+
+/// `apply(x, y)`: y = A x, both (n,); y comes with old values.
+pub type Apply<'a> = &'a mut dyn FnMut(&[f64], &mut [f64]);
+
+/// An eigenvalue and its vector of length 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mode {
+    /// The eigenvalue.
+    pub lambda: f64,
+    /// The vector (n,).
+    pub vector: Vec<f64>,
+}

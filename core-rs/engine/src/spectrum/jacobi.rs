@@ -1,0 +1,80 @@
+//! All eigenvalues and vectors of a small dense symmetric matrix (cyclic Jacobi; Golub & Van Loan 8.5).
+
+use crate::maths::sqrt;
+
+/// Eigenvalues, rising, each with its vector of length 1.
+///
+/// `matrix` is (n, n), row after row; only its symmetric part counts.
+pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
+    /// Quadratic convergence needs some eight sweeps for n = 100.
+    const SWEEPS: usize = 40;
+    let n = matrix.len();
+    let transposed: Vec<Vec<f64>> = (0..n)
+        .map(|j| matrix.iter().map(|row| row[j]).collect())
+        .collect();
+    for (row, column) in matrix.iter_mut().zip(&transposed) {
+        for (a, b) in row.iter_mut().zip(column) {
+            *a = 0.5 * (*a + b);
+        }
+    }
+    // Row i of `vectors` becomes the i-th eigenvector.
+    let mut vectors: Vec<Vec<f64>> = (0..n)
+        .map(|i| (0..n).map(|j| f64::from(i == j)).collect())
+        .collect();
+    for _ in 0..SWEEPS {
+        let mut still = true;
+        for p in 0..n {
+            for q in p + 1..n {
+                still &= !rotate(&mut matrix, &mut vectors, p, q);
+            }
+        }
+        if still {
+            break;
+        }
+    }
+    let mut pairs: Vec<(f64, Vec<f64>)> = vectors
+        .into_iter()
+        .enumerate()
+        .map(|(i, vector)| (matrix[i][i], vector))
+        .collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    pairs
+}
+
+/// The largest eigenvalue and its vector; of no matrix at all, 0.
+pub(super) fn largest(matrix: Vec<Vec<f64>>) -> (f64, Vec<f64>) {
+    eigen(matrix).pop().unwrap_or_default()
+}
+
+/// Turn the plane (p, q) so that element (p, q) vanishes; false where it has no weight.
+fn rotate(matrix: &mut [Vec<f64>], vectors: &mut [Vec<f64>], p: usize, q: usize) -> bool {
+    let off = matrix[p][q];
+    let (first, second) = (matrix[p][p], matrix[q][q]);
+    if off.abs() <= f64::EPSILON * 0.25 * sqrt(first.abs()) * sqrt(second.abs()) || off == 0.0 {
+        return false;
+    }
+    let tau = (second - first) / (2.0 * off);
+    let size = tau.abs() + sqrt(1.0 + tau * tau);
+    let tangent = if tau < 0.0 { -1.0 / size } else { 1.0 / size };
+    let cosine = 1.0 / sqrt(1.0 + tangent * tangent);
+    let sine = tangent * cosine;
+    turn(matrix, p, q, cosine, sine);
+    turn(vectors, p, q, cosine, sine);
+    for row in matrix.iter_mut() {
+        (row[p], row[q]) = (
+            cosine * row[p] - sine * row[q],
+            sine * row[p] + cosine * row[q],
+        );
+    }
+    matrix[p][p] = first - tangent * off;
+    matrix[q][q] = second + tangent * off;
+    (matrix[p][q], matrix[q][p]) = (0.0, 0.0);
+    true
+}
+
+fn turn(rows: &mut [Vec<f64>], p: usize, q: usize, cosine: f64, sine: f64) {
+    let (head, tail) = rows.split_at_mut(q);
+    for (a, b) in head[p].iter_mut().zip(&mut tail[0]) {
+        (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
+    }
+}

@@ -1,0 +1,82 @@
+//! The largest eigenvalue, with bounds: Lanczos with full reorthogonalisation.
+
+use super::vector::{add, dot, normalise, orthogonalise, scattered};
+use super::{Apply, jacobi};
+
+/// Steps at most: what they have not found by then the bounds cover.
+const STEPS: usize = 60;
+/// Numbers kept at most (96 MB): a network of millions gets fewer steps.
+const KEPT: usize = 12_000_000;
+/// A look at the small matrix after so many steps.
+const LOOK: usize = 5;
+/// Relative size of the residual at which the eigenvalue is known.
+const KNOWN: f64 = 1e-10;
+
+/// The upper end of a spectrum.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Largest {
+    /// The largest Ritz value: a lower bound of λmax.
+    pub theta: f64,
+    /// |β_k s_k|: an eigenvalue lies within this of `theta`.
+    pub residual: f64,
+    /// θ + |β_k|: an upper bound of λmax in practice always (Zhou & Li 2011), loose before convergence.
+    pub safe: f64,
+    /// Steps taken, k.
+    pub steps: usize,
+    /// The Ritz vector (n,), of length 1.
+    pub vector: Vec<f64>,
+}
+
+/// The largest eigenvalue of the symmetric operator `apply` on vectors of `n` >= 1 numbers.
+pub fn largest(n: usize, apply: Apply<'_>) -> Largest {
+    let most = STEPS.min(n).min((KEPT / n.max(1)).max(8));
+    let mut next = scattered(n, 0);
+    normalise(&mut next);
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    loop {
+        let mut image = vec![0.0; n];
+        apply(&next, &mut image);
+        let alpha = dot(&next, &image);
+        basis.push(next);
+        alphas.push(alpha);
+        orthogonalise(&mut image, &basis);
+        let beta = normalise(&mut image);
+        let steps = basis.len();
+        // Nothing but rounding is left: the whole space of the start vector has been seen.
+        let exhausted = steps == n || beta <= 1e-14 * (alpha.abs() + betas.last().unwrap_or(&0.0));
+        let last = exhausted || steps == most;
+        if last || steps.is_multiple_of(LOOK) {
+            let beta = if exhausted { 0.0 } else { beta };
+            let (theta, s) = jacobi::largest(tridiagonal(&alphas, &betas));
+            let residual = (beta * s[steps - 1]).abs();
+            if last || residual <= KNOWN * theta.abs() {
+                let mut vector = vec![0.0; n];
+                for (weight, direction) in s.iter().zip(&basis) {
+                    add(*weight, direction, &mut vector);
+                }
+                return Largest {
+                    theta,
+                    residual,
+                    safe: theta + beta,
+                    steps,
+                    vector,
+                };
+            }
+        }
+        betas.push(beta);
+        next = image;
+    }
+}
+
+fn tridiagonal(alphas: &[f64], betas: &[f64]) -> Vec<Vec<f64>> {
+    let n = alphas.len();
+    let mut matrix = vec![vec![0.0; n]; n];
+    for (i, alpha) in alphas.iter().enumerate() {
+        matrix[i][i] = *alpha;
+    }
+    for (i, beta) in betas.iter().enumerate() {
+        (matrix[i][i + 1], matrix[i + 1][i]) = (*beta, *beta);
+    }
+    matrix
+}

@@ -1,0 +1,224 @@
+use super::*;
+use crate::maths::sin;
+use proptest::prelude::*;
+use std::f64::consts::PI;
+
+/// Springs (a, b, k); b of none is the ground.
+type Springs = Vec<(usize, Option<usize>, f64)>;
+
+fn operator(springs: &Springs) -> impl FnMut(&[f64], &mut [f64]) {
+    move |x, y| {
+        y.fill(0.0);
+        for (a, b, k) in springs {
+            let force = k * (x[*a] - b.map_or(0.0, |b| x[b]));
+            y[*a] += force;
+            if let Some(b) = b {
+                y[*b] -= force;
+            }
+        }
+    }
+}
+
+fn dense(n: usize, springs: &Springs) -> Vec<f64> {
+    let mut apply = operator(springs);
+    let mut matrix = nalgebra::DMatrix::zeros(n, n);
+    for i in 0..n {
+        let mut unit = vec![0.0; n];
+        unit[i] = 1.0;
+        let mut column = vec![0.0; n];
+        apply(&unit, &mut column);
+        matrix.set_column(i, &nalgebra::DVector::from_vec(column));
+    }
+    let mut values: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+fn string(n: usize, fixed: bool) -> Springs {
+    let mut springs: Springs = (1..n).map(|i| (i - 1, Some(i), 1.0)).collect();
+    if fixed {
+        springs.extend([(0, None, 1.0), (n - 1, None, 1.0)]);
+    }
+    springs
+}
+
+fn close(a: f64, b: f64, tolerance: f64) -> bool {
+    (a - b).abs() <= tolerance * b.abs()
+}
+
+fn of_sine(angle: f64) -> f64 {
+    4.0 * sin(angle) * sin(angle)
+}
+
+fn residual(springs: &Springs, mode: &Mode) -> f64 {
+    let mut image = vec![0.0; mode.vector.len()];
+    operator(springs)(&mode.vector, &mut image);
+    vector::add(-mode.lambda, &mode.vector, &mut image);
+    vector::norm(&image)
+}
+
+#[test]
+fn strings_match_closed_forms() {
+    for n in [1, 2, 3, 7, 60, 1_000, 5_000] {
+        let wide = 2.0 * (n as f64 + 1.0);
+        let fixed = string(n, true);
+        let mode = lowest(n, &mut operator(&fixed), &[]).expect("fixed");
+        let closed = of_sine(PI / wide);
+        assert!(
+            close(mode.lambda, closed, 1e-13),
+            "{n}: {} {closed}",
+            mode.lambda
+        );
+        let free = string(n, false);
+        let mode = lowest(n, &mut operator(&free), &[vec![1.0; n]]);
+        assert_eq!(mode.is_none(), n == 1);
+        if let Some(mode) = mode {
+            let closed = of_sine(PI / (2.0 * n as f64));
+            assert!(
+                close(mode.lambda, closed, 1e-13),
+                "{n}: {} {closed}",
+                mode.lambda
+            );
+            assert!(residual(&free, &mode) <= 1e-7 * closed);
+        }
+        if n > 1 {
+            let Largest {
+                theta,
+                residual,
+                safe,
+                ..
+            } = largest(n, &mut operator(&fixed));
+            let closed = of_sine(PI / 2.0 * n as f64 / (n as f64 + 1.0));
+            assert!(
+                theta <= closed * (1.0 + 1e-14) && safe >= closed * (1.0 - 1e-14),
+                "{n}"
+            );
+            assert!(
+                (closed - theta) <= f64::max(residual, 1e-13),
+                "{n}: {theta} {residual}"
+            );
+        }
+    }
+}
+
+#[test]
+fn modes_of_a_string_and_of_a_membrane() {
+    let n = 300;
+    let fixed = string(n, true);
+    let modes = lowest_modes(n, &mut operator(&fixed), &[], 50);
+    assert_eq!(modes.len(), 50);
+    for (i, mode) in modes.iter().enumerate() {
+        let closed = of_sine((i + 1) as f64 * PI / (2.0 * (n as f64 + 1.0)));
+        assert!(
+            close(mode.lambda, closed, 1e-12),
+            "{i}: {} {closed}",
+            mode.lambda
+        );
+    }
+    // A square membrane's modes come in pairs of one frequency: λ is a sum of two strings'.
+    let side = 21;
+    let mut springs: Springs = Vec::new();
+    for i in 0..side * side {
+        if i % side > 0 {
+            springs.push((i - 1, Some(i), 1.0));
+        }
+        if i >= side {
+            springs.push((i - side, Some(i), 1.0));
+        }
+    }
+    let one = |i: usize| of_sine(i as f64 * PI / (2.0 * side as f64));
+    let mut closed: Vec<f64> = (0..side * side)
+        .map(|i| one(i / side) + one(i % side))
+        .collect();
+    closed.sort_by(f64::total_cmp);
+    let null = [vec![1.0; side * side]];
+    let modes = lowest_modes(side * side, &mut operator(&springs), &null, 30);
+    for (mode, closed) in modes.iter().zip(&closed[1..]) {
+        assert!(
+            close(mode.lambda, *closed, 1e-12),
+            "{} {closed}",
+            mode.lambda
+        );
+        assert!(residual(&springs, mode) < 1e-7 * closed);
+    }
+    let first = lowest(side * side, &mut operator(&springs), &null).expect("mode");
+    assert!(close(first.lambda, closed[1], 1e-13));
+}
+
+// Two bodies nearly in tune: the lowest modes lie a ten-thousandth apart.
+#[test]
+fn modes_that_nearly_agree_are_told_apart() {
+    let n = 50;
+    let mut springs = string(n, true);
+    let second: Springs = string(n, true);
+    let shifted = |(a, b, k): &(usize, Option<usize>, f64)| (a + n, b.map(|b| b + n), k * 1.0001);
+    springs.extend(second.iter().map(shifted));
+    let mode = lowest(2 * n, &mut operator(&springs), &[]).expect("mode");
+    let closed = of_sine(PI / (2.0 * (n as f64 + 1.0)));
+    assert!(
+        close(mode.lambda, closed, 1e-13),
+        "{} {closed}",
+        mode.lambda
+    );
+    assert!(vector::norm(&mode.vector[n..]) < 1e-3);
+    let modes = lowest_modes(2 * n, &mut operator(&springs), &[], 2);
+    assert!(
+        close(modes[0].lambda, closed, 1e-12) && close(modes[1].lambda, closed * 1.0001, 1e-12)
+    );
+}
+
+#[test]
+fn a_network_without_links_has_no_frequency() {
+    let mut nothing = |_: &[f64], y: &mut [f64]| y.fill(0.0);
+    assert_eq!(largest(5, &mut nothing).theta, 0.0);
+    assert_eq!(lowest(5, &mut nothing, &[]).expect("mode").lambda, 0.0);
+    let modes = lowest_modes(5, &mut nothing, &[], 3);
+    assert!(modes.len() == 3 && modes.iter().all(|mode| mode.lambda == 0.0));
+    assert!(lowest_modes(1, &mut nothing, &[vec![1.0]], 3).is_empty());
+}
+
+/// Connected graphs: a chain with springs across it, and perhaps some to the ground.
+fn graphs() -> impl Strategy<Value = (usize, Springs, bool)> {
+    (2..40usize, any::<bool>()).prop_flat_map(|(n, grounded)| {
+        let chain = prop::collection::vec(0.1..10.0f64, n - 1);
+        let across = prop::collection::vec((0..n, 0..n, 0.1..10.0f64), 0..60);
+        let ground = prop::collection::vec((0..n, 0.1..5.0f64), usize::from(grounded) * 3);
+        (chain, across, ground).prop_map(move |(chain, across, ground)| {
+            let mut springs: Springs = chain
+                .into_iter()
+                .enumerate()
+                .map(|(i, k)| (i, Some(i + 1), k))
+                .collect();
+            springs.extend(
+                across
+                    .into_iter()
+                    .filter(|(a, b, _)| a != b)
+                    .map(|(a, b, k)| (a, Some(b), k)),
+            );
+            springs.extend(ground.into_iter().map(|(a, k)| (a, None, k)));
+            (n, springs, grounded)
+        })
+    })
+}
+
+proptest! {
+    #[test]
+    fn random_networks_match_dense_eigenvalues((n, springs, grounded) in graphs()) {
+        let values = dense(n, &springs);
+        let rigid = usize::from(!grounded);
+        let null = if grounded { Vec::new() } else { vec![vec![1.0; n]] };
+        let top = values[n - 1];
+        let Largest { theta, residual, safe, .. } = largest(n, &mut operator(&springs));
+        prop_assert!(close(theta, top, 1e-9) && residual <= 1e-9 * top, "{theta} {top}");
+        prop_assert!(safe >= top * (1.0 - 1e-12));
+        // The dense values are only right to some units of rounding of the largest.
+        let rounding = 1e-13 * top;
+        let low = lowest(n, &mut operator(&springs), &null).expect("mode").lambda;
+        prop_assert!((low - values[rigid]).abs() <= 1e-12 * low + rounding, "{low} {values:?}");
+        let modes = lowest_modes(n, &mut operator(&springs), &null, 6);
+        prop_assert_eq!(modes.len(), 6.min(n - rigid));
+        for (mode, value) in modes.iter().zip(&values[rigid..]) {
+            prop_assert!((mode.lambda - value).abs() <= 1e-12 * value + rounding);
+        }
+    }
+}

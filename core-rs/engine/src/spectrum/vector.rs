@@ -1,0 +1,81 @@
+//! Sums and combinations of long vectors, in an order that no SIMD width changes.
+
+use crate::maths::sqrt;
+
+/// Partial sums kept side by side: as many as the widest registers hold, always.
+const LANES: usize = 8;
+
+/// Sum of products.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; LANES];
+    let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
+    let tail = a_chunks.remainder().iter().zip(b_chunks.remainder());
+    let tail = tail.fold(0.0, |sum, (a, b)| sum + a * b);
+    for (a, b) in a_chunks.zip(b_chunks) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    let [s0, s1, s2, s3, s4, s5, s6, s7] = sums;
+    ((s0 + s4) + (s2 + s6)) + ((s1 + s5) + (s3 + s7)) + tail
+}
+
+/// y += factor·x.
+pub(super) fn add(factor: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += factor * x;
+    }
+}
+
+/// Length.
+pub(super) fn norm(x: &[f64]) -> f64 {
+    sqrt(dot(x, x))
+}
+
+/// Bring to length 1; says the length it had. A zero vector stays.
+pub(super) fn normalise(x: &mut [f64]) -> f64 {
+    let length = norm(x);
+    if length > 0.0 {
+        x.iter_mut().for_each(|x| *x /= length);
+    }
+    length
+}
+
+/// Take away the parts along the orthonormal `basis`; twice, which leaves rounding only (Kahan, Parlett).
+pub(super) fn orthogonalise(x: &mut [f64], basis: &[Vec<f64>]) {
+    for _ in 0..2 {
+        for direction in basis {
+            let along = dot(direction, x);
+            add(-along, direction, x);
+        }
+    }
+}
+
+/// The orthonormal vectors that span `vectors`, those that depend on earlier ones left out.
+pub(super) fn orthonormal(vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(vectors.len());
+    for vector in vectors {
+        let mut vector = vector.clone();
+        let length = normalise(&mut vector);
+        orthogonalise(&mut vector, &basis);
+        if length > 0.0 && normalise(&mut vector) > 1e-8 {
+            basis.push(vector);
+        }
+    }
+    basis
+}
+
+/// A start vector with a part along everything: SplitMix64 (Steele, Lea, Flood 2014) of the index.
+pub(super) fn scattered(n: usize, which: usize) -> Vec<f64> {
+    let seed = (which as u64 + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    (0..n as u64)
+        .map(|i| {
+            let mut z = seed.wrapping_add((i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            z ^= z >> 31;
+            // The top 53 bits, from -1 to 1.
+            (z >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        })
+        .collect()
+}

@@ -1,0 +1,55 @@
+//! What moves: everything that changes while a simulation runs, and nothing else.
+
+use crate::plan::Plan;
+
+/// Where the MATs are and what acts on them.
+#[derive(Clone, Debug)]
+pub(crate) struct Body {
+    /// Position now [m]                                   (n_mat)
+    pub(crate) x: Vec<f64>,
+    /// The last step, x[n] − x[n−1] [m]                   (n_mat)
+    pub(crate) d: Vec<f64>,
+    /// Sum of forces now [N]                              (n_mat)
+    pub(crate) force: Vec<f64>,
+    /// Force of each LIA now [N]: it pulls a towards b    (n_lia)
+    pub(crate) link: Vec<f64>,
+    /// Of the sum, what comes from outside [N]: kept for the ledger, else empty   (n_mat)
+    pub(crate) outside: Vec<f64>,
+}
+
+impl Body {
+    /// A body at positions `x` that came there by steps `d`.
+    pub(crate) fn new(plan: &Plan, x: Vec<f64>, d: Vec<f64>) -> Self {
+        Self {
+            force: vec![0.0; x.len()],
+            link: vec![0.0; plan.n_lia],
+            outside: Vec::new(),
+            x,
+            d,
+        }
+    }
+
+    /// Push a MAT from outside: a hand, a strike, a weight.
+    pub(crate) fn push(&mut self, mat: usize, force: f64) {
+        self.force[mat] += force;
+        if let Some(outside) = self.outside.get_mut(mat) {
+            *outside += force;
+        }
+    }
+
+    /// Take over another body's motion without allocating.
+    pub(crate) fn copy_motion(&mut self, other: &Self) {
+        self.x.copy_from_slice(&other.x);
+        self.d.copy_from_slice(&other.d);
+    }
+}
+
+/// A MAT whose next position is imposed for this step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target {
+    pub(crate) mat: usize,
+    /// Position at the next frame [m].
+    pub(crate) x: f64,
+    /// Position at this frame [m], kept by the MAT phase.
+    pub(crate) was: f64,
+}

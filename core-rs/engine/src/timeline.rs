@@ -1,0 +1,345 @@
+//! What will happen, by sample index.
+
+use crate::cell::Cell;
+use crate::chance::Chance;
+use crate::gesture::placed::Placed;
+use crate::gesture::script::Gesture;
+use crate::network::{MatKind, Network};
+use crate::state::{Body, Target};
+use crate::units::Rate;
+
+/// Couplings fade in and out over this time [s], rounded up to the grid.
+const FADE: f64 = 0.02;
+/// What needs a calendar begins at multiples of this many frames.
+pub const GRID: u64 = 64;
+
+/// Most pushes of one piece: 32 bytes each.
+const STRIKES_MAX: usize = 50_000_000;
+
+/// A rain of strikes.
+#[derive(Clone, Copy, Debug)]
+pub struct Rain {
+    /// Strikes a second for each MAT [Hz].
+    pub rate: f64,
+    /// From when [s].
+    pub start: f64,
+    /// Until when [s].
+    pub stop: f64,
+    /// Weakest and strongest impulse [N·s].
+    pub impulse: (f64, f64),
+    /// Place in the score.
+    pub source: u32,
+}
+
+/// Why strikes are refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum StrikeError {
+    /// A rain of more strikes than a piece can hold.
+    #[error("more than {STRIKES_MAX} strikes: lower the rate, the span, or the number of members")]
+    TooMany,
+    /// An instant before the piece.
+    #[error("a strike falls in the piece, at 0 s or later, not at {0} s")]
+    Before(f64),
+    /// A number that is no number, or a mass that is none.
+    #[error("{0} must be a finite number{1}, not {2}")]
+    Value(&'static str, &'static str, f64),
+}
+
+/// A force on a MAT at one frame: part of a strike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Push {
+    pub(crate) frame: u64,
+    /// Instant of the strike [s], which may lie between frames.
+    pub(crate) at: f64,
+    pub(crate) mat: u32,
+    pub(crate) source: u32,
+    /// Force [N].
+    pub(crate) force: f64,
+    /// Impulse of the whole strike [N·s] at its first push; 0 at its second.
+    pub(crate) impulse: f64,
+}
+
+/// An ergon given by its mass and speed: its impulse depends on what it meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ergon {
+    pub(crate) frame: u64,
+    pub(crate) mat: u32,
+    pub(crate) source: u32,
+    pub(crate) mass: f64,
+    pub(crate) speed: f64,
+}
+
+/// A link that acts only for a time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gate {
+    pub(crate) link: usize,
+    /// `None`: open from the beginning.
+    start: Option<u64>,
+    stop: Option<u64>,
+    fade: u64,
+}
+
+/// What a drive gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveKind {
+    /// An imposed position (ENX).
+    Position,
+    /// An imposed force (ENF).
+    Force,
+}
+
+/// A constant or a take that moves or pushes a MAT.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    pub(crate) mat: usize,
+    pub(crate) kind: DriveKind,
+    pub(crate) source: Source,
+}
+
+/// Where a drive's values come from.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// One value for ever [m or N].
+    Constant(f64),
+    /// A placed take: before it its first value, after it its last.
+    Take(Placed),
+}
+
+/// A key: where ergons strike.
+#[derive(Clone, Debug)]
+pub struct Key {
+    pub(crate) name: String,
+    pub(crate) struck: usize,
+}
+
+/// Everything that will happen to a network.
+#[derive(Clone, Debug)]
+pub struct Timeline {
+    /// Frames a second.
+    pub rate: Rate,
+    pub(crate) keys: Vec<Key>,
+    pub(crate) gestures: Vec<Gesture>,
+    pub(crate) pushes: Vec<Push>,
+    pub(crate) ergons: Vec<Ergon>,
+    pub(crate) gates: Vec<Gate>,
+    pub(crate) drives: Vec<Drive>,
+}
+
+impl Drive {
+    /// Value at frame `n` [m or N].
+    pub(crate) fn value(&self, n: u64, rate: f64) -> f64 {
+        match &self.source {
+            Source::Constant(value) => *value,
+            Source::Take(path) => path.at(n as f64 / rate).0,
+        }
+    }
+
+    /// Push the MAT at frame `n`, or impose where it is at frame n + 1.
+    pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
+        match self.kind {
+            DriveKind::Force => body.push(self.mat, self.value(n, rate)),
+            DriveKind::Position => {
+                targets.push(Target {
+                    mat: self.mat,
+                    x: self.value(n + 1, rate),
+                    was: 0.0,
+                });
+            }
+        }
+    }
+}
+
+impl Gate {
+    /// How far the gate is open at frame `n`: 0 to 1, by 3u² − 2u³ so that no force jumps.
+    pub(crate) fn open(&self, n: u64) -> f64 {
+        let risen = self.start.map_or(1.0, |start| self.ramp(n, start));
+        let fallen = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
+        risen - fallen
+    }
+
+    fn ramp(&self, n: u64, start: u64) -> f64 {
+        let u = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
+        u * u * (3.0 - 2.0 * u)
+    }
+}
+
+/// The frame that an instant falls on.
+pub(crate) fn frame(t: f64, rate: f64) -> u64 {
+    (t * rate + 0.5).max(0.0) as u64
+}
+
+impl Timeline {
+    /// An empty timeline at `rate`.
+    pub fn new(rate: Rate) -> Self {
+        Self {
+            rate,
+            keys: Vec::new(),
+            gestures: Vec::new(),
+            pushes: Vec::new(),
+            ergons: Vec::new(),
+            gates: Vec::new(),
+            drives: Vec::new(),
+        }
+    }
+
+    /// Add a key; returns its index.
+    pub fn key(&mut self, name: &str, struck: usize) -> usize {
+        self.keys.push(Key {
+            name: name.to_owned(),
+            struck,
+        });
+        self.keys.len() - 1
+    }
+
+    /// Add a gesture; returns its index.
+    pub fn gesture(&mut self, gesture: Gesture) -> usize {
+        self.gestures.push(gesture);
+        self.gestures.len() - 1
+    }
+
+    /// Lowest and highest position of a gesture's written points and paths [m].
+    pub fn range_of(&self, gesture: usize) -> Option<(f64, f64)> {
+        self.gestures.get(gesture).map(Gesture::range)
+    }
+
+    /// Strike a MAT with an impulse [N·s] at an instant [s].
+    ///
+    /// On a key and under `ca` it acts in one step. An isolated CEL takes it between samples so that
+    /// every later sample is exact; any other MAT by the linear split, which keeps the impulse and
+    /// its first moment.
+    pub fn strike(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        at: f64,
+        impulse: f64,
+        source: u32,
+    ) -> Result<(), StrikeError> {
+        finite("impulse", impulse)?;
+        instant(at)?;
+        let rate = self.rate.hertz();
+        let mut push = |frame: u64, force: f64, impulse: f64| {
+            if force != 0.0 {
+                self.pushes.push(Push {
+                    frame,
+                    at,
+                    mat: mat as u32,
+                    source,
+                    force,
+                    impulse,
+                });
+            }
+        };
+        let mats = network.mats();
+        let part = mats.part[mat];
+        let ca = network
+            .parts()
+            .get(part as usize)
+            .is_some_and(|part| part.ca_rate.is_some());
+        let key = self.keys.iter().any(|key| mats.part[key.struck] == part);
+        if ca || key {
+            push(frame(at, rate), impulse * rate, impulse);
+            return Ok(());
+        }
+        let n = (at * rate).max(0.0) as u64;
+        let alpha = (at * rate - n as f64).clamp(0.0, 1.0);
+        let [p0, p1] = if mats.kind[mat] == MatKind::Cel && network.degree(mat) == 0 {
+            Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]).split(impulse, alpha, self.rate)
+        } else {
+            [(1.0 - alpha) * impulse * rate, alpha * impulse * rate]
+        };
+        push(n, p0, impulse);
+        push(n + 1, p1, 0.0);
+        Ok(())
+    }
+
+    /// Strike each MAT by a Poisson process of its own, of `rate` [Hz] from `start` to `stop` [s], with
+    /// impulses [N·s] drawn uniformly between two; member i draws from `chance(i)` alone. Returns the
+    /// number of strikes.
+    pub fn rain(
+        &mut self,
+        network: &Network,
+        mats: &[usize],
+        rain: &Rain,
+        chance: impl Fn(u64) -> Chance,
+    ) -> Result<u64, StrikeError> {
+        let mut n_strikes = 0;
+        for (member, &mat) in mats.iter().enumerate() {
+            let mut chance = chance(member as u64);
+            let mut times = chance.poisson_times(rain.rate, rain.start, rain.stop);
+            while let Some(at) = times.next() {
+                let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
+                self.strike(network, mat, at, impulse, rain.source)?;
+                n_strikes += 1;
+                if self.pushes.len() > STRIKES_MAX {
+                    return Err(StrikeError::TooMany);
+                }
+            }
+        }
+        Ok(n_strikes)
+    }
+
+    /// Meet a MAT with an ergon of a mass [kg] and speed [m/s] at an instant [s].
+    pub fn ergon(
+        &mut self,
+        mat: usize,
+        at: f64,
+        mass: f64,
+        speed: f64,
+        source: u32,
+    ) -> Result<(), StrikeError> {
+        instant(at)?;
+        finite("speed", speed)?;
+        if !(mass > 0.0 && mass.is_finite()) {
+            return Err(StrikeError::Value("mass", " above 0", mass));
+        }
+        let frame = frame(at, self.rate.hertz());
+        self.ergons.push(Ergon {
+            frame,
+            mat: mat as u32,
+            source,
+            mass,
+            speed,
+        });
+        Ok(())
+    }
+
+    /// Let a LIA act only from `start` to `stop` [s], with fades that begin on the grid.
+    pub fn couple(&mut self, link: usize, start: f64, stop: Option<f64>) {
+        let on_grid = |t: f64| frame(t, self.rate.hertz()).div_ceil(GRID) * GRID;
+        // A coupling that is there from the beginning does not fade in.
+        let start = if start <= 0.0 {
+            None
+        } else {
+            Some(on_grid(start))
+        };
+        let fade = ((FADE * self.rate.hertz()) as u64).div_ceil(GRID).max(1) * GRID;
+        self.gates.push(Gate {
+            link,
+            start,
+            stop: stop.map(on_grid),
+            fade,
+        });
+    }
+
+    /// Drive a MAT by a constant or a take.
+    pub fn drive(&mut self, mat: usize, kind: DriveKind, source: Source) {
+        self.drives.push(Drive { mat, kind, source });
+    }
+}
+
+fn finite(what: &'static str, value: f64) -> Result<(), StrikeError> {
+    if value.is_finite() {
+        Ok(())
+    } else {
+        Err(StrikeError::Value(what, "", value))
+    }
+}
+
+fn instant(at: f64) -> Result<(), StrikeError> {
+    if at >= 0.0 && at.is_finite() {
+        Ok(())
+    } else {
+        Err(StrikeError::Before(at))
+    }
+}

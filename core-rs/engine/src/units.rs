@@ -1,0 +1,49 @@
+//! Units at the engine's doors, where a bare number could be taken for another.
+
+/// Samples in a second; its inverse is the step T.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct Rate(f64);
+
+/// A rate that is none.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("A rate is a positive number of samples a second, not {0}.")]
+pub struct RateError(f64);
+
+impl Rate {
+    /// A rate in Hz.
+    ///
+    /// # Errors
+    /// [`RateError`] unless it is positive and finite, and its inverse too.
+    pub fn new(hertz: f64) -> Result<Self, RateError> {
+        let sound = hertz > 0.0 && hertz.is_finite() && (1.0 / hertz).is_normal();
+        if sound {
+            Ok(Self(hertz))
+        } else {
+            Err(RateError(hertz))
+        }
+    }
+
+    /// Samples in a second [Hz].
+    pub fn hertz(self) -> f64 {
+        self.0
+    }
+
+    /// The step T [s].
+    pub fn step(self) -> f64 {
+        1.0 / self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_is_positive() {
+        assert_eq!(Rate::new(44_100.0).map(Rate::hertz), Ok(44_100.0));
+        assert_eq!(Rate::new(4.0).map(Rate::step), Ok(0.25));
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-310] {
+            assert!(Rate::new(bad).is_err(), "{bad}");
+        }
+    }
+}
