@@ -3,7 +3,19 @@
 //! A function here does three things: check shapes, let go of the GIL, call the engine. Anything
 //! longer belongs in `ergon-engine`.
 
+mod chance;
+mod error;
+mod frames;
+mod law;
+mod limiter;
 mod maths;
+mod meter;
+mod mixer;
+mod network;
+mod pcm;
+mod simulation;
+mod take;
+mod timeline;
 
 use pyo3::prelude::*;
 
@@ -11,7 +23,29 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
+    use super::chance::Chance;
+    #[pymodule_export]
+    use super::error::{DivergedError, EngineError, LawError, UnstableError};
+    #[pymodule_export]
+    use super::law::Law;
+    #[pymodule_export]
+    use super::limiter::Limiter;
+    #[pymodule_export]
     use super::maths::{decibels, exp, ln, pow};
+    #[pymodule_export]
+    use super::meter::Meter;
+    #[pymodule_export]
+    use super::mixer::Mixer;
+    #[pymodule_export]
+    use super::network::{Certificate, Network};
+    #[pymodule_export]
+    use super::pcm::{pcm, single};
+    #[pymodule_export]
+    use super::simulation::{Energy, Report, Simulation, Snapshot};
+    #[pymodule_export]
+    use super::take::Take;
+    #[pymodule_export]
+    use super::timeline::Timeline;
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

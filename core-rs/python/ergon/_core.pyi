@@ -5,14 +5,14 @@ SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, final
+from typing import Literal, Self, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
 
-Floats = NDArray[np.float64]
+_Floats = NDArray[np.float64]
 
 class EngineError(ValueError):
     """A network, law or timeline that the engine will not run."""
@@ -27,6 +27,7 @@ class LawError(EngineError):
 
     offset: int
     length: int
+    suggestion: str | None
 
 class DivergedError(EngineError):
     """A part went non-finite while it ran; `frame` is the sample index."""
@@ -45,7 +46,7 @@ def decibels(level: float) -> float:
 class Chance:
     """PCG64 keyed by SHA-256 of (seed, kind, name, member, occurrence): no draw depends on another."""
 
-    def __init__(self, seed: int, kind: str, name: str, member: int, occurrence: int) -> None: ...
+    def __new__(cls, seed: int, kind: str, name: str, member: int, occurrence: int) -> Self: ...
     def uniform(self, low: float, high: float) -> float: ...
     def logarithmic(self, low: float, high: float) -> float: ...
     def exponential(self, mean: float) -> float: ...
@@ -62,14 +63,14 @@ class Law:
     "law" or "damping").
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         expression: str | None = None,
         damping: str | None = None,
-        constants: Mapping[str, float] = ...,
+        constants: Mapping[str, float] | None = None,
         points: Sequence[tuple[float, float]] | None = None,
         reach: float = 1.0,
-    ) -> None: ...
+    ) -> Self: ...
     def force(self, d: float, v: float = 0.0) -> float:
         """Force at elongation d [m] and its rate v [m/s]."""
     def potential(self, d: float) -> float:
@@ -86,7 +87,7 @@ class Network:
     whose name is "" bears the name of its part.
     """
 
-    def __init__(self) -> None: ...
+    def __new__(cls) -> Self: ...
     n_mat: int
     n_lia: int
     n_out: int
@@ -168,7 +169,7 @@ class Network:
         a: int,
         b: int,
         *,
-        K: float,
+        K: float = 0.0,
         Z: float = 0.0,
         gap: float = 0.0,
         side: Literal["below", "above"] = "below",
@@ -187,12 +188,14 @@ class Network:
         self,
         name: str,
         *,
-        positions: Sequence[tuple[int, int, float]] = (),
-        forces: Sequence[tuple[int, int, float]] = (),
-        ground_forces: Sequence[tuple[int, int, float]] = (),
+        positions: Sequence[tuple[int, int, float]] = ...,
+        forces: Sequence[tuple[int, int, float]] = ...,
+        ground_forces: Sequence[tuple[int, int, float]] = ...,
     ) -> int:
         """An output: the sum of weight · (position of MATs / force of LIAs on their second point /
         K·(x-rest) of CELs) over ranges (first, count, weight). Returns the output's index."""
+    def name_of(self, index: int) -> str:
+        """A MAT as the composer wrote it, e.g. `gong.12`."""
     def certify(self, rate: float) -> Certificate:
         """Whether the CA scheme is stable at `rate`. Raises UnstableError, naming the module."""
     def modes(self, part: str, n_modes: int) -> list[tuple[float, float]]:
@@ -203,7 +206,7 @@ class Certificate:
     """λmax(M⁻¹(K+2Z)) < 4 (Jury; every BUT closed, every LNL at its slope at rest)."""
 
     lambda_max: float
-    method: Literal["gershgorin", "dense", "lanczos"]
+    method: Literal["gershgorin", "lanczos"]
     word: Literal["proved", "guarded"]
     oversampling: int  # ceil(sqrt(λmax/4)): 1 when stable
 
@@ -215,14 +218,14 @@ class Take:
     [Hz], forward and back. t must rise; everything finite; at most 20,000,000 samples.
     """
 
-    def __init__(
-        self,
-        t: Floats,
-        x: Floats,
+    def __new__(
+        cls,
+        t: _Floats,
+        x: _Floats,
         *,
         trim: tuple[float, float] | None = None,
         smooth: float | None = None,
-    ) -> None: ...
+    ) -> Self: ...
     duration: float
     n_samples: int
     def at(self, t: float) -> tuple[float, float, float]:
@@ -234,8 +237,8 @@ class Take:
 class Timeline:
     """What will happen, by sample index. Build it after the Network is complete (it keeps a copy)."""
 
-    def __init__(self, network: Network, rate: float) -> None: ...
-    def key(self, name: str, struck: int, *, travel: tuple[float, float] | None = None) -> int:
+    def __new__(cls, network: Network, rate: float) -> Self: ...
+    def key(self, name: str, struck: int) -> int:
         """A key: its part is copied as the free key that gestures are written for."""
     def gesture(
         self,
@@ -250,11 +253,13 @@ class Timeline:
         join: float = 0.02,
         force_limit: float | None = None,
         layer: bool = False,
-        sources: Sequence[int] = (),
+        sources: Sequence[int] = ...,
     ) -> int:
         """A narrative gesture: pass x[i] [m] at t[i] [s] of the piece; curve[i] is the way into
         point i (curve[0] is ignored). `sources[i]` is any number that comes back in the stream of
         ergons (a source place). Returns the gesture's index (reports come in that order)."""
+    def range_of(self, gesture: int) -> tuple[float, float]:
+        """Lowest and highest position of a gesture's written points and paths [m]."""
     def take(
         self,
         key: int,
@@ -353,25 +358,25 @@ class Snapshot: ...
 class Simulation:
     """Plan + State: steps frames, taps outputs, keeps the ledger."""
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         network: Network,
         timeline: Timeline,
         *,
         ledger: bool = False,
         record: bool = False,
         on_fault: Literal["stop", "mute"] = "stop",
-    ) -> None: ...
+    ) -> Self: ...
     rate: float
     frame: int
     n_out: int
-    def process(self, out: Floats) -> None:
+    def process(self, out: _Floats) -> None:
         """Fill out (n_frames, n_out), C-contiguous, with the next frames. Raises DivergedError."""
-    def positions(self) -> Floats:
+    def positions(self) -> _Floats:
         """Positions now (n_mat,) [m]."""
-    def velocities(self) -> Floats:
+    def velocities(self) -> _Floats:
         """Backward differences now (n_mat,) [m/s]."""
-    def asked(self) -> Floats:
+    def asked(self) -> _Floats:
         """Where each key's gesture wants it now, NaN when none runs (n_keys,) [m]."""
     def snapshot(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
@@ -390,32 +395,32 @@ class Simulation:
 class Mixer:
     """Routes of outputs to channels, with gains and second-order high-passes."""
 
-    def __init__(self, rate: float, n_out: int, n_channels: int) -> None: ...
+    def __new__(cls, rate: float, n_out: int, n_channels: int) -> Self: ...
     def route(self, out: int, channel: int, gain: float = 1.0, highpass: float | None = None) -> None:
         """Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2."""
-    def process(self, frames: Floats, mixed: Floats) -> None:
+    def process(self, frames: _Floats, mixed: _Floats) -> None:
         """(n_frames, n_out) -> (n_frames, n_channels)."""
 
 @final
 class Limiter:
     """Look-ahead limiter: 5 ms ahead, 50 ms release, sample peak; all channels by one gain."""
 
-    def __init__(self, rate: float, n_channels: int, ceiling: float) -> None: ...
+    def __new__(cls, rate: float, n_channels: int, ceiling: float) -> Self: ...
     latency: int
-    def process(self, frames: Floats) -> None:
+    def process(self, frames: _Floats) -> None:
         """In place, (n_frames, n_channels); what comes out is `latency` frames late."""
 
 @final
 class Meter:
     """Peak and integrated loudness (ITU-R BS.1770) of what passes."""
 
-    def __init__(self, rate: float, n_channels: int) -> None: ...
-    def process(self, frames: Floats) -> None: ...
+    def __new__(cls, rate: float, n_channels: int) -> Self: ...
+    def process(self, frames: _Floats) -> None: ...
     peak: float
     loudness: float  # LUFS; -inf for silence
 
-def pcm(frames: Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
+def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
     """frames · gain as integers in the top bits of an int32, rounded half to even, clipped."""
 
-def single(frames: Floats, gain: float) -> NDArray[np.float32]:
+def single(frames: _Floats, gain: float) -> NDArray[np.float32]:
     """frames · gain in single precision."""

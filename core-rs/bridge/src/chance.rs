@@ -1,0 +1,50 @@
+//! Keyed chance.
+
+use ergon_engine::chance;
+use pyo3::prelude::*;
+
+use crate::error::said;
+
+/// PCG64 keyed by SHA-256 of (seed, kind, name, member, occurrence): no draw depends on another.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Chance(chance::Chance);
+
+#[pymethods]
+impl Chance {
+    #[new]
+    fn new(seed: i128, kind: &str, name: &str, member: u64, occurrence: u64) -> Self {
+        Self(chance::Chance::new(seed, kind, name, member, occurrence))
+    }
+
+    /// A number from low to high, all as likely.
+    fn uniform(&mut self, low: f64, high: f64) -> PyResult<f64> {
+        check(
+            low.is_finite() && high.is_finite(),
+            "uniform draws between two finite numbers",
+        )?;
+        Ok(self.0.uniform(low, high))
+    }
+
+    /// A number from low to high, both above zero, every octave as likely.
+    fn logarithmic(&mut self, low: f64, high: f64) -> PyResult<f64> {
+        let fit = low > 0.0 && high > 0.0 && low.is_finite() && high.is_finite();
+        check(
+            fit,
+            "logarithmic draws between two finite numbers above zero",
+        )?;
+        Ok(self.0.logarithmic(low, high))
+    }
+
+    /// A waiting time with this mean.
+    fn exponential(&mut self, mean: f64) -> PyResult<f64> {
+        check(
+            mean >= 0.0 && mean.is_finite(),
+            "exponential needs a finite mean, not below zero",
+        )?;
+        Ok(self.0.exponential(mean))
+    }
+}
+
+fn check(fit: bool, sentence: &'static str) -> PyResult<()> {
+    if fit { Ok(()) } else { Err(said(sentence)) }
+}

@@ -1,0 +1,35 @@
+//! The last thing before the loudspeakers.
+
+use ergon_engine::mix::limiter;
+use numpy::PyReadwriteArray2;
+use pyo3::prelude::*;
+
+use crate::error::said;
+use crate::frames::rows_mut;
+
+/// Look-ahead limiter: 5 ms ahead, 50 ms release, sample peak; all channels by one gain.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Limiter(limiter::Limiter);
+
+#[pymethods]
+impl Limiter {
+    #[new]
+    fn new(rate: f64, n_channels: usize, ceiling: f64) -> PyResult<Self> {
+        limiter::Limiter::new(rate, n_channels, ceiling)
+            .map(Self)
+            .map_err(said)
+    }
+
+    /// How many frames what comes out is late.
+    #[getter]
+    fn latency(&self) -> usize {
+        self.0.latency()
+    }
+
+    /// In place, (n_frames, n_channels); what comes out is `latency` frames late.
+    fn process(&mut self, py: Python<'_>, mut frames: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
+        let frames = rows_mut(&mut frames, "frames", self.0.n_channels())?;
+        py.detach(|| self.0.process(frames));
+        Ok(())
+    }
+}

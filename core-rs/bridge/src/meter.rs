@@ -1,0 +1,39 @@
+//! How loud it is.
+
+use ergon_engine::mix::meter;
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+
+use crate::error::said;
+use crate::frames::rows;
+
+/// Peak and integrated loudness (ITU-R BS.1770) of what passes.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Meter(meter::Meter);
+
+#[pymethods]
+impl Meter {
+    #[new]
+    fn new(rate: f64, n_channels: usize) -> PyResult<Self> {
+        meter::Meter::new(rate, n_channels).map(Self).map_err(said)
+    }
+
+    /// Listen to (n_frames, n_channels).
+    fn process(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        let frames = rows(&frames, "frames", self.0.n_channels())?;
+        py.detach(|| self.0.process(frames));
+        Ok(())
+    }
+
+    /// Largest absolute sample so far.
+    #[getter]
+    fn peak(&self) -> f64 {
+        self.0.peak()
+    }
+
+    /// Integrated loudness so far [LUFS]; -inf for silence.
+    #[getter]
+    fn loudness(&self) -> f64 {
+        self.0.loudness()
+    }
+}

@@ -1,0 +1,50 @@
+//! Outputs to channels.
+
+use ergon_engine::mix::mixer;
+use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::error::said;
+use crate::frames::{rows, rows_mut};
+
+/// Routes of outputs to channels, with gains and second-order high-passes.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Mixer(mixer::Mixer);
+
+#[pymethods]
+impl Mixer {
+    #[new]
+    fn new(rate: f64, n_out: usize, n_channels: usize) -> Self {
+        Self(mixer::Mixer::new(rate, n_out, n_channels))
+    }
+
+    /// Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2.
+    #[pyo3(signature = (out, channel, gain = 1.0, highpass = None))]
+    fn route(
+        &mut self,
+        out: usize,
+        channel: usize,
+        gain: f64,
+        highpass: Option<f64>,
+    ) -> PyResult<()> {
+        self.0.route(out, channel, gain, highpass).map_err(said)
+    }
+
+    /// (n_frames, n_out) -> (n_frames, n_channels).
+    fn process(
+        &mut self,
+        py: Python<'_>,
+        frames: PyReadonlyArray2<'_, f64>,
+        mut mixed: PyReadwriteArray2<'_, f64>,
+    ) -> PyResult<()> {
+        let (n_in, n_mixed) = (frames.shape()[0], mixed.shape()[0]);
+        if n_in != n_mixed {
+            let message = format!("{n_in} frames do not mix into {n_mixed}");
+            return Err(said(message));
+        }
+        let frames = rows(&frames, "frames", self.0.n_out())?;
+        let mixed = rows_mut(&mut mixed, "mixed", self.0.n_channels())?;
+        py.detach(|| self.0.process(frames, mixed));
+        Ok(())
+    }
+}

@@ -1,0 +1,422 @@
+//! Networks: what is.
+
+use std::sync::Arc;
+
+use ergon_engine::generator;
+use ergon_engine::generator::{Ends, Shape};
+use ergon_engine::network::{self, But, Contact, Side, Term, Tie};
+use ergon_engine::plan::{Means, Plan, Word};
+use pyo3::prelude::*;
+
+use crate::error::{from_engine, hertz, refused, word};
+use crate::law::Law;
+
+/// (first, count, weight) of modules in an output.
+type Ranges = Vec<(usize, usize, f64)>;
+
+/// What is: MATs and LIAs with SI parameters, grouped into named parts.
+#[pyclass(module = "ergon._core")]
+#[derive(Default)]
+pub(crate) struct Network(pub(crate) network::Network);
+
+#[pymethods]
+impl Network {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    #[getter]
+    fn n_mat(&self) -> usize {
+        self.0.n_mat()
+    }
+
+    #[getter]
+    fn n_lia(&self) -> usize {
+        self.0.n_lia()
+    }
+
+    #[getter]
+    fn n_out(&self) -> usize {
+        self.0.outputs().len()
+    }
+
+    /// Start a part: modules added from now on belong to it.
+    #[pyo3(signature = (name, *, ca_rate=None))]
+    fn part(&mut self, py: Python<'_>, name: &str, ca_rate: Option<f64>) -> PyResult<()> {
+        let ca_rate = ca_rate.map(|rate| hertz(py, rate)).transpose()?;
+        self.0.part(name, ca_rate);
+        Ok(())
+    }
+
+    #[pyo3(signature = (name, *, M, X0=0.0, V0=0.0))]
+    #[allow(non_snake_case)] // the field's names
+    fn mas(&mut self, py: Python<'_>, name: &str, M: f64, X0: f64, V0: f64) -> PyResult<usize> {
+        self.0
+            .mas(name, M, X0, V0)
+            .map_err(|error| from_engine(py, error))
+    }
+
+    #[pyo3(signature = (name, *, X0=0.0))]
+    #[allow(non_snake_case)]
+    fn sol(&mut self, py: Python<'_>, name: &str, X0: f64) -> PyResult<usize> {
+        self.0.sol(name, X0).map_err(|error| from_engine(py, error))
+    }
+
+    /// A MAS tied to the ground, by K and Z, or by its damped frequency f and decay t60.
+    #[pyo3(signature = (name, *, M, K=None, Z=None, f=None, t60=None, X0=0.0, V0=0.0, rest=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn cel(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        M: f64,
+        K: Option<f64>,
+        Z: Option<f64>,
+        f: Option<f64>,
+        t60: Option<f64>,
+        X0: f64,
+        V0: f64,
+        rest: f64,
+    ) -> PyResult<usize> {
+        let tie = match (K, Z, f, t60) {
+            (k, z, None, None) => Tie::Physical {
+                k: k.unwrap_or(0.0),
+                z: z.unwrap_or(0.0),
+            },
+            (None, None, Some(f), t60) => Tie::Tuned { f, t60 },
+            _ => {
+                return Err(refused(
+                    py,
+                    name,
+                    "a CEL has K and Z, or f and t60, not both",
+                ));
+            }
+        };
+        self.0
+            .cel(name, M, tie, rest, X0, V0)
+            .map_err(|error| from_engine(py, error))
+    }
+
+    /// A row of MAS, tuned so that its lowest mode is f.
+    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, hardening=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn string(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        masses: usize,
+        M: f64,
+        f: f64,
+        t60: Option<f64>,
+        ends: &str,
+        stiffness: f64,
+        hardening: f64,
+    ) -> PyResult<usize> {
+        let ends = word(
+            py,
+            "ends",
+            ends,
+            &[
+                ("fixed", Ends::Fixed),
+                ("free", Ends::Free),
+                ("left", Ends::Left),
+            ],
+        )?;
+        py.detach(|| {
+            let topology =
+                generator::string(masses, ends, stiffness).map_err(|error| error.to_string())?;
+            Ok(self.0.mesh(name, &topology, M, f, t60, hardening))
+        })
+        .map_err(|message: String| refused(py, name, &message))?
+        .map_err(|error| from_engine(py, error))
+    }
+
+    /// A mesh, tuned so that its lowest non-rigid mode is f.
+    #[pyo3(signature = (name, *, shape, radius, M, f, t60=None, rim="free", hardening=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn plate(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        shape: &str,
+        radius: usize,
+        M: f64,
+        f: f64,
+        t60: Option<f64>,
+        rim: &str,
+        hardening: f64,
+    ) -> PyResult<usize> {
+        let shape = word(
+            py,
+            "shape",
+            shape,
+            &[("hex", Shape::Hex), ("square", Shape::Square)],
+        )?;
+        let rim = word(
+            py,
+            "rim",
+            rim,
+            &[
+                ("free", generator::Rim::Free),
+                ("fixed", generator::Rim::Fixed),
+            ],
+        )?;
+        py.detach(|| {
+            let topology =
+                generator::plate(shape, radius, rim).map_err(|error| error.to_string())?;
+            Ok(self.0.mesh(name, &topology, M, f, t60, hardening))
+        })
+        .map_err(|message: String| refused(py, name, &message))?
+        .map_err(|error| from_engine(py, error))
+    }
+
+    /// Many CELs with frequencies over a range.
+    #[pyo3(signature = (name, *, count, M, f, t60, spread="even", place="line", seed=0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn bank(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        count: usize,
+        M: f64,
+        f: (f64, f64),
+        t60: (f64, f64),
+        spread: &str,
+        place: &str,
+        seed: i128,
+    ) -> PyResult<usize> {
+        let spread = word(
+            py,
+            "spread",
+            spread,
+            &[
+                ("even", generator::Spread::Even),
+                ("random", generator::Spread::Random),
+            ],
+        )?;
+        let place = word(
+            py,
+            "place",
+            place,
+            &[
+                ("line", generator::Place::Line),
+                ("spiral", generator::Place::Spiral),
+            ],
+        )?;
+        py.detach(|| {
+            self.0.bank(
+                name,
+                M,
+                &generator::BankForm {
+                    count,
+                    f,
+                    t60,
+                    spread,
+                    place,
+                },
+                seed,
+            )
+        })
+        .map_err(|error| from_engine(py, error))
+    }
+
+    /// How many MATs the module that begins at index `first` has.
+    fn count(&self, first: usize) -> usize {
+        self.0.count(first)
+    }
+
+    /// Index of the middle MAT of the module that begins at `first`.
+    fn centre(&self, first: usize) -> usize {
+        self.0.centre(first)
+    }
+
+    /// Set the initial position and velocity of one MAT.
+    #[allow(non_snake_case)]
+    fn start(&mut self, py: Python<'_>, index: usize, X0: f64, V0: f64) -> PyResult<()> {
+        self.there(py, index)?;
+        self.0.start(index, X0, V0);
+        Ok(())
+    }
+
+    /// Where the MAT lies on the bench [m].
+    fn position_of(&self, py: Python<'_>, index: usize) -> PyResult<(f64, f64)> {
+        self.there(py, index)?;
+        let [x, y] = self.0.mats().place[index];
+        Ok((x, y))
+    }
+
+    /// Spring and damper between two MATs.
+    #[pyo3(signature = (name, a, b, *, K=0.0, Z=0.0, rest=0.0))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn r#ref(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        a: usize,
+        b: usize,
+        K: f64,
+        Z: f64,
+        rest: f64,
+    ) -> PyResult<usize> {
+        self.0
+            .spring(name, a, b, K, Z, rest)
+            .map_err(|error| from_engine(py, error))
+    }
+
+    /// One-sided contact of the striker a on b.
+    #[pyo3(signature = (name, a, b, *, K=0.0, Z=0.0, gap=0.0, side="below", contact="plain", restitution=1.0, exponent=1.0, clamp=false, steps=2))]
+    #[allow(non_snake_case, clippy::too_many_arguments)]
+    fn but(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        a: usize,
+        b: usize,
+        K: f64,
+        Z: f64,
+        gap: f64,
+        side: &str,
+        contact: &str,
+        restitution: f64,
+        exponent: f64,
+        clamp: bool,
+        steps: u32,
+    ) -> PyResult<usize> {
+        let side = word(
+            py,
+            "side",
+            side,
+            &[("below", Side::Below), ("above", Side::Above)],
+        )?;
+        let kinds = [
+            ("plain", Contact::Plain),
+            ("exact", Contact::Exact),
+            ("magic", Contact::Magic),
+        ];
+        let contact = word(py, "contact", contact, &kinds)?;
+        let but = But {
+            k: K,
+            z: Z,
+            gap,
+            side,
+            contact,
+            restitution,
+            steps,
+            exponent,
+            clamp,
+        };
+        self.0
+            .but(name, a, b, but)
+            .map_err(|error| from_engine(py, error))
+    }
+
+    /// A non-linear link.
+    #[pyo3(signature = (name, a, b, law, *, rest=0.0))]
+    fn lnl(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        a: usize,
+        b: usize,
+        law: &Law,
+        rest: f64,
+    ) -> PyResult<usize> {
+        self.0
+            .lnl(name, a, b, Arc::new(law.0.clone()), rest)
+            .map_err(|error| from_engine(py, error))
+    }
+
+    /// The MAT's position is imposed (ENX).
+    fn impose(&mut self, py: Python<'_>, index: usize) -> PyResult<()> {
+        self.there(py, index)?;
+        self.0.impose(index);
+        Ok(())
+    }
+
+    /// An output: a weighted sum over ranges of modules.
+    #[pyo3(signature = (name, *, positions=Vec::new(), forces=Vec::new(), ground_forces=Vec::new()))]
+    fn listen(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        positions: Ranges,
+        forces: Ranges,
+        ground_forces: Ranges,
+    ) -> PyResult<usize> {
+        let terms =
+            |ranges: Ranges, term: fn((usize, usize, f64)) -> Term| ranges.into_iter().map(term);
+        let all = terms(positions, |(first, len, weight)| Term::Position {
+            first,
+            len,
+            weight,
+        })
+        .chain(terms(forces, |(first, len, weight)| Term::Force {
+            first,
+            len,
+            weight,
+        }))
+        .chain(terms(ground_forces, |(first, len, weight)| Term::Ground {
+            first,
+            len,
+            weight,
+        }));
+        self.0
+            .listen(name, all.collect())
+            .map_err(|error| from_engine(py, error))
+    }
+
+    /// A MAT as the composer wrote it.
+    fn name_of(&self, index: usize) -> String {
+        self.0.mat_name(index)
+    }
+
+    /// Lowest modes of a part as (f, t60) of the continuous network.
+    fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<(f64, f64)>> {
+        let index = self.0.parts().iter().position(|known| known.name == part);
+        let index = index.ok_or_else(|| refused(py, part, "there is no such part"))?;
+        let tones = py.detach(|| self.0.tones(index, n_modes));
+        Ok(tones.iter().map(|tone| (tone.f, tone.t60)).collect())
+    }
+
+    /// Whether the CA scheme is stable at `rate`.
+    fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
+        let rate = hertz(py, rate)?;
+        let certificate = py.detach(|| Plan::new(&self.0, rate)?.certify(&self.0));
+        let certificate = certificate.map_err(|error| from_engine(py, error))?;
+        Ok(Certificate {
+            lambda_max: certificate.lambda_max,
+            method: match certificate.means {
+                Means::Gershgorin => "gershgorin",
+                Means::Lanczos => "lanczos",
+            },
+            word: match certificate.word {
+                Word::Proved => "proved",
+                Word::Guarded => "guarded",
+            },
+            oversampling: certificate.oversampling(),
+        })
+    }
+}
+
+impl Network {
+    fn there(&self, py: Python<'_>, index: usize) -> PyResult<()> {
+        if index < self.0.n_mat() {
+            return Ok(());
+        }
+        Err(refused(
+            py,
+            &format!("#{index}"),
+            &format!("there are {} MATs", self.0.n_mat()),
+        ))
+    }
+}
+
+/// A stability certificate.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct Certificate {
+    lambda_max: f64,
+    method: &'static str,
+    word: &'static str,
+    oversampling: u32,
+}

@@ -1,0 +1,55 @@
+//! Samples as a file holds them.
+
+use ergon_engine::mix::pcm::{self as engine, Bits};
+use numpy::{
+    Element, IxDyn, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use crate::error::said;
+
+/// frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
+#[pyfunction]
+pub(crate) fn pcm<'py>(
+    py: Python<'py>,
+    frames: PyReadonlyArrayDyn<'py, f64>,
+    gain: f64,
+    bits: u32,
+) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
+    let bits =
+        Bits::try_from(bits).map_err(|bits| said(format!("bits must be 16 or 24, not {bits}")))?;
+    converted(py, &frames, |samples, codes| {
+        engine::pcm(samples, gain, bits, codes)
+    })
+}
+
+/// frames · gain in single precision.
+#[pyfunction]
+pub(crate) fn single<'py>(
+    py: Python<'py>,
+    frames: PyReadonlyArrayDyn<'py, f64>,
+    gain: f64,
+) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    converted(py, &frames, |samples, singles| {
+        engine::single(samples, gain, singles)
+    })
+}
+
+/// A new array of the same shape, filled from the samples in C order.
+fn converted<'py, T: Element + Default>(
+    py: Python<'py>,
+    frames: &PyReadonlyArrayDyn<'py, f64>,
+    convert: impl FnOnce(&[f64], &mut [T]) + Send,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    if !frames.is_c_contiguous() {
+        return Err(said("frames must be C-contiguous"));
+    }
+    let samples = frames.as_slice()?;
+    let array = PyArrayDyn::<T>::zeros(py, IxDyn(frames.shape()), false);
+    {
+        let mut filled = array.readwrite();
+        let values = filled.as_slice_mut()?;
+        py.detach(|| convert(samples, values));
+    }
+    Ok(array)
+}

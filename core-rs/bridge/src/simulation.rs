@@ -1,0 +1,210 @@
+//! Simulations: what moves.
+
+use ergon_engine::simulation::{self, OnFault};
+use numpy::{IntoPyArray, PyArray1, PyReadwriteArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::{from_engine, from_fault, refused, word};
+use crate::network::Network;
+use crate::timeline::Timeline;
+
+/// A moment of a simulation, to come back to.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Snapshot(simulation::Snapshot);
+
+/// Plan + State: steps frames, taps outputs, keeps the ledger.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Simulation(simulation::Simulation);
+
+#[pymethods]
+impl Simulation {
+    #[new]
+    #[pyo3(signature = (network, timeline, *, ledger=false, record=false, on_fault="stop"))]
+    fn new(
+        py: Python<'_>,
+        network: &Network,
+        timeline: &Timeline,
+        ledger: bool,
+        record: bool,
+        on_fault: &str,
+    ) -> PyResult<Self> {
+        if network.0.n_mat() != timeline.network().n_mat()
+            || network.0.n_lia() != timeline.network().n_lia()
+        {
+            return Err(refused(
+                py,
+                "timeline",
+                "it was made for another state of the network",
+            ));
+        }
+        let on_fault = word(
+            py,
+            "on_fault",
+            on_fault,
+            &[("stop", OnFault::Stop), ("mute", OnFault::Mute)],
+        )?;
+        let options = simulation::Options {
+            ledger,
+            record,
+            on_fault,
+        };
+        // The network as it is now: outputs may have been added since the timeline was made.
+        let network = std::sync::Arc::new(network.0.clone());
+        py.detach(|| simulation::Simulation::new(network, &timeline.inner, options))
+            .map(Self)
+            .map_err(|error| from_engine(py, error))
+    }
+
+    #[getter]
+    fn rate(&self) -> f64 {
+        self.0.rate()
+    }
+
+    #[getter]
+    fn frame(&self) -> u64 {
+        self.0.frame()
+    }
+
+    #[getter]
+    fn n_out(&self) -> usize {
+        self.0.n_out()
+    }
+
+    /// Fill out (n_frames, n_out) with the next frames.
+    fn process(&mut self, py: Python<'_>, mut out: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
+        let [n_frames, n_out] = [out.shape()[0], out.shape()[1]];
+        if n_out != self.0.n_out() {
+            return Err(refused(
+                py,
+                "out",
+                &format!("{n_out} columns for {} outputs", self.0.n_out()),
+            ));
+        }
+        let samples = out.as_slice_mut()?;
+        py.detach(|| {
+            if n_out == 0 {
+                self.0.skip(n_frames as u64)
+            } else {
+                self.0.process(samples)
+            }
+        })
+        .map_err(|fault| from_fault(py, fault))
+    }
+
+    /// Positions now (n_mat,) [m].
+    fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.positions().to_vec().into_pyarray(py)
+    }
+
+    /// Backward differences now (n_mat,) [m/s].
+    fn velocities<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let rate = self.0.rate();
+        let velocities: Vec<f64> = self.0.steps().iter().map(|step| step * rate).collect();
+        velocities.into_pyarray(py)
+    }
+
+    /// Where each key's gesture wants it now (n_keys,) [m].
+    fn asked<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.0.asked().into_pyarray(py)
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        Snapshot(self.0.snapshot())
+    }
+
+    fn restore(&mut self, snapshot: &Snapshot) {
+        self.0.restore(&snapshot.0);
+    }
+
+    /// The ledger.
+    fn energy(&self, py: Python<'_>) -> PyResult<Energy> {
+        let energy = self
+            .0
+            .energy()
+            .ok_or_else(|| refused(py, "energy", "the simulation was made without a ledger"))?;
+        Ok(Energy {
+            start: energy.start,
+            stored: energy.stored,
+            injected: energy.injected,
+            lost: energy.lost,
+            produced: energy.produced,
+            residual: energy.residual,
+            flow: energy.flow,
+        })
+    }
+
+    /// What became of each gesture, in the timeline's order.
+    fn reports(&self) -> Vec<Report> {
+        let reports = self.0.reports().iter().enumerate();
+        reports
+            .map(|(gesture, report)| Report {
+                gesture,
+                n_ergons: report.n_ergons,
+                start: report.start,
+                stop: report.stop,
+                worst: report.worst,
+                worst_at: report.worst_at,
+                rms: report.rms(),
+                low: report.low,
+                high: report.high,
+                strongest: report.strongest,
+                force_max: report.force_max,
+                missed: report.missed,
+                first_point_missed: report.first_point_missed,
+            })
+            .collect()
+    }
+
+    /// Ergons since the last call, as columns (n_ergons,).
+    fn ergons<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let records = self.0.take_ergons();
+        let columns = PyDict::new(py);
+        let column = |name: &str, of: &dyn Fn(&simulation::Record) -> f64| {
+            let values: Vec<f64> = records.iter().map(of).collect();
+            columns.set_item(name, values.into_pyarray(py))
+        };
+        column("time", &|record| record.time)?;
+        column("mat", &|record| f64::from(record.mat))?;
+        column("mass", &|record| record.mass)?;
+        column("speed", &|record| record.speed)?;
+        column("impulse", &|record| record.impulse)?;
+        column("source", &|record| f64::from(record.source))?;
+        Ok(columns)
+    }
+
+    /// Parts put to silence (name, frame).
+    fn muted(&self) -> Vec<(String, u64)> {
+        self.0.muted()
+    }
+}
+
+/// What became of one gesture.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct Report {
+    gesture: usize,
+    n_ergons: u64,
+    start: f64,
+    stop: f64,
+    worst: f64,
+    worst_at: f64,
+    rms: f64,
+    low: f64,
+    high: f64,
+    strongest: f64,
+    force_max: f64,
+    missed: u64,
+    first_point_missed: bool,
+}
+
+/// The ledger [J].
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct Energy {
+    start: f64,
+    stored: f64,
+    injected: f64,
+    lost: f64,
+    produced: f64,
+    residual: f64,
+    flow: f64,
+}

@@ -1,0 +1,46 @@
+//! Captured movements.
+
+use ergon_engine::gesture::take::{self, Care};
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+
+use crate::error::said;
+
+/// A captured movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
+#[pyclass(module = "ergon._core", frozen)]
+pub(crate) struct Take(pub(crate) take::Take);
+
+#[pymethods]
+impl Take {
+    #[new]
+    #[pyo3(signature = (t, x, *, trim = None, smooth = None))]
+    fn new(
+        py: Python<'_>,
+        t: PyReadonlyArray1<'_, f64>,
+        x: PyReadonlyArray1<'_, f64>,
+        trim: Option<(f64, f64)>,
+        smooth: Option<f64>,
+    ) -> PyResult<Self> {
+        let (t, x) = (t.as_slice()?, x.as_slice()?);
+        py.detach(|| take::Take::new(t, x, Care { trim, smooth }))
+            .map(Self)
+            .map_err(said)
+    }
+
+    /// From its first instant to its last [s].
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.0.duration()
+    }
+
+    /// How many captured samples it keeps.
+    #[getter]
+    fn n_samples(&self) -> usize {
+        self.0.n_samples()
+    }
+
+    /// Position, velocity, acceleration at t [s].
+    fn at(&self, t: f64) -> (f64, f64, f64) {
+        self.0.profile().at(t)
+    }
+}

@@ -1,0 +1,269 @@
+//! Timelines: what will happen.
+
+use std::sync::Arc;
+
+use ergon_engine::chance::Chance;
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
+use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::network;
+use ergon_engine::timeline::{self, DriveKind, Rain, Source};
+use pyo3::prelude::*;
+
+use crate::error::{hertz, refused, word};
+use crate::network::Network;
+use crate::take::Take;
+
+/// What will happen, by sample index.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct Timeline {
+    pub(crate) inner: timeline::Timeline,
+    network: Arc<network::Network>,
+}
+
+#[pymethods]
+impl Timeline {
+    #[new]
+    fn new(py: Python<'_>, network: &Network, rate: f64) -> PyResult<Self> {
+        let rate = hertz(py, rate)?;
+        Ok(Self {
+            inner: timeline::Timeline::new(rate),
+            network: Arc::new(network.0.clone()),
+        })
+    }
+
+    /// A key: gestures are written for a free copy of its part.
+    fn key(&mut self, py: Python<'_>, name: &str, struck: usize) -> PyResult<usize> {
+        self.there(py, name, struck)?;
+        Ok(self.inner.key(name, struck))
+    }
+
+    /// A narrative gesture: pass x[i] at t[i] of the piece.
+    #[pyo3(signature = (key, t, x, curve, *, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, sources=Vec::new()))]
+    #[allow(clippy::too_many_arguments)]
+    fn gesture(
+        &mut self,
+        py: Python<'_>,
+        key: usize,
+        t: Vec<f64>,
+        x: Vec<f64>,
+        curve: Vec<String>,
+        touch: &str,
+        ergons: &str,
+        grain: Option<f64>,
+        join: f64,
+        force_limit: Option<f64>,
+        layer: bool,
+        sources: Vec<u32>,
+    ) -> PyResult<usize> {
+        let manner = manner(py, touch, ergons, grain, join, force_limit, layer)?;
+        let way = curve
+            .iter()
+            .map(|curve| word(py, "curve", curve, &WAYS))
+            .collect::<PyResult<Vec<Way>>>()?;
+        let written = Written {
+            t: &t,
+            x: &x,
+            way: &way,
+            sources: &sources,
+        };
+        let gesture = Gesture::written(key, &written, manner, self.inner.rate.hertz());
+        Ok(self
+            .inner
+            .gesture(gesture.map_err(|error| refused(py, "gesture", &error.to_string()))?))
+    }
+
+    /// Lowest and highest position of a gesture's written points and paths [m].
+    fn range_of(&self, py: Python<'_>, gesture: usize) -> PyResult<(f64, f64)> {
+        let known = self.inner.range_of(gesture);
+        known.ok_or_else(|| refused(py, "gesture", &format!("there is no gesture {gesture}")))
+    }
+
+    /// A take played as a gesture from `at`: x·scale at t·stretch.
+    #[pyo3(signature = (key, take, at, *, scale=1.0, stretch=1.0, reverse=false, until=None, touch="open", ergons="event", grain=None, join=0.02, force_limit=None, layer=false, source=0))]
+    #[allow(clippy::too_many_arguments)]
+    fn take(
+        &mut self,
+        py: Python<'_>,
+        key: usize,
+        take: &Take,
+        at: f64,
+        scale: f64,
+        stretch: f64,
+        reverse: bool,
+        until: Option<f64>,
+        touch: &str,
+        ergons: &str,
+        grain: Option<f64>,
+        join: f64,
+        force_limit: Option<f64>,
+        layer: bool,
+        source: u32,
+    ) -> PyResult<usize> {
+        let manner = manner(py, touch, ergons, grain, join, force_limit, layer)?;
+        let refuse = |message: String| refused(py, "take", &message);
+        let path = take
+            .0
+            .placed(at, scale, stretch, reverse)
+            .map_err(|error| refuse(error.to_string()))?;
+        let gesture = Gesture::taken(key, path, until, source, manner, self.inner.rate.hertz())
+            .map_err(|error| refuse(error.to_string()))?;
+        Ok(self.inner.gesture(gesture))
+    }
+
+    /// An ergon meets a MAT: with an impulse, or a mass and speed.
+    #[pyo3(signature = (mat, at, *, impulse=None, mass=None, speed=None, source=0))]
+    #[allow(clippy::too_many_arguments)]
+    fn strike(
+        &mut self,
+        py: Python<'_>,
+        mat: usize,
+        at: f64,
+        impulse: Option<f64>,
+        mass: Option<f64>,
+        speed: Option<f64>,
+        source: u32,
+    ) -> PyResult<()> {
+        self.there(py, "strike", mat)?;
+        match (impulse, mass, speed) {
+            (Some(impulse), None, None) => {
+                self.inner.strike(&self.network, mat, at, impulse, source)
+            }
+            (None, Some(mass), Some(speed)) => self.inner.ergon(mat, at, mass, speed, source),
+            _ => {
+                return Err(refused(
+                    py,
+                    "strike",
+                    "a strike has an impulse, or a mass and a speed",
+                ));
+            }
+        }
+        .map_err(|error| refused(py, "strike", &error.to_string()))
+    }
+
+    /// Each MAT struck by a Poisson process of its own; returns the number of strikes.
+    #[pyo3(signature = (mats, *, start, stop, rate, impulse, seed, name, source=0))]
+    #[allow(clippy::too_many_arguments)]
+    fn rain(
+        &mut self,
+        py: Python<'_>,
+        mats: Vec<usize>,
+        start: f64,
+        stop: f64,
+        rate: f64,
+        impulse: (f64, f64),
+        seed: i128,
+        name: &str,
+        source: u32,
+    ) -> PyResult<u64> {
+        mats.iter().try_for_each(|&mat| self.there(py, name, mat))?;
+        py.detach(|| {
+            let chance = |member| Chance::new(seed, "strikes", name, member, 0);
+            let rain = Rain {
+                rate,
+                start,
+                stop,
+                impulse,
+                source,
+            };
+            self.inner.rain(&self.network, &mats, &rain, chance)
+        })
+        .map_err(|error| refused(py, name, &error.to_string()))
+    }
+
+    /// The LIA acts only from `start` to `stop`.
+    #[pyo3(signature = (link, start, stop=None))]
+    fn couple(&mut self, link: usize, start: f64, stop: Option<f64>) {
+        self.inner.couple(link, start, stop);
+    }
+
+    /// ENX / ENF: a constant, or a take from `at`.
+    #[pyo3(signature = (mat, kind, *, constant=None, take=None, at=0.0, scale=1.0))]
+    #[allow(clippy::too_many_arguments)]
+    fn drive(
+        &mut self,
+        py: Python<'_>,
+        mat: usize,
+        kind: &str,
+        constant: Option<f64>,
+        take: Option<&Take>,
+        at: f64,
+        scale: f64,
+    ) -> PyResult<()> {
+        self.there(py, "drive", mat)?;
+        let kind = word(
+            py,
+            "kind",
+            kind,
+            &[
+                ("position", DriveKind::Position),
+                ("force", DriveKind::Force),
+            ],
+        )?;
+        let source = match (constant, take) {
+            (Some(constant), None) => Source::Constant(constant),
+            (None, Some(take)) => {
+                let path = take.0.placed(at, scale, 1.0, false);
+                Source::Take(path.map_err(|error| refused(py, "drive", &error.to_string()))?)
+            }
+            _ => return Err(refused(py, "drive", "a drive has a constant or a take")),
+        };
+        self.inner.drive(mat, kind, source);
+        Ok(())
+    }
+}
+
+impl Timeline {
+    pub(crate) fn network(&self) -> &Arc<network::Network> {
+        &self.network
+    }
+
+    fn there(&self, py: Python<'_>, name: &str, mat: usize) -> PyResult<()> {
+        if mat < self.network.n_mat() {
+            return Ok(());
+        }
+        Err(refused(
+            py,
+            name,
+            &format!("there are {} MATs, and no #{mat}", self.network.n_mat()),
+        ))
+    }
+}
+
+const WAYS: [(&str, Way); 4] = [
+    ("smooth", Way::Path(Curve::Smooth)),
+    ("line", Way::Path(Curve::Line)),
+    ("hold", Way::Path(Curve::Hold)),
+    ("throw", Way::Throw),
+];
+
+fn manner(
+    py: Python<'_>,
+    touch: &str,
+    ergons: &str,
+    grain: Option<f64>,
+    join: f64,
+    limit: Option<f64>,
+    layer: bool,
+) -> PyResult<Manner> {
+    let touch = word(
+        py,
+        "touch",
+        touch,
+        &[("open", Touch::Open), ("tracked", Touch::Tracked)],
+    )?;
+    let ergons = word(
+        py,
+        "ergons",
+        ergons,
+        &[("event", Ergons::Event), ("particle", Ergons::Particle)],
+    )?;
+    Ok(Manner {
+        touch,
+        ergons,
+        grain,
+        join,
+        limit,
+        layer,
+    })
+}
