@@ -1,0 +1,205 @@
+"""From modules to a `Network`: every part's MATs, then its links, then what is heard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.kinds import HOLDERS, LINKS, Start
+from ergon.instruments.model import Module, Target
+
+_Fields = Mapping[str, Any]
+
+
+@dataclass(slots=True)
+class Assembly:
+    """A network in the making, and where each named module lies in it."""
+
+    network: _core.Network = field(default_factory=_core.Network)
+    mats: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> first MAT
+    links: dict[tuple[str, str], int] = field(default_factory=dict)  # (part, module) -> LIA
+    seed: int = 0
+
+    def part(
+        self,
+        name: str,
+        modules: Iterable[Module],
+        *,
+        ca_rate: float | None = None,
+        reach: float = 1.0,
+    ) -> None:
+        """Add a part's <M> points. Raises EngineError.
+
+        With `reach` s the part lies behind a lever: the scene sees s times its movement, and power
+        is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
+        """
+        self.network.part(name, ca_rate=ca_rate)
+        for module in modules:
+            if module.kind in HOLDERS:
+                fields = _seen(module.fields, reach)
+                first = _MATS[module.kind](self, module.name, fields)
+                self.mats[name, module.name] = first
+                if module.kind not in ("MAS", "SOL", "CEL"):
+                    self._starts(first, fields)
+
+    def joins(
+        self,
+        name: str,
+        modules: Iterable[Module],
+        *,
+        ca_rate: float | None = None,
+        reach: float = 1.0,
+    ) -> None:
+        """Add a part's links, once the <M> points of all parts are there. Raises EngineError."""
+        self.network.part(name, ca_rate=ca_rate)
+        for module in modules:
+            if module.kind in LINKS:
+                self.link(name, module, *module.fields["between"], reach=reach)
+
+    def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
+        """Add one link between two <M> points; returns its index."""
+        make = _LINKS[module.kind]
+        ends = self.mat(a), self.mat(b)
+        index = make(self, module.name, *ends, _seen(module.fields, reach), reach)
+        self.links[part, module.name] = index
+        return index
+
+    def mat(self, target: Target) -> int:
+        """Index of the one MAT that a target names."""
+        return self.members(target)[0]
+
+    def members(self, target: Target) -> range:
+        """Indices of the MATs that a target names."""
+        first = self.mats[target.part, target.module]
+        if target.first == "centre":
+            centre = self.network.centre(first)
+            return range(centre, centre + 1)
+        return range(first + target.first, first + target.first + target.count)
+
+    def _starts(self, first: int, fields: _Fields) -> None:
+        """X0 and V0 of a generator: one value for all its MATs, or values for some."""
+        position, velocity = (
+            _members(self, first, fields["X0"]),
+            _members(self, first, fields["V0"]),
+        )
+        for index in sorted(position.keys() | velocity.keys()):
+            self.network.start(index, position.get(index, 0.0), velocity.get(index, 0.0))
+
+
+def _members(assembly: Assembly, first: int, given: Any) -> dict[int, float]:
+    """MATs that start elsewhere than at 0, with their values."""
+    count = assembly.network.count(first)
+    if isinstance(given, float):
+        return dict.fromkeys(range(first, first + count), given) if given else {}
+    found: dict[int, float] = {}
+    for start in given if isinstance(given, tuple) else (given,):
+        found.update(dict.fromkeys(_range(assembly, first, count, start), start.value))
+    return found
+
+
+def _range(assembly: Assembly, first: int, count: int, start: Start) -> range:
+    word = str(start.at)
+    if word == "all":
+        return range(first, first + count)
+    if word == "centre":
+        centre = assembly.network.centre(first)
+        return range(centre, centre + 1)
+    if word == "last":
+        return range(first + count - 1, first + count)
+    low, _, high = word.partition("..")
+    return range(first + int(low), first + int(high or low) + 1)
+
+
+# --- a lever ------------------------------------------------------------------------------------
+
+_LENGTHS = ("X0", "V0", "rest", "gap")
+_PER_LENGTH_SQUARED = ("M", "K", "Z")
+
+
+def _seen(fields: _Fields, reach: float) -> _Fields:
+    """Fields of a module behind a lever, as the scene sees them."""
+    if reach == 1.0:
+        return fields
+    seen = dict(fields)
+    for name in _LENGTHS:
+        if isinstance(seen.get(name), float):
+            seen[name] *= reach
+    for name in _PER_LENGTH_SQUARED:
+        if seen.get(name) is not None:
+            seen[name] /= reach * reach
+    if seen.get("exponent", 1.0) != 1.0:
+        # K·(p/s)^α/s: the first power is in the square above.
+        seen["K"] *= reach / _core.pow(reach, seen["exponent"])
+    return seen
+
+
+# --- kinds --------------------------------------------------------------------------------------
+
+
+def _pick(fields: _Fields, *names: str) -> dict[str, Any]:
+    return {name: fields[name] for name in names if fields.get(name) is not None}
+
+
+def _mas(assembly: Assembly, name: str, f: _Fields) -> int:
+    return assembly.network.mas(name, **_pick(f, "M", "X0", "V0"))
+
+
+def _sol(assembly: Assembly, name: str, f: _Fields) -> int:
+    return assembly.network.sol(name, **_pick(f, "X0"))
+
+
+def _cel(assembly: Assembly, name: str, f: _Fields) -> int:
+    # K and Z have defaults; f, when it is written, stands for both.
+    tie = ("K", "Z") if f.get("f") is None else ("f", "t60")
+    return assembly.network.cel(name, **_pick(f, "M", *tie, "X0", "V0", "rest"))
+
+
+def _string(assembly: Assembly, name: str, f: _Fields) -> int:
+    return assembly.network.string(
+        name, **_pick(f, "masses", "M", "f", "t60", "ends", "stiffness", "hardening")
+    )
+
+
+def _plate(assembly: Assembly, name: str, f: _Fields) -> int:
+    return assembly.network.plate(
+        name, **_pick(f, "shape", "radius", "M", "f", "t60", "rim", "hardening")
+    )
+
+
+def _bank(assembly: Assembly, name: str, f: _Fields) -> int:
+    return assembly.network.bank(
+        name, **_pick(f, "count", "M", "f", "t60", "spread", "place"), seed=assembly.seed
+    )
+
+
+def _ref(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
+    return assembly.network.ref(name, a, b, **_pick(f, "K", "Z", "rest"))
+
+
+def _but(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
+    options = ("K", "Z", "gap", "side", "contact", "restitution", "exponent", "clamp", "steps")
+    return assembly.network.but(name, a, b, **_pick(f, *options))
+
+
+def _lnl(assembly: Assembly, name: str, a: int, b: int, f: _Fields, reach: float) -> int:
+    law = _core.Law(f["law"], f["damping"], f["constants"], f["points"], reach)
+    return assembly.network.lnl(name, a, b, law, rest=f["rest"])
+
+
+_MATS: dict[str, Callable[[Assembly, str, _Fields], int]] = {
+    "MAS": _mas,
+    "SOL": _sol,
+    "CEL": _cel,
+    "STRING": _string,
+    "PLATE": _plate,
+    "BANK": _bank,
+}
+_LINKS: dict[str, Callable[[Assembly, str, int, int, _Fields, float], int]] = {
+    "RES": _ref,
+    "FRO": _ref,
+    "REF": _ref,
+    "BUT": _but,
+    "LNL": _lnl,
+}

@@ -1,0 +1,259 @@
+"""The kinds of modules: which fields each has, in which units, and what they mean."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ergon.scores import kinds as k
+from ergon.scores.document import Node, Scalar
+from ergon.scores.errors import TextError
+from ergon.scores.fields import Field, Record, Values
+from ergon.scores.shapes import (
+    MISSING,
+    Context,
+    Either,
+    ListOf,
+    Name,
+    Reference,
+    Shape,
+    Text,
+    choice,
+    wrong_shape,
+)
+
+MAX_MODULES = 2_000_000  # of one generator: some 200 MB of state and parameters
+MAX_RADIUS = 800  # of a PLATE: 3·r·(r+1)+1 masses stay below MAX_MODULES
+MAX_LAW = 2_000  # characters of a law
+MAX_POINTS = 10_000  # of a law given by points
+
+Family = Literal["mat", "link", "generator", "input"]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A module kind: its family, its table in SI units and its table under `units: ca`."""
+
+    name: str
+    family: Family
+    table: Record
+    ca_table: Record
+
+
+def _law(text: str) -> str:
+    if not text.strip() or len(text) > MAX_LAW:
+        message = f"a law has from 1 to {MAX_LAW} characters, such as k*d + q*d**3"
+        raise TextError(message, length=max(1, min(len(text), 80)), code="E207")
+    return text
+
+
+LAW = Text(_law, "a law, such as k*d + q*d**3, or the name of one", types=("string",))
+ENDPOINT = Reference("a module, such as m, bell.m, gong.centre or a key")
+BETWEEN = Field(
+    "between", ListOf(ENDPOINT, 2, 2), "the two MATs that it joins: [a, b]", required=True
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """`X0: {at: centre, x: 1mm}`: which members start at a value, and which value."""
+
+    at: Name
+    value: float
+
+
+def _start(name: str, unit: Shape, letter: str) -> Shape:
+    def build(values: Values) -> Start:
+        return Start(values["at"], values[letter])
+
+    fields = (
+        Field("at", Reference("members, such as centre, 12 or 3..8"), "which members", None, True),
+        Field(letter, unit, "the value", None, True),
+    )
+    one = Record("start", f"{name} of some members", fields, build)
+    return Either(unit, one, ListOf(one))
+
+
+def _mats(ca: bool) -> dict[str, Record]:
+    mass, stiffness, damping = (
+        (k.POSITIVE, k.NUMBER, k.NUMBER) if ca else (k.MASS, k.STIFFNESS, k.DAMPING)
+    )
+    m = Field("M", mass, "mass", required=True)
+    x0 = Field("X0", k.POSITION, "position at the beginning", 0.0)
+    v0 = Field("V0", k.SPEED, "velocity at the beginning", 0.0)
+    stiff = Field("K", stiffness, "stiffness")
+    damp = Field("Z", damping, "viscosity")
+    rest = Field("rest", k.POSITION, "elongation at which the spring pulls nothing", 0.0)
+    pitch = Field("f", k.PITCH, "damped frequency, instead of K")
+    decay = Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay")
+    cel = (m, stiff, damp, pitch, decay, x0, v0, rest)
+    link = (BETWEEN, stiff, damp, rest)
+    tables = {
+        "MAS": ("a point mass", (m, x0, v0)),
+        "SOL": ("a fixed point", (x0,)),
+        "CEL": ("a mass on a spring to the ground, with viscosity", cel),
+        "RES": ("a spring", (BETWEEN, stiff, rest)),
+        "FRO": ("a damper", (BETWEEN, damp)),
+        "REF": ("a spring and damper", link),
+        "BUT": ("a one-sided contact: the first of `between` strikes the second", _but(ca)),
+        "LNL": ("a non-linear link", _lnl()),
+    }
+    constant = k.NUMBER if ca else k.CONSTANT  # free names in an LNL are its law's constants
+    return {
+        name: Record("module", doc, fields, free=constant if name == "LNL" else None)
+        for name, (doc, fields) in tables.items()
+    }
+
+
+def _but(ca: bool) -> tuple[Field, ...]:
+    exponent_stiffness = k.NUMBER if ca else k.STIFFNESS
+    return (
+        BETWEEN,
+        Field("K", exponent_stiffness, "stiffness (magic chooses its own)"),
+        Field("Z", k.NUMBER if ca else k.DAMPING, "viscosity while they touch", 0.0),
+        Field("gap", k.POSITION, "distance at which they touch", 0.0),
+        Field("side", choice("below", "above"), "from which side the first one comes", "below"),
+        Field(
+            "contact",
+            choice("plain", "exact", "magic"),
+            "CA's own rule, the energy-exact one, or a rebound of exact restitution",
+            "plain",
+        ),
+        Field("restitution", k.UNIT_RATIO, "speed after a rebound over speed before (magic)", 1.0),
+        Field("exponent", k.EXPONENT, "power of the penetration (1.5: Hertz)", 1.0),
+        Field("clamp", k.TRUTH, "never pull at the exit", False),
+        Field("steps", k.integer(2, 1000, "4"), "samples that a magic contact lasts", 2),
+    )
+
+
+def _lnl() -> tuple[Field, ...]:
+    pair = ListOf(k.NUMBER, 2, 2)
+    return (
+        BETWEEN,
+        Field("law", LAW, "force over elongation d [m]"),
+        Field("damping", LAW, "force over elongation d and its rate v [m/s]"),
+        Field(
+            "points",
+            ListOf(pair, 2, MAX_POINTS),
+            "elongations [m] and forces [N], joined by straight lines",
+        ),
+        Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
+    )
+
+
+def _generators() -> dict[str, Record]:
+    m = Field("M", k.MASS, "mass of the whole body", required=True)
+    f = Field("f", k.PITCH, "lowest mode that is not rigid", required=True)
+    t60 = Field("t60", k.DURATION, "decay of that mode", shown="no decay")
+    hardening = Field("hardening", k.HARDENING, "q of k·d + q·d³ on every link", 0.0)
+    starts = (
+        Field("X0", _start("X0", k.POSITION, "x"), "positions at the beginning", 0.0),
+        Field("V0", _start("V0", k.SPEED, "v"), "velocities at the beginning", 0.0),
+    )
+    string = (
+        Field("masses", k.integer(1, MAX_MODULES, "60"), "how many MAS in a row", required=True),
+        m,
+        f,
+        t60,
+        Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
+        Field("stiffness", k.RATIO, "springs to neighbours but one, over those between", 0.0),
+        hardening,
+        *starts,
+    )
+    plate = (
+        Field("shape", choice("hex", "square"), "form of the mesh", "hex"),
+        Field("radius", k.integer(1, MAX_RADIUS, "12"), "rings round its centre", required=True),
+        m,
+        f,
+        t60,
+        Field("rim", choice("free", "fixed"), "whether the rim is held", "free"),
+        hardening,
+        *starts,
+    )
+    bank = (
+        Field("count", k.integer(1, MAX_MODULES, "10000"), "how many CEL", required=True),
+        Field("M", k.MASS, "mass of each", required=True),
+        Field("f", k.PITCHES, "frequencies, spread by logarithm", required=True),
+        Field("t60", k.DURATIONS, "decays: low for high f where even", required=True),
+        Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
+        Field("place", choice("line", "spiral"), "where the members lie on the bench", "line"),
+        *starts,
+    )
+    return {
+        "STRING": Record("module", "masses in a row", string),
+        "PLATE": Record("module", "a mesh of masses", plate),
+        "BANK": Record("module", "many CEL", bank),
+    }
+
+
+@dataclass(frozen=True)
+class Source(Shape):
+    """What drives an ENX or ENF: a take's name, or a constant."""
+
+    constant: Text
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, Scalar):
+            return wrong_shape(self, node, name, context)
+        if re.fullmatch(r"[a-z]+\d+\.\d+", node.text):
+            message = f"{context.of(name)}: a device's axis is not built yet; a take or a constant"
+            context.error("E108", message, node.place)
+            return MISSING
+        if re.match(r"[+-]?[.\d]", node.text):
+            return self.constant.read(node, name, context)
+        return Reference(self.words()).read(node, name, context)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["string", "number"]}
+
+    def words(self) -> str:
+        """In words."""
+        return f"a take, or {self.constant.what}"
+
+
+def _input(unit: Text, what: str) -> Record:
+    fields = (
+        Field("to", ENDPOINT, "the MAT that it drives", required=True),
+        Field("from", Source(unit), f"where its {what} comes from", required=True),
+        Field("at", k.WHEN, "when a take begins", shown="the beginning"),
+        Field("scale", k.NUMBER, "factor of a take", 1.0),
+    )
+    return Record("module", f"an imposed {what}", fields)
+
+
+def _all() -> dict[str, Kind]:
+    families: dict[str, Family] = dict.fromkeys(("MAS", "SOL", "CEL"), "mat")
+    si, ca = _mats(False), _mats(True)
+    found = {
+        name: Kind(name, families.get(name, "link"), table, ca[name]) for name, table in si.items()
+    }
+    for name, table in _generators().items():
+        found[name] = Kind(name, "generator", table, table)
+    inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
+    for name, table in inputs.items():
+        found[name] = Kind(name, "input", table, table)
+    return found
+
+
+KINDS = _all()
+MATS = tuple(name for name, kind in KINDS.items() if kind.family == "mat")
+LINKS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
+GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
+HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
+
+
+def tables(ca: bool, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
+    """Tables by kind, in SI units or under `units: ca`."""
+    return {name: KINDS[name].ca_table if ca else KINDS[name].table for name in names}
+
+
+def member_count(kind: str, fields: Mapping[str, Any]) -> int:
+    """How many MATs a module has."""
+    if kind == "PLATE":
+        r = fields["radius"]
+        return int(3 * r * (r + 1) + 1 if fields["shape"] == "hex" else (2 * r + 1) ** 2)
+    return int(fields.get("masses") or fields.get("count") or 1)

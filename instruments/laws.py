@@ -1,0 +1,100 @@
+"""Laws of LNL modules: names to expressions, and the checks that need no simulation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ergon import _core
+from ergon.instruments.model import Module
+from ergon.scores.errors import Collector, quote
+from ergon.scores.shapes import NAME
+from ergon.scores.values import Place
+
+_WORDS = re.compile(r"[^\W\d]\w*")
+
+
+@dataclass(frozen=True, slots=True)
+class LawText:
+    """A named law: its expressions and the defaults of its constants."""
+
+    law: str | None
+    damping: str | None
+    constants: Mapping[str, float]
+
+
+def is_name(text: str | None) -> bool:
+    """Whether a law is called by a name instead of written out."""
+    return text is not None and bool(NAME.fullmatch(text)) and text not in ("d", "v")
+
+
+Locate = Callable[[str, int, int], Place]  # field, offset, length
+
+
+def resolved(
+    module: Module,
+    laws: Mapping[str, LawText],
+    who: str,
+    locate: Locate,
+    collector: Collector,
+) -> Module:
+    """The module with named laws replaced by their expressions; reports what cannot be a law."""
+    fields: dict[str, Any] = dict(module.fields)
+    constants: dict[str, float] = {}
+    for name in ("law", "damping"):
+        text = fields[name]
+        if (
+            text is None
+            or not NAME.fullmatch(text)
+            or text in ("d", "v")
+            or text in fields["constants"]
+        ):
+            continue
+        known = laws.get(text)
+        if known is None:
+            message = f"{who}: no law is called {quote(text)}"
+            place = locate(name, 0, len(text))
+            collector.error("E301", message, place, word=text, names=tuple(laws))
+            return module
+        constants |= known.constants
+        if name == "law":
+            fields["law"] = known.law
+            fields["damping"] = fields["damping"] or known.damping
+        else:
+            fields["damping"] = known.damping
+    written = fields["constants"]
+    fields["constants"] = {**constants, **written}
+    used = set(_WORDS.findall(f"{fields['law'] or ''} {fields['damping'] or ''}"))
+    others = [word for word in module.fields if word != "constants"]
+    for name in written:
+        if name not in used:
+            message = f"{who}: the law has no constant {quote(name)}"
+            names = (*others, *sorted(used))
+            collector.error("E101", message, module.places[name], word=name, names=names)
+            return module
+    if check(fields, who, locate, collector):
+        return replace(module, fields=fields)
+    return module
+
+
+def check(fields: Mapping[str, Any], who: str, locate: Locate, collector: Collector) -> bool:
+    """Whether the core compiles the law; reports the characters at fault if not."""
+    compile_law = getattr(_core, "Law", None)
+    if compile_law is None:  # a core built without laws checks them when it makes the network
+        return True
+    try:
+        compile_law(
+            fields["law"],
+            fields["damping"],
+            fields["constants"],
+            fields["points"],
+        )
+    except ValueError as error:
+        name = error.args[1] if len(error.args) > 1 else "law"
+        offset, length = getattr(error, "offset", 0), getattr(error, "length", 1)
+        place = locate(name if fields[name] is not None else "law", offset, length)
+        collector.error("E207", f"{who}: {error.args[0]}", place)
+        return False
+    return True

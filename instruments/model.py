@@ -1,0 +1,79 @@
+"""What an instrument is once it is read: modules with SI fields, outputs, names that reach them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from ergon.scores.values import Place
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Modules that a name reaches: `bell.m`, `string.12`, `sky.all`, a key.
+
+    `module` is "" where it bears the name of its part. Members of a generator run from `first`,
+    `count` of them; (0, 1) for a single module; `first` is "centre" for a generator's middle MAT.
+    """
+
+    part: str
+    module: str
+    first: int | Literal["centre"]
+    count: int
+    text: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Loudspeakers of a room: (x, y, z) [m]; x and y as on the bench of the modules."""
+
+    path: Path
+    speakers: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Module:
+    """One module or generator: its kind and its fields in SI units.
+
+    Links have `between`: (Target, Target); ENX and ENF have `to`: Target. An LNL has its law as
+    `law`, `damping`, `constants` or `points`.
+    """
+
+    name: str
+    kind: str
+    fields: Mapping[str, Any]
+    place: Place
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What is heard: the sum of positions (SOX) or forces (SOF); `name` is "" for a lone one.
+
+    With `nearest`, every member's force goes to the loudspeaker that lies nearest.
+    """
+
+    name: str
+    kind: Literal["SOX", "SOF"]
+    targets: tuple[Target, ...]
+    nearest: Layout | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Instrument:
+    """A network; under `ca_rate` [Hz] its M, K, Z are those of the discrete network there."""
+
+    name: str
+    modules: tuple[Module, ...]
+    outputs: tuple[Output, ...]
+    ca_rate: float | None
+    place: Place
+
+    @property
+    def is_generator(self) -> bool:
+        """Written without `modules:`: its one module bears its name."""
+        return len(self.modules) == 1 and self.modules[0].name == ""

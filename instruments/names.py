@@ -1,0 +1,175 @@
+"""From names to modules: `m`, `bell.m`, `gong.centre`, `string.3..8`, `sky.all`, a key."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from ergon.instruments.kinds import HOLDERS, LINKS, member_count
+from ergon.instruments.model import Module, Target
+from ergon.scores.errors import Collector, quote
+from ergon.scores.shapes import Name
+
+_MEMBERS = re.compile(r"(.*?)(?:\.(?:(\d{1,9})(?:\.\.(\d{1,9}))?|(all|last|centre)))?")
+
+Wanted = Literal["mat", "mats", "link", "links"]
+
+
+@dataclass(slots=True)
+class Part:
+    """A key or an instrument, as far as names go."""
+
+    name: str
+    modules: Mapping[str, Module]
+    struck: str | None = None  # a key's MAT that ergons strike
+    prefix: str = ""  # of the file that it comes from
+    broken: frozenset[str] = frozenset()  # modules that were refused: their names are silent
+    selves: frozenset[str] = frozenset()  # names that mean itself: what it was copied from is one
+
+    @property
+    def mats(self) -> list[str]:
+        """Names of modules that bring <M> points."""
+        return [name for name, module in self.modules.items() if module.kind in HOLDERS]
+
+
+@dataclass(slots=True)
+class Scene:
+    """All parts of a piece, by name."""
+
+    collector: Collector
+    parts: dict[str, Part] = field(default_factory=dict)
+    broken: set[str] = field(default_factory=set)  # named, but not to be read
+    reached: set[str] = field(default_factory=set)  # parts that some name has led to
+
+    def target(
+        self, name: Name, wanted: Wanted, who: str, part: Part | None = None, prefix: str = ""
+    ) -> Target | None:
+        """What a name reaches, from inside `part` if given; None after a report.
+
+        `mat` and `link` are one module, `mats` and `links` may be several.
+        """
+        match = _MEMBERS.fullmatch(name)
+        path = match[1] if match else str(name)
+        found = self._find(path, part, prefix or (part.prefix if part else ""))
+        if found is None:
+            self._unknown(name, path, who, part)
+            return None
+        owner, module_name = found
+        self.reached.add(owner.name)
+        if module_name is None:
+            module_name = self._only(owner, name, wanted, who)
+            if module_name is None:
+                return None
+        module = owner.modules[module_name]
+        if (module.kind in LINKS) != (wanted in ("link", "links")) or (
+            module.kind not in LINKS and module.kind not in HOLDERS
+        ):
+            self._wrong_family(name, module, wanted, who)
+            return None
+        members = match.groups()[1:] if match else (None, None, None)
+        return self._members(name, owner, module, members, wanted, who)
+
+    def _find(self, path: str, part: Part | None, prefix: str) -> tuple[Part, str | None] | None:
+        """A part and one of its modules (None: none is named)."""
+        if part is not None and path in part.modules:
+            return part, path
+        if part is not None:
+            head, _, tail = path.partition(".")
+            if head in part.selves and (not tail or tail in part.modules):
+                return part, tail if tail or "" in part.modules else None
+        for full in dict.fromkeys((f"{prefix}.{path}" if prefix else path, path)):
+            if full in self.parts:
+                owner = self.parts[full]
+                return owner, "" if "" in owner.modules else None
+            head, _, tail = full.rpartition(".")
+            if head in self.parts and tail in self.parts[head].modules:
+                return self.parts[head], tail
+        return None
+
+    def _only(self, owner: Part, name: Name, wanted: Wanted, who: str) -> str | None:
+        if owner.struck:
+            return owner.struck
+        links = [n for n, m in owner.modules.items() if m.kind in LINKS]
+        candidates = links if wanted in ("link", "links") else owner.mats
+        if owner.broken:
+            return None
+        if len(candidates) == 1:
+            return candidates[0]
+        some = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
+        message = f"{who}: {quote(name)} has {len(candidates)} modules that could be meant"
+        self.collector.error(
+            "E304", f"{message}; say which: {some}" if some else message, name.place
+        )
+        return None
+
+    def _members(
+        self,
+        name: Name,
+        owner: Part,
+        module: Module,
+        members: tuple[str | None, ...],
+        wanted: Wanted,
+        who: str,
+    ) -> Target | None:
+        low, high, word = members
+        count = member_count(module.kind, module.fields)
+        several = wanted in ("mats", "links")
+        called = ".".join(filter(None, (owner.name, module.name)))
+        first: int | Literal["centre"] = 0
+        size = 1
+        problem = ""
+        if low is None and word is None:
+            if count > 1:
+                problem = f"{called} has {count:,} masses; say which: {called}.0, {called}.centre"
+        elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL"):
+            problem = f"{called} is one {module.kind}; it has no members"
+        elif word is not None:
+            first = "centre" if word == "centre" else count - 1 if word == "last" else 0
+            size = count if word == "all" else 1
+        elif low is not None:
+            first, stop = int(low), int(high if high is not None else low) + 1
+            size = stop - first
+            if size < 1:
+                problem = f"{low}..{high} runs downwards"
+            elif stop > count:
+                problem = f"{called} has members 0 to {count - 1:,}"
+        if not problem and size > 1 and not several:
+            problem = f"one MAT is wanted, not {size:,}"
+        if problem:
+            self.collector.error("E304", f"{who}: {problem}", name.place)
+            return None
+        return Target(owner.name, module.name, first, size, str(name), name.place)
+
+    def _unknown(self, name: Name, path: str, who: str, part: Part | None) -> None:
+        if self._is_broken(path, part):
+            return
+        names = list(part.modules) if part else []
+        names += list(self.parts)
+        if "." in path and (head := path.rpartition(".")[0]) in self.parts:
+            names = [f"{head}.{module}" for module in self.parts[head].modules if module]
+        message = f"{who}: nothing is called {quote(name)}"
+        self.collector.error("E301", message, name.place, word=str(name), names=names)
+
+    def _is_broken(self, path: str, part: Part | None) -> bool:
+        """Whether the name was refused already: one mistake, one report."""
+        head, _, tail = path.rpartition(".")
+        owner = self.parts.get(head or path)
+        return (
+            path in self.broken
+            or head in self.broken
+            or (part is not None and path in part.broken)
+            or (owner is not None and (tail in owner.broken or not (owner.modules or tail)))
+        )
+
+    def _wrong_family(self, name: Name, module: Module, wanted: Wanted, who: str) -> None:
+        if wanted in ("link", "links"):
+            sentence = f"{quote(name)} is a {module.kind}: SOF listens to the force of a link"
+        elif module.kind in LINKS:
+            sentence = (
+                f"{quote(name)} is a {module.kind}, a link: an <L> point joins <M> points only"
+            )
+        else:
+            sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
+        self.collector.error("E304", f"{who}: {sentence}", name.place)

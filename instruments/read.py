@@ -1,0 +1,267 @@
+"""Instruments as they are written: the table, and from what was read to modules and outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from ergon.instruments.kinds import HOLDERS, tables
+from ergon.instruments.model import Instrument, Layout, Module, Output
+from ergon.scores import document
+from ergon.scores import kinds as k
+from ergon.scores.document import Node
+from ergon.scores.fields import Field, Record, Values
+from ergon.scores.shapes import (
+    MISSING,
+    Context,
+    Either,
+    ListOf,
+    Name,
+    NamesOf,
+    Reference,
+    Shape,
+    choice,
+    wrong_shape,
+)
+from ergon.scores.values import Place
+
+MODULES_DOC = "the network: names, each with one kind of module"
+
+
+def module_table(ca: bool) -> Record:
+    """`m: {CEL: {…}}`: a name has one kind."""
+    return Record("module", "one module", (), kinds=tables(ca), kind_required=True)
+
+
+@dataclass(frozen=True)
+class Listening:
+    """`SOX: m` or `SOF: b` as written, before names are looked up."""
+
+    name: str
+    kind: str
+    names: tuple[Name, ...]
+    nearest: str | None
+    place: Place
+
+
+_HEARD = ListOf(Reference("a module, or several in brackets"), least=1, single=True)
+_SOF = Record(
+    "SOF",
+    "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
+    (Field("nearest", k.PATH, "a layout of loudspeakers"),),
+    kinds={kind: _HEARD for kind in tables(False)},
+)
+_LISTENERS: dict[str, Shape] = {
+    "SOX": _HEARD,
+    "SOF": Either(_HEARD.item, _SOF, _HEARD),
+}
+
+
+def _listening(values: Values) -> Any:
+    value = values.given.get(values.kind, MISSING)
+    if value is MISSING:
+        return MISSING
+    nearest = None
+    if isinstance(value, Values):  # SOF: {BUT: b} or {nearest: file}
+        nearest = value["nearest"]
+        if (nearest is None) == (not value.kind):
+            values.error("E111", "SOF names a link by its kind, or a layout: nearest", values.kind)
+            return MISSING
+        value = value.given.get(value.kind, ()) if value.kind else ()
+    names = (value,) if isinstance(value, Name) else value
+    place = values.place_of(values.kind)
+    return Listening(values.context.name, values.kind, names, nearest, place)
+
+
+_LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
+
+
+@dataclass(frozen=True)
+class Outputs(Shape):
+    """`{SOX: m}`, or names, each with such a one."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        if any(word in _LISTENERS for word in node.entries):
+            bare = Context(context.collector, f"out of {context.owner}", "", node.place)
+            value = _LISTENER.read(node, name, bare)
+            return MISSING if value is MISSING else (value,)
+        named = NamesOf(_LISTENER, "output").read(node, name, context)
+        if named is MISSING:
+            return MISSING
+        return tuple(value for value in named.values() if value is not MISSING)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        one = _LISTENER.schema()
+        return {**one, "additionalProperties": one}
+
+    def words(self) -> str:
+        """In words."""
+        return "{SOX: m}, {SOF: b}, or names, each with such a one"
+
+
+def instrument_table(ca: bool) -> Record:
+    """The fields of an instrument, in SI units or under `units: ca`."""
+    fields = (
+        Field("like", Reference("an instrument"), "begin with another one's modules and outputs"),
+        Field("from", Reference("file/name"), "an instrument of a file that `use:` names"),
+        Field("modules", NamesOf(module_table(ca), "module"), MODULES_DOC),
+        Field("out", Outputs(), "what is heard of it", shown="nothing"),
+        Field("f", k.PITCHES, "another pitch for a single generator"),
+        Field("t60", k.DURATIONS, "another decay for a single generator"),
+        Field("M", k.MASS, "another mass for a single generator"),
+        Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
+        Field("at", k.RATE, "the rate of that network"),
+        Field("rate", k.RATE, "a rate of its own (accepted, not used yet)"),
+    )
+    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=tables(ca, HOLDERS))
+
+
+@dataclass(frozen=True)
+class InstrumentShape(Shape):
+    """An instrument; its `units:` say how its numbers are read."""
+
+    si: Record
+    ca: Record
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        units = node.get("units") if isinstance(node, document.Mapping) else None
+        is_ca = isinstance(units, document.Scalar) and units.text == "ca"
+        return (self.ca if is_ca else self.si).read(node, name, context)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return self.si.schema()
+
+    def words(self) -> str:
+        """In words."""
+        return self.si.words()
+
+
+INSTRUMENT = InstrumentShape(instrument_table(False), instrument_table(True))
+
+
+def module(name: str, kind: str, values: Values) -> Module:
+    """A module with all its fields, defaults filled in; checks what fields mean together."""
+    fields = {f.name: values[f.name] for f in values.record.fields}
+    if kind == "LNL":
+        fields["constants"] = dict(values.free)
+    for check in _CHECKS.get(kind, ()):
+        check(kind, values)
+    places = {field: node.place for field, node in values.nodes.items()}
+    return Module(name, kind, fields, values.place, places)
+
+
+def _needs(*names: str) -> Any:
+    def check(kind: str, values: Values) -> None:
+        if not values.written(*names):
+            wanted = " or ".join(names)
+            values.error("E103", f"{values.context.of('')}: a {kind} needs {wanted}")
+
+    return check
+
+
+def _cel(kind: str, values: Values) -> None:
+    tuned, plain = values.written("f", "t60"), values.written("K", "Z")
+    if tuned and plain:
+        message = f"{values.context.of(tuned[0])}: {plain[0]} is given too; "
+        message += "a CEL has K and Z, or f and t60"
+        values.error("E111", message, tuned[0])
+    elif not values.written("f", "K"):
+        values.error("E103", f"{values.context.of('')}: a CEL needs K (and Z), or f (and t60)")
+
+
+def _but(kind: str, values: Values) -> None:
+    magic = values["contact"] == "magic"
+    if magic and (extra := values.written("K", "Z")):
+        message = f"{values.context.of(extra[0])}: a magic contact chooses K and Z itself"
+        values.error("E111", message, extra[0])
+    if not magic:
+        _needs("K")(kind, values)
+        if extra := values.written("restitution", "steps"):
+            message = f"{values.context.of(extra[0])}: only a magic contact has one"
+            values.error("E111", message, extra[0])
+    if magic and values["clamp"] and values["restitution"] < 1:
+        message = f"{values.context.of('clamp')}: a magic contact with restitution < 1 must pull"
+        values.error("E111", message, "clamp")
+
+
+def _lnl(kind: str, values: Values) -> None:
+    if values.written("law") and values.written("points"):
+        message = f"{values.context.of('points')}: a law is given too; an LNL has one of them"
+        values.error("E111", message, "points")
+    _needs("law", "points", "damping")(kind, values)
+    points = values["points"] or ()
+    if any(b[0] <= a[0] for a, b in pairwise(points)):
+        message = f"{values.context.of('points')}: elongations rise from point to point"
+        values.error("E202", message, "points")
+
+
+_CHECKS: Mapping[str, tuple[Any, ...]] = {
+    "RES": (_needs("K"),),
+    "FRO": (_needs("Z"),),
+    "REF": (_needs("K", "Z"),),
+    "CEL": (_cel,),
+    "BUT": (_but,),
+    "LNL": (_lnl,),
+}
+
+
+def instrument(values: Values) -> Instrument:
+    """An instrument from what was written, once `like:` and `from:` are followed."""
+    modules = []
+    if values.kind and (body := values.given[values.kind]) is not MISSING:
+        modules.append(module("", values.kind, _retuned(values, body)))
+    elif extra := values.written("f", "t60", "M"):
+        message = f"{values.context.of(extra[0])}: only a single generator can be retuned here"
+        values.error("E111", message, extra[0])
+    for name, body in (values["modules"] or {}).items():
+        if body is not MISSING:
+            modules.append(module(name, body.kind, body.given[body.kind]))
+    if not values.kind and not values.written("modules"):
+        values.error("E103", f"{values.context.of('')} has no modules")
+    if values.kind and values.written("modules"):
+        message = f"{values.context.of('modules')}: it is a {values.kind} already"
+        values.error("E111", message, "modules")
+    outputs = tuple(
+        Output(heard.name, heard.kind, heard.names, heard.nearest, heard.place)
+        for heard in values["out"] or ()
+    )
+    return Instrument(values.context.name, tuple(modules), outputs, _ca_rate(values), values.place)
+
+
+def _ca_rate(values: Values) -> float | None:
+    if values["units"] != "ca":
+        if values.written("at"):
+            values.error("E111", f"{values.context.of('at')}: it belongs to units: ca", "at")
+        return None
+    if not values.written("at"):
+        message = f"{values.context.of('units')}: ca needs its rate, such as at: 44100Hz"
+        values.error("E103", message, "units")
+    return values["at"] or 44100.0
+
+
+def _retuned(values: Values, body: Values) -> Values:
+    """The generator's values with the instrument's own `f`, `t60` and `M`."""
+    given, nodes = dict(body.given), dict(body.nodes)
+    for name in values.written("f", "t60", "M"):
+        if name not in values.given:
+            continue
+        value = values.given[name]
+        is_range = isinstance(value, tuple)
+        if is_range and values.kind != "BANK":
+            if value[0] != value[1]:
+                message = f"{values.context.of(name)}: only a BANK has a range"
+                values.error("E202", message, name)
+            value = value[0]
+        given[name], nodes[name] = value, values.nodes[name]
+    return Values(body.record, body.node, body.context, given, nodes, body.free, body.kind)
+
+
+__all__ = ["INSTRUMENT", "Layout", "instrument", "module"]

@@ -1,0 +1,142 @@
+"""Rules of the formalism, checked on a whole instrument or key with a sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from ergon.instruments.kinds import LINKS
+from ergon.instruments.laws import LawText, resolved
+from ergon.instruments.model import Layout, Module, Output, Target
+from ergon.instruments.names import Part, Scene
+from ergon.scores.errors import Collector, quote
+from ergon.scores.fields import Values
+from ergon.scores.shapes import Name
+from ergon.scores.values import Place
+
+
+def modules(
+    part: Part,
+    scene: Scene,
+    laws: Mapping[str, LawText],
+    takes: Mapping[str, Any],
+    bodies: Mapping[str, Values],
+) -> tuple[Module, ...]:
+    """Modules with every name replaced by what it reaches; `bodies` are the fields as written."""
+    result = []
+    driven: dict[tuple[str, str, object], str] = {}
+    for module in part.modules.values():
+        who = f"{module.kind} {quote('.'.join(filter(None, (part.name, module.name))))}"
+        fields = dict(module.fields)
+        if module.kind in LINKS:
+            fields["between"] = _ends(module, part, scene, who)
+        elif module.kind in ("ENX", "ENF"):
+            _drive(module, part, scene, takes, fields, driven, who)
+        made = replace(module, fields=fields)
+        refused = (n in module.places and fields[n] is None for n in ("law", "damping", "points"))
+        if module.kind == "LNL" and not any(refused):
+            body = bodies.get(module.name)
+            made = resolved(made, laws, who, _locator(module, body), scene.collector)
+        result.append(made)
+    return tuple(result)
+
+
+def _ends(module: Module, part: Part, scene: Scene, who: str) -> tuple[Target, ...]:
+    """An <L> point joins exactly one <M> point, and a link joins two different ones."""
+    names = module.fields["between"] or ()
+    ends = tuple(end for name in names if (end := scene.target(name, "mat", who, part)) is not None)
+    if len(ends) == 2 and _point(ends[0]) == _point(ends[1]):
+        message = f"{who}: a link joins two different points, and both its ends are {ends[0].text}"
+        scene.collector.error("E304", message, ends[1].place)
+    return ends
+
+
+def _point(target: Target) -> tuple[str, str, object]:
+    return target.part, target.module, target.first
+
+
+def _drive(
+    module: Module,
+    part: Part,
+    scene: Scene,
+    takes: Mapping[str, Any],
+    fields: dict[str, Any],
+    driven: dict[tuple[str, str, object], str],
+    who: str,
+) -> None:
+    """Only forces add: two imposed positions at one point contradict each other."""
+    target = scene.target(fields["to"], "mat", who, part)
+    fields["to"] = target
+    source = fields["from"]
+    if isinstance(source, Name) and source not in takes:
+        full = f"{part.prefix}.{source}"
+        if full in takes:
+            fields["from"] = Name(full, source.place)
+        else:
+            message = f"{who}: no take is called {quote(source)}, and it is no constant"
+            scene.collector.error(
+                "E301", message, source.place, word=str(source), names=tuple(takes)
+            )
+    if target is None or module.kind != "ENX":
+        return
+    first = driven.setdefault(_point(target), module.name)
+    if first != module.name:
+        message = (
+            f"{who}: only forces add, and {first} imposes the position of {target.text} already"
+        )
+        scene.collector.error("E304", message, module.place)
+
+
+def outputs(
+    part: Part,
+    written: tuple[Output, ...],
+    scene: Scene,
+    layout: Callable[[str, Place], Layout | None],
+) -> tuple[Output, ...]:
+    """Outputs with names replaced by what they reach."""
+    result = []
+    for output in written:
+        called = f"{part.name}.{output.name}" if output.name else part.name
+        who = f"{output.kind} of {quote(called)}"
+        wanted = "mats" if output.kind == "SOX" else "links"
+        names: tuple[Any, ...] = output.targets
+        found = (_heard(name, wanted, who, part, scene) for name in names)
+        targets = tuple(target for target in found if target is not None)
+        room = None
+        if isinstance(output.nearest, str):
+            room = layout(output.nearest, output.place)
+            if not any(module.kind == "BANK" for module in part.modules.values()):
+                message = f"{who}: `nearest` is for the members of a BANK"
+                scene.collector.error("E304", message, output.place)
+        result.append(replace(output, targets=targets, nearest=room))
+    return tuple(result)
+
+
+def _heard(name: Name, wanted: Any, who: str, part: Part, scene: Scene) -> Target | None:
+    """SOF also hears the ground's spring of a CEL or of a bank's members."""
+    if wanted == "links":
+        head = name.split(".")[0] if name not in part.modules else name
+        module = part.modules.get(str(head)) or part.modules.get("")
+        if module is not None and module.kind in ("CEL", "BANK"):
+            return scene.target(name, "mats", who, part)
+    return scene.target(name, wanted, who, part)
+
+
+def _locator(module: Module, body: Values | None) -> Callable[[str, int, int], Place]:
+    def locate(field: str, offset: int, length: int) -> Place:
+        node = body.nodes.get(field) if body else None
+        place_at = getattr(node, "place_at", None)
+        return place_at(offset, length) if place_at else module.place
+
+    return locate
+
+
+def names_clash(parts: list[Part], collector: Collector, places: Mapping[str, Place]) -> None:
+    """A network's names are unique: a key and an instrument cannot share one."""
+    seen: set[str] = set()
+    for part in parts:
+        if part.name in seen:
+            message = f"{quote(part.name)} is a key and an instrument; a network's names are unique"
+            collector.error("E303", message, places[part.name])
+        seen.add(part.name)

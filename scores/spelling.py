@@ -1,0 +1,19 @@
+"""Did you mean: the known word that a composer most likely meant."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+LONGEST_WORD = 64  # difflib is quadratic, and nobody mistypes a word longer than this
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word that `word` begins or resembles, None when nothing is near."""
+    if not word or len(word) > LONGEST_WORD:
+        return None
+    lowered = word.lower()
+    candidates = {name.lower(): name for name in known}
+    begun = [name for name in candidates if name.startswith(lowered)]
+    if len(begun) == 1:
+        return candidates[begun[0]]
+    close = get_close_matches(lowered, candidates, n=1, cutoff=0.6)
+    return candidates[close[0]] if close else None
