@@ -1,0 +1,187 @@
+"""The command `ergon`: a table of commands, each imported when it is called, and the exit codes."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import sys
+from importlib import import_module
+from typing import Any
+
+import click
+
+from .console import Console
+from .outcome import EXIT_CODES, INTERNAL, INTERRUPTED, Diverged, Findings, Outcome, Refused
+
+# name → (module, attribute, one line of help); the help stands here so that `--help` imports none.
+COMMANDS: dict[str, tuple[str, str, str]] = {
+    "new": ("new", "new", "Make a folder with a score that plays."),
+    "check": ("check", "check", "Report every mistake in scores, with its place."),
+    "compile": ("compile", "compile_score", "Print the stream of ergons as CSV or JSON lines."),
+    "render": ("render", "render", "Compute the sound of a score into a WAV file."),
+    "plot": ("plot", "plot", "Draw a gesture, asked and done, in the terminal or as SVG."),
+    "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
+    "info": ("info", "info", "Say what a render, a take or a score contains."),
+    "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
+    "fmt": ("fmt", "fmt", "Lay out scores the common way, comments kept."),
+    "demo": ("demo", "demo", "Render a score that ships with ergon, and play it."),
+    "completion": ("completion", "completion", "Print a completion script for bash, zsh or fish."),
+}
+_CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are known by name and imported when used."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All names, in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a command; None when there is no such name."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        command = getattr(import_module(f"ergon.cli.{module}"), attribute)
+        assert isinstance(command, click.Command)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, with the nearest name in the message (whatever the version of click)."""
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            if name.endswith((".yaml", ".yml")):
+                raise click.UsageError(f"a command comes first: ergon render {name}", ctx)
+            close = difflib.get_close_matches(name, COMMANDS, n=1)
+            asked = f" Did you mean '{close[0]}'?" if close else ""
+            raise click.UsageError(f"No such command '{name}'.{asked}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list in `--help`, from the table alone."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
+
+
+def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            number = version("ergon-live")
+        except PackageNotFoundError:  # run from a source tree that was never installed
+            from ergon._core import __version__ as number
+        click.echo(f"ergon {number}")
+        ctx.exit()
+
+
+@click.group(cls=LazyGroup, epilog=f"Exit codes: {_CODES}.")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Print the version and exit.",
+)
+@click.option(
+    "--debug", is_flag=True, expose_value=False, help="Show where internal errors happen."
+)
+def group() -> None:
+    """Write the gesture, hear the matter: scores of ergons for CORDIS-ANIMA instruments."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run a command line and exit with the code that its outcome has."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: list[str]) -> int:
+    """Run a command line and return its exit code; every message is printed here or before."""
+    try:
+        code = _outcome(arguments)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        # The reader has seen enough. The interpreter flushes stdout once more: give it a sink.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _outcome(arguments: list[str]) -> int:
+    debug = "--debug" in arguments or bool(os.environ.get("ERGON_DEBUG"))
+    arguments = [word for word in arguments if word != "--debug"]  # taken before or after a command
+    from ergon.exchange.signals import Terminated, signals_as_exceptions
+
+    console = Console(json="--json" in arguments)
+    try:
+        with signals_as_exceptions():
+            invoke(arguments)
+        return 0
+    except click.exceptions.Exit as end:
+        return end.exit_code
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        return INTERRUPTED
+    except Terminated as end:
+        return 128 + end.number
+    except click.ClickException as error:
+        if console.json:
+            console.outcome(Refused(error.format_message()))
+        else:
+            error.show()
+        return error.exit_code
+    except BrokenPipeError:
+        raise
+    except BaseException as error:  # PyO3's panic exception is no Exception
+        if debug and not isinstance(error, Outcome):
+            raise
+        outcome = explain(error)
+        console.outcome(outcome)
+        return outcome.exit_code
+
+
+def invoke(arguments: list[str]) -> None:
+    """Parse and run, without click's own ways of ending: it would make a closed pipe an error."""
+    with group.make_context("ergon", arguments) as context:
+        group.invoke(context)
+
+
+def explain(error: BaseException) -> Outcome:
+    """The outcome that an exception means to the person at the terminal."""
+    if isinstance(error, Outcome):
+        return error
+    from ergon.exchange.safe import RefusedError
+
+    if isinstance(error, RefusedError):
+        return Refused(str(error))
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return Refused(f"{where}{error.strerror or error}")
+    if isinstance(error, MemoryError):
+        return Refused("there is not enough memory for this piece")
+    core: Any = sys.modules.get("ergon._core")  # its exceptions exist only once it is loaded
+    if core is not None and isinstance(error, getattr(core, "EngineError", ())):
+        return _engine(error, core)
+    return Outcome(
+        f"internal error: {type(error).__name__}: {error} "
+        "(please report it; --debug shows where it happened)"
+    )
+
+
+def _engine(error: BaseException, core: Any) -> Outcome:
+    """What the engine will not run: the module stands first, as the composer wrote it."""
+    module = getattr(error, "module", None)
+    sentence = str(error)
+    if module and module not in sentence:
+        sentence = f"{module}: {sentence}"
+    if isinstance(error, core.DivergedError):
+        return Diverged(sentence, code="E401", module=module, frame=error.frame)
+    return Findings(sentence, code="E309", module=module)
+
+
+assert Outcome.exit_code == INTERNAL
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""`ergon check`: every mistake in scores, with its place; on request what their gestures do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options, score
+from .console import Console, Form, plural
+from .outcome import Findings
+from .units import metres
+
+if TYPE_CHECKING:
+    from ergon.exchange.follow import Followed
+    from ergon.scores.errors import Diagnostic
+    from ergon.scores.piece import Piece
+
+
+@click.command()
+@click.argument("scores", metavar="SCORE...", nargs=-1, required=True)
+@click.option("--simulate", is_flag=True, help="Run the gestures and say how they were followed.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["full", "concise", "github"]),
+    default="full",
+    help="How mistakes are shown.",
+)
+@options.speaking
+def check(console: Console, scores: tuple[str, ...], simulate: bool, form: Form) -> None:
+    """Report every mistake in scores, with its place.
+
+    `-` reads a score from stdin. The exit code is 1 when a score has an error; warnings and notes
+    are no errors.
+    """
+    console = Console(console.json, console.quiet, console.verbose, form)
+    failed = 0
+    for path in scores:
+        try:
+            _check(console, path, simulate)
+        except Findings as found:
+            console.outcome(found)
+            failed += 1
+    if failed:
+        raise Findings(f"{failed} of {plural(len(scores), 'score')}" if len(scores) > 1 else "")
+
+
+def _check(console: Console, path: str, simulate: bool) -> None:
+    loaded = score.read(console, path)
+    found: list[Diagnostic] = []
+    staged = None
+    if loaded.piece is not None:
+        from ergon.scores.stage import StageError, stage
+
+        # What the engine will not run is a mistake of the score as well.
+        try:
+            staged = stage(loaded.piece)
+            found = staged.diagnostics
+        except StageError as error:
+            found = error.diagnostics
+        score.show(console, loaded, found)
+    console.say(f"{path}: {score.tally(loaded, found)}")
+    if staged is None:
+        raise Findings
+    if simulate:
+        from ergon.exchange.follow import follow
+
+        with console.progress(f"simulating {path}", staged.n_frames, staged.rate) as progress:
+            _report(console, staged.piece, follow(staged, progress.at))
+
+
+def _report(console: Console, piece: Piece, found: list[Followed]) -> None:
+    for one in found:
+        at = score.where(piece, one.worst_at)
+        if console.json:
+            console.record(
+                "followed",
+                player=one.player,
+                gesture=one.name,
+                key=one.key,
+                times=one.times,
+                ergons=one.n_ergons,
+                rms_m=one.rms,
+                worst_m=one.worst,
+                worst_at_s=one.worst_at,
+                worst_at=at,
+                strongest_m_s=one.strongest,
+                missed=one.missed,
+                first_points_missed=one.first_points_missed,
+            )
+            continue
+        times = f" ×{one.times}" if one.times > 1 else ""
+        words = (
+            f"{one.player} {one.name}{times} on {one.key}: followed within {metres(one.rms)} rms, "
+            f"worst {metres(one.worst)} at {at}"
+        )
+        if one.missed:
+            words += f"; {plural(one.missed, 'step')} needed more than the force limit"
+        if one.first_points_missed:
+            words += f"; first point missed {plural(one.first_points_missed, 'time')}"
+        console.data(words + "\n")
+        console.detail(
+            f"  {plural(one.n_ergons, 'ergon')}, the strongest {one.strongest:.3g} m/s; "
+            f"free key from {metres(one.low)} to {metres(one.high)}"
+        )

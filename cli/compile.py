@@ -1,0 +1,43 @@
+"""`ergon compile`: the stream of ergons that a score becomes."""
+
+from __future__ import annotations
+
+import click
+
+from . import options, score
+from .console import Console
+
+
+@click.command("compile")
+@options.score
+@options.target("Where to; stdout without it, or with -.")
+@options.seed
+@options.force
+@options.speaking
+def compile_score(
+    console: Console, score_path: str, output: str | None, seed: int | None, force: bool
+) -> None:
+    """Print the stream of ergons as CSV or JSON lines.
+
+    One row an ergon: when, what it strikes, from which side, its mass, speed and impulse, and the
+    place in the score that it comes from. --json gives JSON lines instead of CSV.
+    """
+    from ergon.exchange.safe import writing
+    from ergon.exchange.stream import Form, Names, header, stream
+
+    loaded = score.read(console, score_path)
+    staged = score.stage_piece(console, loaded, seed=seed, record=True)
+    piece, stage = staged.piece, staged.stage
+    form: Form = "json" if console.json else "csv"
+    names = Names(struck=stage.name_of, source=lambda index: str(stage.sources[index]))
+    # Under --json a bar's records would mix with the rows.
+    quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
+    with (
+        writing(output or "-", binary=False, force=force) as file,
+        quiet.progress("compiling", stage.n_frames, stage.rate) as progress,
+    ):
+        head = header(form, title=piece.title, rate=stage.rate, score=piece.digest())
+        file.write(head.encode())
+        for text, at in stream(stage.simulation, stage.n_frames, form, names):
+            file.write(text.encode())
+            progress.at(at)

@@ -1,0 +1,185 @@
+"""`ergon completion`: a script that lets the shell complete commands, options, files and names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import click
+
+from .names import SECTIONS, names_of
+
+SHELLS = ("bash", "zsh", "fish")
+# What completes after an option or as the second argument of a command: sections of the score.
+_VALUES = {"--from": ("marks",), "--to": ("marks",), "--key": ("keys",)}
+_PLOTTED = ("gestures", "takes", "players")
+
+
+@click.command()
+@click.argument("shell", type=click.Choice(SHELLS), required=False)
+@click.option("--names", "wanted", hidden=True, help="Print names of these sections of a score.")
+@click.argument("score_path", required=False)
+def completion(shell: str | None, wanted: str | None, score_path: str | None) -> None:
+    """Print a completion script for bash, zsh or fish.
+
+    bash: eval "$(ergon completion bash)" in ~/.bashrc. zsh: the same in ~/.zshrc, after compinit.
+    fish: ergon completion fish > ~/.config/fish/completions/ergon.fish
+    """
+    if wanted is not None:
+        # Called by the scripts below: `ergon completion --names gestures,takes bash SCORE`.
+        sections = tuple(name for name in wanted.split(",") if name in SECTIONS)
+        for name in names_of(score_path or "", sections):
+            click.echo(name)
+        return
+    if shell is None:
+        raise click.UsageError(f"which shell? {', '.join(SHELLS)}")
+    click.echo(_SCRIPTS[shell](), nl=False)
+
+
+def _table() -> dict[str, list[click.Parameter]]:
+    """Every command with its parameters; this imports the commands, but not what they import."""
+    from .app import COMMANDS, group
+
+    context = click.Context(group)
+    found = {}
+    for name in COMMANDS:
+        command = group.get_command(context, name)
+        assert command is not None
+        found[name] = [p for p in command.params if not getattr(p, "hidden", False)]
+    return found
+
+
+def _options(parameters: Iterable[click.Parameter]) -> list[click.Option]:
+    return [p for p in parameters if isinstance(p, click.Option)]
+
+
+def _bash() -> str:
+    cases = []
+    for name, parameters in _table().items():
+        words = [word for p in _options(parameters) for word in (*p.opts, *p.secondary_opts)]
+        cases.append(f'    {name}) words="{" ".join(sorted([*words, "--help"]))}" ;;')
+    return _BASH.format(commands=" ".join(_table()), cases="\n".join(cases), values=_bash_values())
+
+
+def _bash_values() -> str:
+    """Cases for what follows an option: choices, names of the score, or files."""
+    lines: dict[str, str] = {}
+    for parameters in _table().values():
+        for p in _options(parameters):
+            for word in p.opts:
+                if word in _VALUES:
+                    sections = ",".join(_VALUES[word])
+                    lines[word] = (
+                        f'COMPREPLY=($(compgen -W "$(_ergon_names {sections})" -- "$cur"))'
+                    )
+                elif isinstance(p.type, click.Choice):
+                    choices = " ".join(map(str, p.type.choices))
+                    lines[word] = f'COMPREPLY=($(compgen -W "{choices}" -- "$cur"))'
+                elif isinstance(p.type, click.Path) or p.metavar == "FILE":
+                    lines[word] = 'COMPREPLY=($(compgen -f -- "$cur"))'
+    return "\n".join(f"    {word}) {action}; return ;;" for word, action in sorted(lines.items()))
+
+
+def _zsh() -> str:
+    return "autoload -U +X bashcompinit && bashcompinit\n" + _bash()
+
+
+def _fish() -> str:
+    from .app import COMMANDS
+
+    lines = [_FISH]
+    for name, (_, _, text) in COMMANDS.items():
+        lines.append(f"complete -c ergon -n __fish_use_subcommand -f -a {name} -d {_quoted(text)}")
+    for name, parameters in _table().items():
+        seen = f"-n '__fish_seen_subcommand_from {name}'"
+        for p in _options(parameters):
+            flags = [
+                f"-l {word[2:]}" if word.startswith("--") else f"-s {word[1:]}"
+                for word in (*p.opts, *p.secondary_opts)
+            ]
+            line = f"complete -c ergon {seen} {' '.join(flags)} -d {_quoted(p.help or '')}"
+            known = next((_VALUES[word] for word in p.opts if word in _VALUES), None)
+            if known is not None:
+                line += f" -xa '(__ergon_names {','.join(known)})'"
+            elif isinstance(p.type, click.Choice):
+                line += f" -xa {_quoted(' '.join(map(str, p.type.choices)))}"
+            elif not p.is_flag:
+                line += " -r"
+            lines.append(line)
+    plotted = ",".join(_PLOTTED)
+    lines.append(
+        "complete -c ergon -n '__fish_seen_subcommand_from plot; and __ergon_score >/dev/null' "
+        f"-a '(__ergon_names {plotted})'"
+    )
+    shells = " ".join(SHELLS)
+    lines.append(f"complete -c ergon -n '__fish_seen_subcommand_from completion' -f -a '{shells}'")
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
+
+
+_BASH = """\
+# Completion of ergon, made by ergon completion.
+_ergon_score() {{
+  local word
+  for word in "${{COMP_WORDS[@]:2}}"; do
+    case "$word" in *.yaml|*.yml) [ -f "$word" ] && printf '%s' "$word" && return ;; esac
+  done
+}}
+_ergon_names() {{
+  local score; score="$(_ergon_score)"
+  [ -n "$score" ] && ergon completion --names "$1" bash "$score" 2>/dev/null
+}}
+_ergon() {{
+  local cur="${{COMP_WORDS[COMP_CWORD]}}" prev="${{COMP_WORDS[COMP_CWORD-1]}}" words="" score
+  COMPREPLY=()
+  if [ "$COMP_CWORD" -eq 1 ]; then
+    COMPREPLY=($(compgen -W "{commands} --help --version --debug" -- "$cur"))
+    return
+  fi
+  case "$prev" in
+{values}
+  esac
+  case "${{COMP_WORDS[1]}}" in
+{cases}
+  esac
+  if [[ "$cur" == -* ]]; then
+    COMPREPLY=($(compgen -W "$words" -- "$cur"))
+    return
+  fi
+  case "${{COMP_WORDS[1]}}" in
+    completion) COMPREPLY=($(compgen -W "bash zsh fish" -- "$cur")); return ;;
+    plot)
+      score="$(_ergon_score)"
+      if [ -n "$score" ] && [ "$score" != "$cur" ]; then
+        COMPREPLY=($(compgen -W "$(_ergon_names gestures,takes,players)" -- "$cur"))
+        return
+      fi ;;
+  esac
+  COMPREPLY=($(compgen -f -X '!*.y?(a)ml' -- "$cur") $(compgen -d -- "$cur"))
+  case "${{COMP_WORDS[1]}}" in
+    info|plot) COMPREPLY+=($(compgen -f -X '!*.@(wav|csv|npz)' -- "$cur")) ;;
+  esac
+}}
+shopt -s extglob 2>/dev/null || setopt kshglob 2>/dev/null
+complete -o filenames -F _ergon ergon
+"""
+
+_FISH = """\
+# Completion of ergon, made by ergon completion.
+function __ergon_score
+    for word in (commandline -opc)
+        if string match -qr '\\.ya?ml$' -- $word; and test -f $word
+            echo $word
+            return 0
+        end
+    end
+    return 1
+end
+function __ergon_names
+    set -l score (__ergon_score); or return
+    ergon completion --names $argv[1] fish $score 2>/dev/null
+end"""
+
+_SCRIPTS: dict[str, Callable[[], str]] = {"bash": _bash, "zsh": _zsh, "fish": _fish}

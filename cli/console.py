@@ -1,0 +1,137 @@
+"""What a person and a script read: messages on stderr, data on stdout, JSON lines on request."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TextIO
+
+if TYPE_CHECKING:
+    from ergon.scores.errors import Diagnostic, Severity, Source
+
+    from .outcome import Outcome
+    from .progress import Progress
+
+VERSION = 1
+Form = Literal["full", "concise", "github", "json"]
+_STYLES = {"error": "1;31", "warning": "1;33", "note": "1;36", "strong": "1", "dim": "2"}
+
+
+def may_colour(stream: TextIO, environment: Mapping[str, str] | None = None) -> bool:
+    """NO_COLOR (non-empty) wins, then FORCE_COLOR, then whether a capable terminal listens."""
+    env = os.environ if environment is None else environment
+    if env.get("NO_COLOR"):
+        return False
+    if env.get("FORCE_COLOR"):
+        return env["FORCE_COLOR"] != "0"
+    return stream.isatty() and env.get("TERM") != "dumb"
+
+
+@dataclass(frozen=True, slots=True)
+class Console:
+    """The manner of speaking that the options of a command ask for."""
+
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    form: Form = "full"
+
+    # --- data on stdout -------------------------------------------------------------------------
+
+    def record(self, event: str, **fields: Any) -> None:
+        """A JSON line on stdout."""
+        print(line(event, **fields), flush=True)
+
+    def data(self, text: str) -> None:
+        """Text that was asked for, on stdout."""
+        sys.stdout.write(text)
+
+    # --- messages on stderr ---------------------------------------------------------------------
+
+    def say(self, message: str) -> None:
+        """What happened; left out under --quiet and --json."""
+        if not self.quiet and not self.json:
+            print(message, file=sys.stderr)
+
+    def detail(self, message: str) -> None:
+        """More of it, under --verbose only."""
+        if self.verbose:
+            self.say(message)
+
+    def warn(self, message: str) -> None:
+        """What a person should know though the work goes on."""
+        if self.json:
+            self.record("warning", message=message)
+        elif not self.quiet:
+            print(f"{style('warning', 'warning')}: {message}", file=sys.stderr)
+
+    def outcome(self, outcome: Outcome) -> None:
+        """An early end, as one sentence or as one JSON line."""
+        if not outcome.message:
+            return
+        if self.json:
+            place = {"file": None, "line": None, "column": None, **outcome.place}
+            suggestion = place.pop("suggestion", None)
+            fields = {"code": outcome.code or None, **place, "message": outcome.message}
+            self.record("error", **fields, suggestion=suggestion)
+        else:
+            code = f"[{outcome.code}]" if outcome.code else ""
+            print(f"{style('error', 'error' + code)}: {outcome.message}", file=sys.stderr)
+
+    def diagnostics(
+        self,
+        found: Iterable[Diagnostic],
+        sources: Mapping[str, Source],
+        left_out: Mapping[Severity, int],
+    ) -> None:
+        """Mistakes in their places, with lines from `sources`, and how many more there are.
+
+        JSON and GitHub forms are data for another program and go to stdout, the others to stderr.
+        Under --quiet only errors are shown.
+        """
+        from ergon.scores.errors import RENDERERS
+
+        form: Form = "json" if self.json else self.form
+        stream = sys.stdout if form in ("json", "github") else sys.stderr
+        for diagnostic in found:
+            if self.quiet and diagnostic.severity != "error":
+                continue
+            text = RENDERERS[form](diagnostic, sources)
+            if form in ("full", "concise"):
+                word = f"{diagnostic.severity}[{diagnostic.code}]"
+                text = text.replace(word, style(diagnostic.severity, word), 1)
+            print(text, file=stream)
+        for severity, count in left_out.items():
+            if count:
+                self.say(f"and {count:,} more {severity}" + ("s" if count > 1 else ""))
+
+    def progress(self, task: str, total: int, rate: float) -> Progress:
+        """A bar on a terminal, a JSON record per second under --json, otherwise silence."""
+        from .progress import bar
+
+        return bar(self, task, total, rate)
+
+
+def line(event: str, **fields: Any) -> str:
+    """One JSON line; a number that JSON cannot say (inf, nan) becomes null."""
+    fields = {name: _finite(value) for name, value in fields.items()}
+    return json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+        return None
+    return value
+
+
+def style(name: str, text: str) -> str:
+    """Text for stderr in the colour of its meaning, where colour is welcome."""
+    return f"\x1b[{_STYLES[name]}m{text}\x1b[0m" if may_colour(sys.stderr) else text
+
+
+def plural(count: int, noun: str) -> str:
+    """`1 error`, `2 errors`."""
+    return f"{count:,} {noun}" + ("" if count == 1 else "s")

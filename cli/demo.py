@@ -1,0 +1,100 @@
+"""`ergon demo`: the first sound, from a score that ships with ergon."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import Refused
+
+_FIRST = "first-sound"  # what a newcomer hears without choosing
+_PLAYERS = ("pw-play", "paplay", "aplay")  # PipeWire, PulseAudio, bare ALSA: the nearest first
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option("--list", "list_", is_flag=True, help="List the scores that ship with ergon.")
+@options.target("The WAV file; NAME.wav here without it.")
+@click.option("--no-audio", is_flag=True, help="Write the WAV file, play nothing.")
+@options.force
+@options.speaking
+def demo(
+    console: Console,
+    name: str | None,
+    list_: bool,
+    output: str | None,
+    no_audio: bool,
+    force: bool,
+) -> None:
+    """Render a score that ships with ergon, and play it.
+
+    The sound is written as a WAV file and played by pw-play, paplay or aplay, where one of them
+    works. `ergon demo --list` says what there is.
+    """
+    scores = bundled()
+    if list_:
+        for path in scores.values():
+            if console.json:
+                console.record("score", name=path.stem, file=str(path), about=about(path))
+            else:
+                console.data(f"{path.stem:<20} {about(path)}\n")
+        return
+    path = _chosen(scores, name)
+    from .render import Wishes, render_file
+
+    target = output or f"{path.stem}.wav"
+    console.say(f"score: {path}")
+    render_file(console, str(path), Wishes(output=target, force=force))
+    if not no_audio and target != "-":
+        _play(console, target)
+
+
+def bundled() -> dict[str, Path]:
+    """The scores in scores/library, by name."""
+    from importlib.resources import files
+
+    library = Path(str(files("ergon"))) / "scores" / "library"
+    # A file in a folder below is part of a score, not one itself.
+    return {path.stem: path for path in sorted(library.glob("*.yaml"))}
+
+
+def about(path: Path) -> str:
+    """The title of a score, by a look at its text alone."""
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.startswith("title:"):
+            return line.removeprefix("title:").split(" #")[0].strip().strip("'\"")
+    return ""
+
+
+def _chosen(scores: dict[str, Path], name: str | None) -> Path:
+    import difflib
+
+    if not scores:
+        raise Refused("no scores ship with this installation")
+    if name is None:
+        return scores.get(_FIRST) or next(iter(scores.values()))
+    if name not in scores:
+        close = difflib.get_close_matches(name, scores, n=1)
+        asked = f"; did you mean '{close[0]}'?" if close else ""
+        raise Refused(f"no score '{name}' ships with ergon{asked} (ergon demo --list)")
+    return scores[name]
+
+
+def _play(console: Console, path: str) -> None:
+    """Play with the first player that works; a machine without sound is no failure."""
+    for player in _PLAYERS:
+        program = shutil.which(player)
+        if program is None:
+            continue
+        console.say(f"playing with {player}; Ctrl-C stops")
+        done = subprocess.run([program, path], check=False, capture_output=True)
+        if done.returncode == 0:
+            return
+        console.detail(f"{player}: {done.stderr.decode(errors='replace').strip()}")
+    tried = ", ".join(_PLAYERS)
+    console.warn(f"no sound: none of {tried} works here. Listen to {path} with any player")

@@ -1,0 +1,111 @@
+"""`ergon export`: tempo map, marks and stems for a workstation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options, score
+from .console import Console
+from .outcome import Refused
+from .summary import rendered
+
+if TYPE_CHECKING:
+    from ergon.exchange.midi import Meter
+    from ergon.exchange.wave_header import Bits
+    from ergon.scores.piece import Piece
+
+
+@click.command()
+@options.score
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    required=True,
+    help="The folder to write into.",
+)
+@click.option("--stems/--no-stems", default=True, help="Render the mix and one file per player.")
+@options.bits
+@options.force
+@options.speaking
+def export(
+    console: Console,
+    score_path: str,
+    output: Path,
+    stems: bool,
+    bits: Bits | None,
+    force: bool,
+) -> None:
+    """Write tempo map, marks and stems for other programs.
+
+    tempo.mid holds tempo, meters and markers; marks.csv the marks in bars and seconds; mix.wav and
+    stems/ the sound. All begin at the beginning of the piece: drag them to zero.
+    """
+    from ergon.exchange.markers import markers_csv
+    from ergon.exchange.safe import check_target, writing
+
+    staged = score.stage_piece(console, score.read(console, score_path))
+    piece = staged.piece
+    end = staged.stage.n_frames / staged.stage.rate
+    tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
+    for path in (tempo_path, marks_path):
+        check_target(path, force=force)
+    tempo = score.tempo_of(piece)
+    marks = [
+        (name, score.where(piece, tempo.seconds(beats)), tempo.seconds(beats))
+        for name, beats in score.marks_of(piece)
+    ]
+    files = {
+        tempo_path: _tempo_file(piece, end),
+        marks_path: markers_csv(marks).encode(),
+    }
+    for path, content in files.items():
+        with writing(path, binary=True, force=force) as file:
+            file.write(content)
+        _say(console, path)
+    if stems:
+        from ergon.exchange import render as exchange
+
+        from .render import Wishes, order_of
+
+        wishes = Wishes(
+            output=str(output / "mix.wav"), stems=output / "stems", bits=bits, force=force
+        )
+        order = order_of(score_path, piece, staged.stage, wishes)
+        with console.progress("rendering stems", order.stop, staged.stage.rate) as progress:
+            done = exchange.render(staged.stage, order, progress.at)
+        rendered(console, done, order, staged.plan_s, staged.stage.network)
+
+
+def _tempo_file(piece: Piece, end: float) -> bytes:
+    """The tempo map up to `end` [s], or to the end of its last ramp if that is later."""
+    from ergon.exchange.midi import Marker, tempo_file
+
+    tempo = score.tempo_of(piece)
+    ramps = [tempo.after(tempo.resolve(e.at), e.over) for e in piece.tempo if e.over is not None]
+    length = max([tempo.beats(end), *ramps, *(tempo.resolve(e.at) for e in piece.tempo)])
+    markers = [Marker(name, beats) for name, beats in score.marks_of(piece)]
+    try:
+        return tempo_file(tempo.seconds, length, _meters(piece), markers, piece.title)
+    except ValueError as error:
+        raise Refused(str(error)) from None
+
+
+def _meters(piece: Piece) -> list[Meter]:
+    from ergon.exchange.midi import Meter
+
+    tempo = score.tempo_of(piece)
+    starts = {0.0, *(tempo.resolve(entry.at) for entry in piece.tempo if entry.meter)}
+    meters = [(beat, tempo.bars.meter(beat)) for beat in sorted(starts)]
+    return [Meter(beat, meter.beats, meter.unit) for beat, meter in meters]
+
+
+def _say(console: Console, path: Path) -> None:
+    if console.json:
+        console.record("wrote", file=str(path))
+    else:
+        console.say(f"wrote {path}")

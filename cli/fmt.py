@@ -1,0 +1,67 @@
+"""`ergon fmt`: the common layout of scores."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from pathlib import Path
+
+import click
+
+from . import options
+from .console import Console, plural
+from .outcome import Findings, Refused
+
+
+@click.command()
+@click.argument("scores", metavar="SCORE...", nargs=-1, required=True)
+@click.option("--check", "only_check", is_flag=True, help="Change nothing; exit 1 if it would.")
+@click.option("--diff", is_flag=True, help="Print what would change; change nothing.")
+@options.speaking
+def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool) -> None:
+    """Lay out scores the common way, comments kept.
+
+    Spaces inside braces, columns of tables and the ends of lines are put in order; comments and
+    what a score means never change. `-` formats stdin to stdout.
+    """
+    changed = 0
+    for path in scores:
+        changed += _format(console, path, only_check, diff)
+    if (only_check or diff) and changed:
+        raise Findings(f"{plural(changed, 'score')} would be laid out anew" if only_check else "")
+
+
+def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
+    from ergon.exchange.safe import writing
+    from ergon.scores.errors import TextError
+    from ergon.scores.format import formatted
+
+    data = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
+    try:
+        before = data.decode("utf-8")
+        after = formatted(before)
+    except UnicodeDecodeError:
+        raise Refused(f"{path}: this is not text in UTF-8") from None
+    except TextError as error:
+        line = before.count("\n", 0, error.offset) + 1
+        column = error.offset - (before.rfind("\n", 0, error.offset) + 1) + 1
+        place = {"file": path, "line": line, "column": column}
+        message = f"{path}:{line}:{column}: {error.message}"
+        raise Findings(message, code=error.code, **place) from None
+    different: bool = after != before
+    if diff:
+        lines = difflib.unified_diff(
+            before.splitlines(keepends=True), after.splitlines(keepends=True), path, path
+        )
+        console.data("".join(lines))
+    elif path == "-" and not only_check:
+        console.data(after)
+    elif different and not only_check:
+        # The score is the composer's own file, so it may be written over.
+        with writing(path, binary=False, force=True) as file:
+            file.write(after.encode())
+    if console.json:
+        console.record("fmt", file=path, changed=different)
+    elif different and not diff and path != "-":
+        console.say(f"{path}: " + ("would change" if only_check else "laid out"))
+    return different

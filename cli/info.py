@@ -1,0 +1,161 @@
+"""`ergon info`: what a render, a take or a score contains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options, score
+from .console import Console, plural
+from .outcome import Findings, Refused
+from .units import octets, seconds
+
+if TYPE_CHECKING:
+    from ergon.exchange.wave_header import WaveInfo
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@click.option("--score", "of", metavar="SCORE", help="Check that a render comes from this score.")
+@options.speaking
+def info(console: Console, file: str, of: str | None) -> None:
+    """Say what a render, a take or a score contains.
+
+    A WAV file is a render: its format, title, the hash of its score and of its samples. A CSV or
+    npz file is a take: its channels and what they span. Anything else is read as a score.
+    """
+    path = Path(file)
+    suffix = path.suffix.lower()
+    if of is not None and suffix != ".wav":
+        raise Refused("--score verifies a rendered WAV file")
+    if suffix == ".wav":
+        _render(console, path, of)
+    elif suffix in (".csv", ".npz"):
+        _take(console, path)
+    else:
+        _score(console, file)
+
+
+def _render(console: Console, path: Path, of: str | None) -> None:
+    from ergon.exchange.wave import hash_samples, read_info
+    from ergon.exchange.wave_header import NotWaveError
+
+    try:
+        found = read_info(path)
+        samples = hash_samples(path)
+    except NotWaveError as error:
+        raise Refused(f"{path}: {error}") from None
+    if console.json:
+        console.record("render", **_fields(path, found), samples_sha256=samples)
+    else:
+        console.data(_lines(path, found, samples))
+    if of is None:
+        return
+    if found.score is None:
+        raise Findings(f"{path} does not say which score it comes from")
+    if score.piece_of(score.read(console, of)).digest() != found.score:
+        raise Findings(f"{path} was rendered from another score than {of}, or an earlier state")
+    console.say(f"{path} was rendered from {of} as it is now")
+
+
+def _fields(path: Path, found: WaveInfo) -> dict[str, object]:
+    return {
+        "file": str(path),
+        "container": found.container,
+        "rate_hz": found.format.rate,
+        "channels": found.format.n_channels,
+        "bits": found.format.bits,
+        "frames": found.n_frames,
+        "duration_s": found.n_frames / found.format.rate,
+        "originator": found.originator,
+        "title": found.title,
+        "score_sha256": found.score,
+    }
+
+
+def _lines(path: Path, found: WaveInfo, samples: str) -> str:
+    bits = found.format.bits
+    form = "32-bit float" if bits == "float" else f"{bits} bits"
+    lines = [
+        f"{path}: {seconds(found.n_frames / found.format.rate)} ({found.n_frames:,} frames), "
+        f"{plural(found.format.n_channels, 'channel')}, {found.format.rate} Hz, {form}, "
+        f"{found.container}, {octets(found.offset + found.size)}",
+    ]
+    if found.title:
+        lines.append(f"title:   {found.title}")
+    lines.append(f"made by: {found.originator or 'not said'}")
+    if found.score:
+        lines.append(f"score:   sha256 {found.score}")
+    lines.append(f"samples: sha256 {samples}")
+    return "\n".join(lines) + "\n"
+
+
+def _take(console: Console, path: Path) -> None:
+    from ergon.exchange.table import NotTableError, read_table
+
+    try:
+        table = read_table(path)
+    except NotTableError as error:
+        raise Refused(f"{path}: {error}") from None
+    time = table.columns[0] if table.columns[0].name.startswith("t") else None
+    span = time.last - time.first if time else None
+    rate = (table.n_rows - 1) / span if span else None
+    channels = table.columns[1:] if time else table.columns
+    if console.json:
+        console.record(
+            "take",
+            file=str(path),
+            samples=table.n_rows,
+            duration_s=span,
+            rate_hz=rate,
+            channels=[{"name": c.name, "low": c.low, "high": c.high} for c in channels],
+        )
+        return
+    words = [plural(table.n_rows, "sample")]
+    if span and rate:
+        words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
+    lines = [f"{path}: " + ", ".join(words)]
+    lines += [
+        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}" for c in channels
+    ]
+    console.data("\n".join(lines) + "\n")
+
+
+def _score(console: Console, path: str) -> None:
+    ready = score.stage_piece(console, score.read(console, path))
+    piece, staged = ready.piece, ready.stage
+    duration = staged.n_frames / staged.rate
+    end = score.where(piece, duration)
+    groups = {
+        "players": list(piece.players),
+        "keys": list(piece.keys),
+        "instruments": list(piece.instruments),
+        "gestures": list(piece.gestures),
+        "takes": list(piece.takes),
+        "marks": [name for name, _ in score.marks_of(piece)],
+    }
+    if console.json:
+        console.record(
+            "score",
+            file=path,
+            title=piece.title,
+            score_sha256=piece.digest(),
+            duration_s=duration,
+            end=end,
+            rate_hz=staged.rate,
+            channels=staged.n_channels,
+            modules=staged.network.n_mat + staged.network.n_lia,
+            **groups,
+        )
+        return
+    lines = [
+        f"{path}: {piece.title or 'without a title'}",
+        f"  {seconds(duration)}, to {end}; {plural(staged.n_channels, 'channel')} at "
+        f"{staged.rate:g} Hz; {plural(staged.network.n_mat, 'MAT')}, "
+        f"{plural(staged.network.n_lia, 'LIA')}",
+    ]
+    lines += [f"  {kind}: {', '.join(names)}" for kind, names in groups.items() if names]
+    lines.append(f"  sha256 {piece.digest()}")
+    console.data("\n".join(lines) + "\n")

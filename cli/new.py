@@ -1,0 +1,78 @@
+"""`ergon new`: a folder with a score that plays, and what an editor needs to help with it."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from pathlib import Path
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import Refused
+from .schema import FILE as SCHEMA
+
+_TEMPLATES = Path(str(files("ergon"))) / "cli" / "templates"
+TEMPLATES = ("bell", "duet")
+_TITLE = "title: A new piece"  # as the templates have it, which are whole scores themselves
+_NAME = re.compile(r"[^\W\d][\w-]*")
+
+
+@click.command()
+@click.argument("name")
+@click.option(
+    "--template",
+    type=click.Choice(TEMPLATES),
+    default=TEMPLATES[0],
+    help="What to begin with: one key and a bell, or two keys that feel each other.",
+)
+@options.speaking
+def new(console: Console, name: str, template: str) -> None:
+    """Make a folder with a score that plays.
+
+    It holds score.yaml, an instrument of its own, a README and the schema by which an editor
+    completes and explains names. Nothing that exists is overwritten.
+    """
+    from ergon.exchange.safe import write_text
+
+    folder = Path(name)
+    if not _NAME.fullmatch(folder.name):
+        raise Refused(f"'{folder.name}' is no name for a piece: letters, digits, - and _")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise Refused(f"{folder} exists already and is not empty")
+    for path, text in contents(template, folder.name).items():
+        write_text(folder / path, text)
+        if console.json:
+            console.record("wrote", file=str(folder / path))
+        else:
+            console.detail(f"wrote {folder / path}")
+    console.say(f"{folder} is ready: cd {folder} && ergon render score.yaml")
+
+
+def contents(template: str, name: str) -> dict[str, str]:
+    """The files of a new piece and their texts."""
+    from .schema import schema_text
+
+    source = _TEMPLATES / template
+    title = name.replace("-", " ").replace("_", " ").capitalize()
+    found = {}
+    for path in sorted(source.rglob("*.yaml")):
+        text = path.read_text(encoding="utf-8").replace(_TITLE, f"title: {title}", 1)
+        found[str(path.relative_to(source))] = text
+    found["README.md"] = _README.format(title=title)
+    found[SCHEMA] = schema_text()
+    return found
+
+
+_README = """\
+# {title}
+
+    ergon check score.yaml           names, units, times: every mistake with its place
+    ergon render score.yaml          the sound, as score.wav
+    ergon render score.yaml --watch  again whenever you save
+    ergon plot score.yaml knock      a gesture, asked and done
+
+`score.yaml` is the piece; `instruments/` what it is played on. `score-1.schema.json` lets an editor
+with the YAML language server complete names and explain them while you type.
+"""

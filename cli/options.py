@@ -1,0 +1,50 @@
+"""Options that several commands share, said once."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from .console import Console
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+force = click.option("-f", "--force", is_flag=True, help="Overwrite files that are not ours.")
+seed = click.option("--seed", type=int, help="Another seed for every chance operation.")
+score = click.argument("score_path", metavar="SCORE")
+# Kept as text: what it may be (a file, `-`) is checked where it is opened, with a sentence.
+
+
+def target(text: str) -> Callable[[F], F]:
+    """`-o`, with what it means here."""
+    return click.option("-o", "--output", metavar="FILE", help=text)
+
+
+def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --json, -q and -v, and hand the command a Console as its first argument."""
+
+    @click.option("--json", "as_json", is_flag=True, help="JSON lines on stdout.")
+    @click.option("-q", "--quiet", is_flag=True, help="Only errors.")
+    @click.option("-v", "--verbose", is_flag=True, help="Say more.")
+    @functools.wraps(command)
+    def spoken(*args: Any, as_json: bool, quiet: bool, verbose: bool, **options: Any) -> Any:
+        console = Console(json=as_json, quiet=quiet, verbose=verbose)
+        return command(console, *args, **options)
+
+    return spoken
+
+
+def parse_bits(context: click.Context, parameter: click.Parameter, value: str | None) -> Any:
+    """`--bits` as the number it is, or the word float."""
+    return int(value) if value in ("16", "24") else value
+
+
+bits = click.option(
+    "--bits",
+    type=click.Choice(["16", "24", "float"]),
+    callback=parse_bits,
+    help="Form of the samples; without it as the score says.",
+)

@@ -1,0 +1,169 @@
+"""`ergon plot`: a gesture asked and done, or the sound of a render, as a picture."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options, score
+from .console import Console
+from .outcome import Findings, Refused
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from ergon.scores.load import Loaded
+    from ergon.scores.piece import Piece
+    from ergon.scores.stage import Stage, StagedGesture
+    from ergon.view.curve import Curve
+
+_ROOM = 0.02  # [s] drawn before a gesture: its joining curve
+_WIDTH_MAX = 160  # columns: wider is harder to read, not finer
+
+
+@click.command()
+@options.score
+@click.argument("name", required=False)
+@click.option("--key", metavar="KEY", help="Play NAME alone on this key instead of in the piece.")
+@click.option("--svg", metavar="FILE", help="Write an SVG picture; - is stdout.")
+@click.option("--width", type=click.IntRange(24, 1000), help="Characters; the terminal's width.")
+@click.option("--height", type=click.IntRange(5, 1000), default=20, help="Lines.")
+@options.force
+@options.speaking
+def plot(
+    console: Console,
+    score_path: str,
+    name: str | None,
+    key: str | None,
+    svg: str | None,
+    width: int | None,
+    height: int,
+    force: bool,
+) -> None:
+    """Draw a gesture, asked and done, in the terminal or as SVG.
+
+    NAME is a gesture, a take or a player of the score: what is drawn is its first time in the
+    piece, or for a player the whole part. SCORE may also be a rendered WAV file, without NAME: then
+    its waveform and spectrogram are drawn.
+    """
+    if Path(score_path).suffix.lower() == ".wav":
+        _sound(console, Path(score_path), svg, width, height, force)
+        return
+    loaded = score.read(console, score_path)
+    if name is None:
+        raise Refused(f"what is to be drawn? {_known(score.piece_of(loaded))}")
+    curves, title = _curves(console, loaded, name, key)
+    if console.json:
+        for curve in curves:
+            values = [None if x != x else x for x in curve.x]
+            console.record("curve", name=curve.name, title=title, t_s=curve.t, x_mm=values)
+    elif svg is None:
+        console.data(f"{title}\n{_text(curves, width, height, 'position [mm]')}")
+    if svg is not None:
+        from ergon.view.svg import plot as draw
+
+        _write(console, svg, draw(curves, title=title, x_label="position [mm]"), force)
+
+
+def _curves(
+    console: Console, loaded: Loaded, name: str, key: str | None
+) -> tuple[tuple[Curve, Curve], str]:
+    from ergon.view.motion import asked_and_done
+
+    piece = score.piece_of(loaded)
+    if key is not None and key not in piece.keys:
+        raise Refused(f"there is no key '{key}'{_nearest(key, piece.keys)}")
+    every = [*piece.gestures, *piece.takes, *piece.players]
+    if name not in every:
+        raise Refused(f"there is no '{name}'{_nearest(name, every)}")
+    stage, gestures = _staged(console, loaded, name, key)
+    first = gestures[0]
+    start = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
+    stop = max(gesture.stop for gesture in gestures)
+    curves = asked_and_done(stage.simulation, first.key_index, first.struck, start, stop)
+    at = "" if key is not None else f" at {score.where(piece, first.start)}"
+    return curves, f"{name}{at} on {first.key}"
+
+
+def _staged(
+    console: Console, loaded: Loaded, name: str, key: str | None
+) -> tuple[Stage, Sequence[StagedGesture]]:
+    """The stage to look at, and which of its gestures are meant."""
+    from ergon.scores.stage import StageError, solo
+
+    piece = score.piece_of(loaded)
+    if key is None:
+        stage = score.stage_piece(console, loaded).stage
+        if name in piece.players:
+            played = [gesture for gesture in stage.gestures if gesture.player == name]
+            if not played:
+                raise Refused(f"{name} plays nothing in this piece")
+            return stage, played
+        played = [gesture for gesture in stage.gestures if gesture.name == name]
+        if played:
+            return stage, played[:1]
+    if name in piece.players:
+        raise Refused("--key takes a gesture or a take; a player has a key already")
+    if not piece.keys:
+        raise Refused("this piece has no key to play on")
+    try:
+        alone = solo(piece, name, key or next(iter(piece.keys)))
+    except StageError as error:
+        score.show(console, loaded, error.diagnostics)
+        raise Findings from error
+    return alone, alone.gestures
+
+
+def _nearest(word: str, names: Iterable[str]) -> str:
+    from ergon.scores.spelling import nearest
+
+    names = list(names)
+    close = nearest(word, names)
+    asked = f"; did you mean '{close}'?" if close else ""
+    return f"{asked} (there is {', '.join(names)})" if names else asked
+
+
+def _known(piece: Piece) -> str:
+    kinds = {"gestures": piece.gestures, "takes": piece.takes, "players": piece.players}
+    return "; ".join(f"{kind}: {', '.join(names)}" for kind, names in kinds.items() if names)
+
+
+def _sound(
+    console: Console, path: Path, svg: str | None, width: int | None, height: int, force: bool
+) -> None:
+    from ergon.exchange.wave import read_blocks, read_info
+    from ergon.exchange.wave_header import NotWaveError
+
+    try:
+        info = read_info(path)
+    except NotWaveError as error:
+        raise Refused(f"{path}: {error}") from None
+    rate = float(info.format.rate)
+    if svg is not None:
+        from ergon.view.sound import picture
+
+        title = info.title or path.name
+        _write(console, svg, picture(read_blocks(path), info.n_frames, rate, title), force)
+        return
+    from ergon.view.sound import envelope
+
+    curves = envelope(read_blocks(path), info.n_frames, rate)
+    console.data(f"{path}\n{_text(curves, width, height, 'mean of channels')}")
+
+
+def _text(curves: Sequence[Curve], width: int | None, height: int, label: str) -> str:
+    from ergon.view.braille import plot as draw
+
+    columns = width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    return draw(curves, width=columns, height=height, x_label=label)
+
+
+def _write(console: Console, target: str, text: str, force: bool) -> None:
+    from ergon.exchange.safe import write_text
+
+    write_text(target, text, force=force)
+    if target != "-":
+        console.say(f"wrote {target}")

@@ -1,0 +1,106 @@
+"""How far a long piece of work is: a bar, JSON records, or nothing."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from .console import may_colour
+
+if TYPE_CHECKING:
+    from .console import Console
+
+_RECORD_EVERY = 1.0  # [s]
+_DRAW_EVERY = 0.1  # [s] more often is flicker
+
+
+class Progress:
+    """Silent progress; `at(done)` is called with the frames done so far."""
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End, however the work ended."""
+
+    def at(self, done: int) -> None:
+        """So many frames are done."""
+
+
+class _Records(Progress):
+    def __init__(self, console: Console, task: str, total: int, rate: float) -> None:
+        self._console, self._task, self._total, self._rate = console, task, total, rate
+        self._start = self._last = time.monotonic()
+
+    def at(self, done: int) -> None:
+        now = time.monotonic()
+        if now - self._last < _RECORD_EVERY:
+            return
+        self._last = now
+        speed, left = _estimate(done, self._total, self._rate, now - self._start)
+        fields = {"task": self._task, "frames": done, "total": self._total}
+        self._console.record("progress", **fields, x_real_time=speed, left_s=left)
+
+
+class _Bar(Progress):
+    def __init__(self, task: str, total: int, rate: float) -> None:
+        # Here and not above: rich takes as long to import as the rest of the command line.
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn
+        from rich.progress import Progress as Rich
+
+        columns: list[Any] = [
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[speed]}"),
+        ]
+        console = Console(file=sys.stderr, no_color=not may_colour(sys.stderr))
+        self._rich = Rich(*columns, console=console, transient=True, auto_refresh=False)
+        self._task = self._rich.add_task(task, total=total, speed="")
+        self._total, self._rate = total, rate
+        self._start = self._last = time.monotonic()
+
+    def __enter__(self) -> Self:
+        self._rich.start()
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        self._rich.stop()
+
+    def at(self, done: int) -> None:
+        now = time.monotonic()
+        if now - self._last < _DRAW_EVERY and done < self._total:
+            return
+        self._last = now
+        speed, left = _estimate(done, self._total, self._rate, now - self._start)
+        text = f"{speed:.1f} × real time, {left:.0f} s left"
+        self._rich.update(self._task, completed=done, speed=text, refresh=True)
+
+
+def _estimate(done: int, total: int, rate: float, elapsed: float) -> tuple[float, float]:
+    """(times real time, seconds left) from what was done so far."""
+    if not done or elapsed <= 0:
+        return 0.0, 0.0
+    return done / rate / elapsed, elapsed * (total - done) / done
+
+
+def bar(console: Console, task: str, total: int, rate: float) -> Progress:
+    """The progress that suits the console: `total` frames at `rate` [Hz]."""
+    if console.quiet:
+        return Progress()
+    if console.json:
+        return _Records(console, task, total, rate)
+    import os
+
+    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
+        return Progress()
+    return _Bar(task, total, rate)

@@ -1,0 +1,37 @@
+"""`ergon schema`: the JSON Schema of scores, for editors."""
+
+from __future__ import annotations
+
+import click
+
+from . import options
+from .console import Console
+
+FILE = "score-1.schema.json"  # one for every major version of the format
+
+
+@click.command()
+@options.target("Where to; stdout without it.")
+@options.force
+@click.option("-q", "--quiet", is_flag=True, help="Only errors.")
+def schema(output: str | None, force: bool, quiet: bool) -> None:
+    """Print the JSON Schema of scores, for editors.
+
+    A first line `# yaml-language-server: $schema=./score-1.schema.json` in a score lets an editor
+    complete and explain names; `ergon new` writes both.
+    """
+    from ergon.exchange.safe import write_text
+
+    write_text(output or "-", schema_text(), force=force)
+    if output not in (None, "-"):
+        Console(quiet=quiet).say(f"wrote {output}")
+
+
+def schema_text() -> str:
+    """The schema as indented JSON, with the mark by which our own files are known."""
+    import json
+
+    from ergon.scores.schema import schema as build
+
+    built = {"$comment": "made by ergon schema", **build()}
+    return json.dumps(built, indent=1, ensure_ascii=False) + "\n"

@@ -1,0 +1,145 @@
+"""A score as the commands meet it: read, staged, and asked for what they print.
+
+Everything that the command line knows about a Piece stands here.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ergon.exchange.level import Level
+from ergon.exchange.wave_header import Bits
+
+from .console import Console, plural
+from .outcome import Findings, Refused
+
+if TYPE_CHECKING:
+    from ergon.scores.errors import Diagnostic, Severity
+    from ergon.scores.load import Loaded
+    from ergon.scores.piece import Piece
+    from ergon.scores.stage import Stage
+    from ergon.scores.tempo import TempoMap
+
+STDIN = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Staged:
+    """A piece ready to run, and how long it took to prepare [s]."""
+
+    piece: Piece
+    stage: Stage
+    plan_s: float
+
+
+def read(console: Console, path: str) -> Loaded:
+    """Load a score and print its diagnostics; `-` is stdin."""
+    from ergon.scores.load import load
+
+    text = _stdin() if path == STDIN else None
+    loaded = load(path, text=text)
+    console.diagnostics(loaded.diagnostics, loaded.files, loaded.left_out)
+    return loaded
+
+
+def piece_of(loaded: Loaded) -> Piece:
+    """The piece, or Findings when the score has errors (they are printed already)."""
+    if loaded.piece is None:
+        raise Findings
+    return loaded.piece
+
+
+def tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
+    """`2 errors, 1 warning`, or `no mistakes`; those that were not shown count as well."""
+    counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0, **loaded.left_out}
+    for found in (*loaded.diagnostics, *more):
+        counts[found.severity] += 1
+    return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"
+
+
+def stage_piece(
+    console: Console,
+    loaded: Loaded,
+    *,
+    seed: int | None = None,
+    rate: float | None = None,
+    record: bool = False,
+) -> Staged:
+    """Put the piece on its stage, and print what the engine has to say of it."""
+    from ergon.scores.stage import StageError, stage
+
+    piece = piece_of(loaded)
+    start = time.perf_counter()
+    try:
+        # Parameters are physical: another rate needs no other score.
+        played = piece if rate is None else replace(piece, rate=rate)
+        staged = stage(played, seed=seed, record=record)
+    except StageError as error:
+        show(console, loaded, error.diagnostics)
+        raise Findings from error
+    plan_s = time.perf_counter() - start
+    show(console, loaded, staged.diagnostics)
+    return Staged(piece, staged, plan_s)
+
+
+def show(console: Console, loaded: Loaded, found: Sequence[Diagnostic]) -> None:
+    """Print diagnostics that come after loading."""
+    console.diagnostics(found, loaded.files, {})
+
+
+def instant(piece: Piece, text: str, option: str) -> float:
+    """Seconds of a position of the piece such as `3|2.5`, `B+2`, `12.5s`."""
+    from ergon.scores.errors import TextError
+    from ergon.scores.positions import parse_position
+
+    tempo = tempo_of(piece)
+    try:
+        return tempo.seconds(tempo.resolve(parse_position(text)))
+    except TextError as error:
+        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise Refused(f"{option}: {error.message}{asked}") from None
+
+
+def where(piece: Piece, seconds: float) -> str:
+    """An instant as `bar|beat`, with as many digits of the beat as matter to a reader."""
+    tempo = tempo_of(piece)
+    bar, beat = tempo.bar_beat(tempo.beats(seconds))
+    return f"{bar}|{round(beat, 3):g}"
+
+
+def tempo_of(piece: Piece) -> TempoMap:
+    """The tempo map."""
+    return piece.tempo_map
+
+
+def marks_of(piece: Piece) -> list[tuple[str, float]]:
+    """Marks with their beats, in order of time."""
+    tempo = tempo_of(piece)
+    beats = ((mark.name, tempo.resolve(mark.at)) for mark in piece.marks)
+    return sorted(beats, key=lambda mark: (mark[1], mark[0]))
+
+
+def level_of(piece: Piece, bits: Bits) -> Level:
+    """What happens between the mix and a file of `bits`."""
+    master = piece.mix.master
+    if master is None:
+        return Level.unsaid(bits)
+    return Level.said(bits, normalise=master.normalise, limit=master.limit)
+
+
+def whole_rate(rate: float) -> int:
+    """The rate of a file, which counts whole frames a second."""
+    if rate != int(rate):
+        raise Refused(f"a WAV file has a whole number of frames per second, not {rate:g}")
+    return int(rate)
+
+
+def _stdin() -> str:
+    try:
+        return sys.stdin.buffer.read().decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise Refused("what comes from stdin is not text in UTF-8") from None

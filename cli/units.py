@@ -1,0 +1,39 @@
+"""Numbers as people read them: lengths, levels, sizes, durations."""
+
+from __future__ import annotations
+
+import math
+
+
+def metres(value: float) -> str:
+    """A length with three digits in the unit that suits it."""
+    for factor, unit in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm")):
+        if abs(value) >= factor:
+            return f"{value / factor:.3g} {unit}"
+    return "0 mm"  # nothing that a hand or a loudspeaker does is smaller than a nanometre
+
+
+def decibels(ratio: float) -> float:
+    """Level of a ratio of amplitudes [dB]; -inf for silence. For reading, never for samples."""
+    return 20 * math.log10(ratio) if ratio > 0 else -math.inf
+
+
+def level(value: float, unit: str) -> str:
+    """`-1.0 dBFS`; silence says so."""
+    return "silent" if value == -math.inf else f"{value:.1f} {unit}"
+
+
+def seconds(value: float) -> str:
+    """`33.5 s` or `4 min 07 s`."""
+    if value < 120:
+        return f"{value:.3g} s"
+    return f"{int(value // 60)} min {int(value % 60):02} s"
+
+
+def octets(value: float) -> str:
+    """`3.1 MB`, in powers of ten as disks are sold."""
+    for unit in ("bytes", "kB", "MB", "GB", "TB"):
+        if value < 1000 or unit == "TB":
+            return f"{value:.0f} {unit}" if unit == "bytes" else f"{value:.1f} {unit}"
+        value /= 1000
+    raise AssertionError

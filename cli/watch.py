@@ -1,0 +1,52 @@
+"""Waiting for files to change, and for the editor to be done with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+SETTLE = 50  # [ms] of quiet; editors write, rename and touch in bursts
+_BURST = 1600  # [ms] after which a burst without an end counts as a change
+_LOOK = 1000  # [ms] between looks of our own, for what fell between two waits
+
+
+def changes(files: set[Path]) -> Iterator[None]:
+    """Yield once at the beginning, then after every change of one of `files`.
+
+    The caller may change the set between. The folders are watched, not the files: many editors
+    replace a file, which looks like its disappearance to whoever watches the file itself.
+    """
+    from watchfiles import watch
+
+    while True:
+        before = _states(files)
+        yield
+        # Files that the caller named meanwhile are as they are now.
+        before = {**_states(files), **{path: before[path] for path in before if path in files}}
+        folders = {path.resolve().parent for path in files}
+        for _ in watch(
+            *folders,
+            watch_filter=None,
+            debounce=_BURST,
+            step=SETTLE,
+            rust_timeout=_LOOK,
+            yield_on_timeout=True,
+            recursive=False,
+            raise_interrupt=True,
+        ):
+            now = _states(files)
+            # A file that is gone is being replaced: it will be back.
+            if any(now[path] is not None and now[path] != before[path] for path in before):
+                break
+
+
+def _states(files: set[Path]) -> dict[Path, tuple[int, int, int] | None]:
+    return {path: _state(path) for path in files}
+
+
+def _state(path: Path) -> tuple[int, int, int] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns, found.st_size

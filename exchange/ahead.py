@@ -1,0 +1,51 @@
+"""One thread computes ahead of another that consumes; order and contents stay the same."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Generator, Iterator
+from typing import TypeVar
+
+T = TypeVar("T")
+_AHEAD = 4  # blocks that may wait: enough to even out the two, little memory
+_PATIENCE = 0.1  # [s] between looks at whether the consumer is gone
+
+
+def ahead(source: Iterator[T]) -> Generator[T, None, None]:
+    """The items of `source`, computed in a thread of their own up to four items ahead.
+
+    An exception in the source arrives here. When the consumer stops early, so does the thread.
+    """
+    # A list with one item; an empty list at the end; or why there is no more.
+    waiting: queue.Queue[list[T] | BaseException] = queue.Queue(_AHEAD)
+    gone = threading.Event()
+
+    def put(entry: list[T] | BaseException) -> bool:
+        while not gone.is_set():
+            try:
+                waiting.put(entry, timeout=_PATIENCE)
+                return True
+            except queue.Full:
+                continue
+        return False
+
+    def work() -> None:
+        try:
+            for item in source:
+                if not put([item]):
+                    return
+            put([])
+        except BaseException as error:  # PyO3's panic exception is no Exception
+            put(error)
+
+    thread = threading.Thread(target=work, name="ergon-simulation", daemon=True)
+    thread.start()
+    try:
+        while entry := waiting.get():
+            if isinstance(entry, BaseException):
+                raise entry
+            yield from entry
+    finally:
+        gone.set()
+        thread.join()

@@ -1,0 +1,69 @@
+"""How the gestures of a piece were followed: its reports, one for each player, gesture and key."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import sqrt
+from typing import TYPE_CHECKING, Any
+
+from .render import BLOCK
+
+if TYPE_CHECKING:
+    from ergon._core import Report
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """Every time a player plays a gesture on a key, together; SI units as in `_core.Report`."""
+
+    player: str
+    name: str
+    key: str
+    times: int
+    n_ergons: int
+    rms: float
+    worst: float
+    worst_at: float
+    strongest: float
+    low: float
+    high: float
+    missed: int
+    first_points_missed: int
+
+
+def follow(stage: Any, progress: Callable[[int], None]) -> list[Followed]:
+    """Run a staged piece to its end without sound, and gather its reports."""
+    import numpy as np
+
+    simulation = stage.simulation
+    for at in range(0, stage.n_frames, BLOCK):
+        n_frames = min(BLOCK, stage.n_frames - at)
+        simulation.process(np.zeros((n_frames, simulation.n_out)))
+        progress(at + n_frames)
+    groups: dict[tuple[str, str, str], list[Report]] = {}
+    for report in simulation.reports():
+        gesture = stage.gestures[report.gesture]
+        groups.setdefault((gesture.player, gesture.name, gesture.key), []).append(report)
+    return [_together(*who, reports) for who, reports in groups.items()]
+
+
+def _together(player: str, name: str, key: str, reports: list[Report]) -> Followed:
+    worst = max(reports, key=lambda report: report.worst)
+    lengths = [max(report.stop - report.start, 0.0) for report in reports]
+    squares = sum(r.rms * r.rms * length for r, length in zip(reports, lengths, strict=True))
+    return Followed(
+        player=player,
+        name=name,
+        key=key,
+        times=len(reports),
+        n_ergons=sum(report.n_ergons for report in reports),
+        rms=sqrt(squares / sum(lengths)) if sum(lengths) > 0 else worst.rms,
+        worst=worst.worst,
+        worst_at=worst.worst_at,
+        strongest=max(report.strongest for report in reports),
+        low=min(report.low for report in reports),
+        high=max(report.high for report in reports),
+        missed=sum(report.missed for report in reports),
+        first_points_missed=sum(report.first_point_missed for report in reports),
+    )

@@ -1,0 +1,159 @@
+"""From mixed frames to the level of the file: hold until the peak is known, gain, limit, cut."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from .wave import WaveWriter
+from .wave_header import Bits
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+NORMALISE_DB = -1.0  # peak of a 16- or 24-bit file whose score says nothing of its level
+# Below what loudspeakers can do: a leaning hand's offset would only push their cones aside.
+HIGHPASS = 8.0  # [Hz]
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """Peak to bring the file to and ceiling of its limiter, as ratios; default high-pass [Hz]."""
+
+    normalise: float | None = None
+    limit: float | None = None
+    highpass: float | None = None
+
+    @classmethod
+    def said(cls, bits: Bits, *, normalise: float | None, limit: float | None) -> Level:
+        """The level that a score's `master` asks for."""
+        return cls(normalise, limit, None if bits == "float" else HIGHPASS)
+
+    @classmethod
+    def unsaid(cls, bits: Bits) -> Level:
+        """The level of a file whose score has no `master`.
+
+        A float file then is a measurement: metres and newtons, nothing added or taken away.
+        """
+        if bits == "float":
+            return cls()
+        from ergon._core import decibels
+
+        return cls(normalise=decibels(NORMALISE_DB), highpass=HIGHPASS)
+
+
+def ceiling_gain(peak: float, ceiling: float) -> float:
+    """The largest gain that keeps `peak` under `ceiling`; endless for silence."""
+    return ceiling / peak if peak > 0 else float("inf")
+
+
+class Held:
+    """Frames in a raw file without a name: however the run ends, nothing stays on the disk."""
+
+    def __init__(self, folder: Path | None, n_channels: int, start: int, stop: int) -> None:
+        """Hold frames from 0 on; the peak is that of frames `start` to `stop`."""
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed by __exit__
+        self._n_channels = n_channels
+        self._start, self._stop = start, stop
+        self._at = 0
+        self.peak = 0.0
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Give the disk back."""
+        self._file.close()
+
+    def take(self, block: NDArray[np.float64]) -> None:
+        """Append (n_frames, n_channels)."""
+        import numpy as np
+
+        kept = block[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
+        self.peak = max(self.peak, float(np.max(np.abs(kept), initial=0.0)))
+        self._at += len(block)
+        self._file.write(np.ascontiguousarray(block).data)
+
+    def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
+        """All of it from the beginning, `n_frames` at a time."""
+        import numpy as np
+
+        self._file.seek(0)
+        width = 8 * self._n_channels
+        while data := self._file.read(n_frames * width):
+            yield np.frombuffer(data).reshape(-1, self._n_channels)
+
+
+class Finish:
+    """Gain, limiter, cut, meter and samples of one file; what it measures is what is written."""
+
+    def __init__(
+        self, writer: WaveWriter, rate: float, start: int, stop: int, limit: float | None
+    ) -> None:
+        """Write frames `start` to `stop` of what comes, counted from 0."""
+        from ergon import _core
+
+        n_channels = writer.format.n_channels
+        self.gain = 1.0
+        self._writer = writer
+        self._meter = _core.Meter(rate, n_channels)
+        self._limiter = None if limit is None else _core.Limiter(rate, n_channels, limit)
+        self.latency = self._limiter.latency if self._limiter is not None else 0
+        self._at = -self.latency  # index in the piece of the next frame that leaves the limiter
+        self._start, self._stop = start, stop
+
+    @property
+    def peak(self) -> float:
+        """Largest sample written, 1 at full scale."""
+        return self._meter.peak
+
+    @property
+    def loudness(self) -> float:
+        """Integrated loudness of what was written [LUFS]."""
+        return self._meter.loudness
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the samples."""
+        return self._writer.sha256
+
+    def take(self, block: NDArray[np.float64]) -> None:
+        """Frames (n_frames, n_channels) in the order of the piece."""
+        import numpy as np
+
+        from ergon import _core
+
+        frames = np.ascontiguousarray(block * self.gain)
+        if self._limiter is not None:
+            self._limiter.process(frames)
+        kept = np.ascontiguousarray(
+            frames[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
+        )
+        self._at += len(frames)
+        if not len(kept):
+            return
+        self._meter.process(kept)
+        bits = self._writer.format.bits
+        if bits == "float":
+            self._writer.write(_core.single(kept, 1.0))
+        else:
+            self._writer.write(_core.pcm(kept, 1.0, bits))
+
+    def close(self) -> None:
+        """Push out what the limiter still holds, and end the file."""
+        import numpy as np
+
+        if self._at < self._stop:
+            self.take(np.zeros((self._stop - self._at, self._writer.format.n_channels)))
+        self._writer.close()

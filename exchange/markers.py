@@ -1,0 +1,23 @@
+"""The marks of a piece as CSV: name, position (bar|beat) and seconds."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable
+
+HEADER = ("name", "bar|beat", "time [s]")
+
+
+def markers_csv(marks: Iterable[tuple[str, str, float]]) -> str:
+    """One row per (name, bar|beat, seconds), in the order given, after a line that names the form.
+
+    Seconds carry six digits after the point: a hundredth of a sample at 96 kHz would be 1e-7 s,
+    and no sequencer places a mark more finely than a sample.
+    """
+    text = io.StringIO()
+    text.write("# marks 1, made by ergon\n")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(HEADER)
+    rows.writerows((name, position, f"{seconds:.6f}") for name, position, seconds in marks)
+    return text.getvalue()

@@ -1,0 +1,129 @@
+"""The tempo map, meters and marks as a MIDI file of type 1 (Standard MIDI Files 1.0, RP-001).
+
+A ramp of tempo becomes steps of a sixteenth of a beat. MIDI counts microseconds per quarter note in
+whole numbers, so a tempo is rounded towards the side that makes up for the error so far.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+PPQ = 960  # ticks per quarter note: a sixteenth of a beat is whole for beats of 1/1 to 1/16
+STEPS_PER_BEAT = 16
+_DRIFT = 2.0  # [us] a tempo is kept as long as its clock is this near to the truth
+_TEMPO_MAX = 2**24 - 1  # [us per quarter note] three bytes
+_TEXT, _TRACK_NAME, _MARKER, _END, _TEMPO, _METER = 0x01, 0x03, 0x06, 0x2F, 0x51, 0x58
+
+
+@dataclass(frozen=True, slots=True)
+class Meter:
+    """From `beat` (counted from 0) a bar has `n_beats` beats of 1/`unit` note."""
+
+    beat: float
+    n_beats: int
+    unit: int
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """A named place at `beat` (counted from 0)."""
+
+    name: str
+    beat: float
+
+
+def tempo_file(
+    seconds_at: Callable[[float], float],
+    length: float,
+    meters: Sequence[Meter],
+    markers: Sequence[Marker],
+    title: str,
+) -> bytes:
+    """A file whose tick positions are the beats 0 … `length` and whose tempo gives their seconds.
+
+    `seconds_at(beat)` [s] is the piece's tempo map. Raises ValueError where a tempo or a meter
+    cannot be written in MIDI.
+    """
+    ruler = _Ruler(meters)
+    events: list[tuple[int, int, bytes]] = []  # tick, order within the tick, event
+
+    def add(beat: float, order: int, kind: int, content: bytes) -> None:
+        event = b"\xff" + bytes((kind,)) + _variable(len(content)) + content
+        events.append((ruler.tick(beat), order, event))
+
+    add(0, 0, _TRACK_NAME, title.encode())
+    add(0, 1, _TEXT, b"tempo map, made by ergon")
+    for meter in ruler.meters:
+        add(meter.beat, 2, _METER, bytes((meter.n_beats, meter.unit.bit_length() - 1, 24, 8)))
+    for beat, tempo in _tempos(seconds_at, length, ruler):
+        add(beat, 3, _TEMPO, tempo.to_bytes(3, "big"))
+    for marker in markers:
+        add(marker.beat, 4, _MARKER, marker.name.encode())
+    add(max([length, *(marker.beat for marker in markers)]), 5, _END, b"")
+    events.sort(key=lambda event: event[:2])
+    track, before = bytearray(), 0
+    for tick, _, event in events:
+        track += _variable(tick - before) + event
+        before = tick
+    head = b"MThd" + struct.pack(">IHHH", 6, 1, 1, PPQ)
+    return head + b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
+
+
+class _Ruler:
+    """Beats to ticks: a beat is as many ticks as its meter's unit says."""
+
+    def __init__(self, meters: Sequence[Meter]) -> None:
+        self.meters = sorted(meters, key=lambda meter: meter.beat) or [Meter(0, 4, 4)]
+        if self.meters[0].beat > 0:
+            self.meters.insert(0, Meter(0, 4, 4))
+        for meter in self.meters:
+            n_beats, unit = meter.n_beats, meter.unit
+            if not 1 <= n_beats <= 255 or unit not in (1, 2, 4, 8, 16, 32, 64):
+                raise ValueError(f"MIDI has no meter {n_beats}/{unit}")
+        self._beats = [meter.beat for meter in self.meters]
+        self._starts = [0.0]
+        for meter, later in zip(self.meters, self.meters[1:], strict=False):
+            length = (later.beat - meter.beat) * 4 / meter.unit
+            self._starts.append(self._starts[-1] + length)
+
+    def quarters(self, beat: float) -> float:
+        index = max(bisect_right(self._beats, beat) - 1, 0)
+        meter = self.meters[index]
+        return self._starts[index] + (beat - meter.beat) * 4 / meter.unit
+
+    def tick(self, beat: float) -> int:
+        return round(self.quarters(beat) * PPQ)
+
+
+def _tempos(
+    seconds_at: Callable[[float], float], length: float, ruler: _Ruler
+) -> list[tuple[float, int]]:
+    """Tempo changes (beat, microseconds per quarter note) that keep within _DRIFT of the truth."""
+    found: list[tuple[float, int]] = []
+    tempo, error = 0, 0.0  # error [us]: how late MIDI is
+    for step in range(max(1, math.ceil(length * STEPS_PER_BEAT))):
+        beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
+        n_quarters = (ruler.tick(end) - ruler.tick(beat)) / PPQ
+        wanted = (seconds_at(end) - seconds_at(beat)) * 1e6
+        if abs(error + tempo * n_quarters - wanted) > _DRIFT:
+            exact = wanted / n_quarters
+            better = math.floor(exact) if error > 0 else math.ceil(exact)
+            if not 1 <= better <= _TEMPO_MAX:
+                raise ValueError(f"MIDI cannot say the tempo at beat {beat:g}")
+            if better != tempo:
+                tempo = better
+                found.append((beat, tempo))
+        error += tempo * n_quarters - wanted
+    return found
+
+
+def _variable(number: int) -> bytes:
+    """Seven bits a byte, the highest first, bit 7 on all but the last (RP-001, 4.3)."""
+    octets = [number & 0x7F]
+    while number := number >> 7:
+        octets.append(number & 0x7F | 0x80)
+    return bytes(reversed(octets))

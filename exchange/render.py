@@ -1,0 +1,239 @@
+"""A staged piece into WAV files: simulate, mix, set the level, write; all of it or nothing.
+
+    simulation ─ frames ─┬─ mixer ─ (held on disk until the peak is known) ─ gain ─ limiter ─ file
+                         └─ mixer of every stem ─ …
+
+The bytes do not depend on the size of blocks or on the number of threads.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from .ahead import ahead
+from .level import Finish, Held, Level, ceiling_gain
+from .safe import check_target, writing
+from .wave import WaveWriter
+from .wave_header import Stamp, WaveFormat
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+BLOCK = 4096  # frames: long enough that Python costs nothing, short enough for the cache
+
+
+class Mixer(Protocol):
+    """Outputs to loudspeakers; `_core.Mixer`."""
+
+    def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
+        """(n_frames, n_out) to (n_frames, n_channels)."""
+
+
+class Simulation(Protocol):
+    """What moves; `_core.Simulation`."""
+
+    @property
+    def n_out(self) -> int:
+        """How many outputs a frame has."""
+
+    def process(self, out: NDArray[np.float64]) -> None:
+        """Fill (n_frames, n_out) with the next frames."""
+
+
+class Staged(Protocol):
+    """What a render needs of a piece on its stage."""
+
+    @property
+    def simulation(self) -> Simulation:
+        """What moves, at frame 0."""
+
+    @property
+    def n_frames(self) -> int:
+        """Length of the piece with its tail."""
+
+    @property
+    def rate(self) -> float:
+        """Frames a second [Hz]."""
+
+    @property
+    def n_channels(self) -> int:
+        """Loudspeakers that a mixer feeds."""
+
+    def mixer(self, *, highpass: float | None = None) -> Mixer:
+        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own."""
+
+    def stems(self, *, highpass: float | None = None) -> Sequence[tuple[str, Mixer]]:
+        """A fresh mixer for every player or instrument."""
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be written: frames `start` to `stop` of the piece, in `n_channels`."""
+
+    target: str
+    format: WaveFormat
+    start: int
+    stop: int
+    level: Level
+    stamp: Stamp
+    stems: Path | None = None
+    block: int = BLOCK
+    threads: int = 1
+    force: bool = False
+
+    @property
+    def n_frames(self) -> int:
+        """Frames in the file."""
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """One file: peak and gain as ratios, loudness [LUFS], hash of the samples."""
+
+    path: str
+    peak: float
+    loudness: float
+    gain: float
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rendered:
+    """What a render wrote and how long it took [s]."""
+
+    mix: Written
+    stems: tuple[Written, ...]
+    wall: float
+
+
+@dataclass(slots=True)
+class _Track:
+    """One file on its way: its mixer, what holds its frames back, and its end."""
+
+    path: str
+    mixer: Mixer
+    finish: Finish
+    held: Held | None
+
+
+def stem_paths(folder: Path, names: Sequence[str]) -> list[Path]:
+    """`01_ada.wav`, `02_remi.wav` …, in the order of the piece."""
+    safe = ["".join(c if c.isalnum() or c in "-_." else "_" for c in name) for name in names]
+    return [folder / f"{index:02}_{name}.wav" for index, name in enumerate(safe, 1)]
+
+
+def render(stage: Staged, order: Order, progress: Callable[[int], None]) -> Rendered:
+    """Write the files of `order`; `progress` hears how many frames are simulated.
+
+    Raises RefusedError before any work when a file may not be written, DivergedError from the
+    engine when a part goes non-finite; neither leaves a file.
+    """
+    start = time.perf_counter()
+    highpass = order.level.highpass
+    stems = list(stage.stems(highpass=highpass)) if order.stems is not None else []
+    paths = stem_paths(order.stems, [name for name, _ in stems]) if order.stems else []
+    for path in paths:
+        check_target(path, force=order.force)
+    with contextlib.ExitStack() as stack:
+        mixers = [(order.target, stage.mixer(highpass=highpass), order.level.limit)]
+        # Stems are not limited: what one limiter does to a sum cannot be shared out to its terms.
+        mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
+        tracks = [_open(stack, stage, order, *one) for one in mixers]
+        _simulate(stage, order, tracks, progress)
+        if order.level.normalise is not None:
+            _release(order, tracks)
+        written = [_close(track) for track in tracks]
+    return Rendered(written[0], tuple(written[1:]), time.perf_counter() - start)
+
+
+def _open(
+    stack: contextlib.ExitStack,
+    stage: Staged,
+    order: Order,
+    path: str,
+    mixer: Mixer,
+    limit: float | None,
+) -> _Track:
+    file = stack.enter_context(writing(path, binary=True, force=order.force))
+    writer = WaveWriter(file, order.format, order.n_frames, order.stamp)
+    finish = Finish(writer, stage.rate, order.start, order.stop, limit)
+    held = None
+    if order.level.normalise is not None:
+        folder = None if path == "-" else Path(path).resolve().parent
+        n_channels = order.format.n_channels
+        held = stack.enter_context(Held(folder, n_channels, order.start, order.stop))
+    return _Track(path, mixer, finish, held)
+
+
+def _simulate(
+    stage: Staged, order: Order, tracks: Sequence[_Track], progress: Callable[[int], None]
+) -> None:
+    import numpy as np
+
+    at = 0
+    # A limiter looks ahead, past the cut.
+    last = min(stage.n_frames, order.stop + max(track.finish.latency for track in tracks))
+    blocks = _frames(stage.simulation, last, order.block)
+    with contextlib.closing(ahead(blocks) if order.threads > 1 else blocks) as coming:
+        for frames in coming:
+            for track in tracks:
+                mixed = np.zeros((len(frames), stage.n_channels))
+                track.mixer.process(frames, mixed)
+                (track.held or track.finish).take(_fold(mixed, order.format.n_channels))
+            at += len(frames)
+            progress(at)
+
+
+def _frames(
+    simulation: Simulation, stop: int, block: int
+) -> Generator[NDArray[np.float64], None, None]:
+    """The frames from 0 to `stop`, each block an array of its own (another thread may hold it)."""
+    import numpy as np
+
+    for at in range(0, stop, block):
+        frames = np.zeros((min(block, stop - at), simulation.n_out))
+        simulation.process(frames)
+        yield frames
+
+
+def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
+    """Channel c goes to c mod n_channels, so that fewer loudspeakers lose nothing."""
+    import numpy as np
+
+    if mixed.shape[1] == n_channels:
+        return mixed
+    folded = np.zeros((len(mixed), n_channels))
+    for channel in range(mixed.shape[1]):
+        folded[:, channel % n_channels] += mixed[:, channel]
+    return folded
+
+
+def _release(order: Order, tracks: Sequence[_Track]) -> None:
+    """The second pass: every file gets the gain that the mix's peak asks for.
+
+    All stems share one gain, so that they still add up; it is that of the mix unless one of them
+    would clip.
+    """
+    target = order.level.normalise or 1.0
+    mix, *stems = (track.held.peak if track.held else 0.0 for track in tracks)
+    gain = target / mix if mix > 0 else 1.0
+    clips = order.format.bits != "float"
+    shared = min(gain, ceiling_gain(max(stems, default=0.0), target)) if clips else gain
+    for index, track in enumerate(tracks):
+        if track.held is not None:
+            track.finish.gain = shared if index else gain
+            for block in track.held.blocks(order.block):
+                track.finish.take(block)
+
+
+def _close(track: _Track) -> Written:
+    track.finish.close()
+    finish = track.finish
+    return Written(track.path, finish.peak, finish.loudness, finish.gain, finish.sha256)

@@ -1,0 +1,88 @@
+"""Writing a file whole or not at all, and never over somebody else's work."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from .wave import is_render
+
+MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI file of ours
+_MARK_WITHIN = 1024
+_serial = itertools.count()
+
+
+class RefusedError(Exception):
+    """The file will not be written; the message says why and what to do."""
+
+
+def is_ours(path: Path) -> bool:
+    """Whether an earlier run wrote the file: a render by its originator, others by their mark."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_MARK_WITHIN)
+    except OSError:
+        return False
+    return not head or MARK in head or is_render(path)
+
+
+def check_target(
+    path: Path, *, force: bool = False, ours: Callable[[Path], bool] = is_ours
+) -> None:
+    """Raise RefusedError when `path` may not be written, before any work is done for it."""
+    if path.is_dir():
+        raise RefusedError(f"{path} is a folder")
+    if path.is_file() and not force and not ours(path):
+        raise RefusedError(f"{path} exists and was not made by ergon (-f overwrites it)")
+
+
+@contextlib.contextmanager
+def writing(
+    target: str | Path, *, binary: bool, force: bool = False, sync: bool = True
+) -> Iterator[BinaryIO]:
+    """A file that appears under its name only when the block ends well.
+
+    `-` is stdout, refused for binary data on a terminal. Whatever ends the block early (an
+    exception, Ctrl-C, SIGTERM under `signals_as_exceptions`) removes what was written.
+    """
+    if str(target) == "-":
+        if binary and sys.stdout.isatty():
+            raise RefusedError("binary data does not go to a terminal; give -o FILE or a pipe")
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+        return
+    path = Path(target)
+    check_target(path, force=force)
+    if path.exists() and not path.is_file():  # a device or a named pipe: nothing to replace
+        with path.open("wb") as file:
+            yield file
+        return
+    path = path.resolve()  # a link stays a link; what it points to is replaced
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # In the same folder, so that the rename is one step within one file system.
+    temporary = path.with_name(f".{path.name[:200]}.{os.getpid()}-{next(_serial)}.part")
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    handle = os.open(temporary, flags, 0o666)
+    try:
+        with open(handle, "w+b") as file:
+            yield file
+            file.flush()
+            if sync:
+                os.fsync(file.fileno())
+        if path.exists():
+            temporary.chmod(path.stat().st_mode & 0o777)
+        os.replace(temporary, path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def write_text(target: str | Path, text: str, *, force: bool = False) -> None:
+    """Write a whole text; its first lines must carry MARK where it is to be recognised as ours."""
+    with writing(target, binary=False, force=force) as file:
+        file.write(text.encode())

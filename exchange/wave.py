@@ -1,0 +1,138 @@
+"""Samples into and out of a WAVE file; the same frames always give the same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from .wave_header import (
+    BYTES,
+    ORIGINATOR,
+    RIFF_LIMIT,
+    NotWaveError,
+    Stamp,
+    WaveFormat,
+    WaveInfo,
+    pack,
+    parse,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_BLOCK = 65_536  # frames read at once
+
+
+class WaveWriter:
+    """Writes a header for exactly `n_frames`, then blocks until they are all there.
+
+    The length is known before the first sample: nothing is patched afterwards, a pipe will do.
+    `sha256` is of the sample bytes alone: it does not change with the title.
+    """
+
+    def __init__(
+        self,
+        file: BinaryIO,
+        format: WaveFormat,
+        n_frames: int,
+        stamp: Stamp,
+        *,
+        riff_limit: int = RIFF_LIMIT,
+    ) -> None:
+        """Write the header at once; `riff_limit` [bytes] is where RF64 begins."""
+        self.format = format
+        self._file = file
+        self._left = n_frames
+        self._hash = hashlib.sha256()
+        self._pad = (n_frames * format.frame_bytes) & 1
+        file.write(pack(format, n_frames, stamp, riff_limit=riff_limit))
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the samples written so far, 64 hex digits."""
+        return self._hash.hexdigest()
+
+    def write(self, block: NDArray[np.int32] | NDArray[np.float32]) -> None:
+        """Append (n_frames, n_channels): int32 with the sample in its top bits, or float32."""
+        n_frames, n_channels = block.shape
+        if n_channels != self.format.n_channels:
+            raise ValueError(f"{n_channels} channels for a file of {self.format.n_channels}")
+        if n_frames > self._left:
+            raise ValueError(f"{n_frames - self._left} frames more than the header announced")
+        data = _encode(block, self.format)
+        self._hash.update(data)
+        self._file.write(data)
+        self._left -= n_frames
+
+    def close(self) -> None:
+        """Finish the last chunk. Raises ValueError when frames are missing."""
+        if self._left:
+            raise ValueError(f"{self._left} frames fewer than the header announced")
+        self._file.write(bytes(self._pad))
+        self._pad = 0
+
+
+def _encode(block: NDArray[Any], format: WaveFormat) -> bytes:
+    import numpy as np
+
+    wanted = np.float32 if format.bits == "float" else np.int32
+    if block.dtype != wanted:
+        raise TypeError(f"samples for {format.bits} bits come as {wanted.__name__}")
+    if format.bits == "float":
+        return block.astype("<f4", copy=False).tobytes()
+    octets = np.ascontiguousarray(block, dtype="<i4").view(np.uint8).reshape(-1, 4)
+    return octets[:, 4 - BYTES[format.bits] :].tobytes()
+
+
+def read_info(path: Path) -> WaveInfo:
+    """What the file says it holds. Raises NotWaveError or OSError."""
+    with path.open("rb") as file:
+        return parse(file)
+
+
+def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
+    """The samples as (n_frames, n_channels) blocks; integers are scaled so that full scale is 1."""
+    import numpy as np
+
+    info = read_info(path)
+    n_channels, bits = info.format.n_channels, info.format.bits
+    with path.open("rb") as file:
+        file.seek(info.offset)
+        left = info.n_frames
+        while left:
+            count = min(left, _BLOCK)
+            data = file.read(count * info.format.frame_bytes)
+            if bits == "float":
+                flat = np.frombuffer(data, "<f4").astype(np.float64)
+            else:
+                width = BYTES[bits]
+                octets = np.zeros((count * n_channels, 4), np.uint8)
+                octets[:, 4 - width :] = np.frombuffer(data, np.uint8).reshape(-1, width)
+                flat = octets.view("<i4")[:, 0] / 2.0**31
+            yield flat.reshape(count, n_channels)
+            left -= count
+
+
+def hash_samples(path: Path) -> str:
+    """SHA-256 of the sample bytes, as `WaveWriter.sha256` gives it."""
+    info = read_info(path)
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        file.seek(info.offset)
+        left = info.n_frames * info.format.frame_bytes
+        while left:
+            data = file.read(min(left, 1 << 20))
+            digest.update(data)
+            left -= len(data)
+    return digest.hexdigest()
+
+
+def is_render(path: Path) -> bool:
+    """Whether the file is an earlier render of ours, by its BWF originator."""
+    try:
+        return read_info(path).originator == ORIGINATOR
+    except (NotWaveError, OSError):
+        return False

@@ -1,0 +1,195 @@
+"""The chunks of a WAVE file, written and read: RIFF or RF64, extensible format, broadcast data.
+
+Sources: Microsoft, "Multiple channel audio data and WAVE files" (WAVE_FORMAT_EXTENSIBLE); EBU Tech
+3306 (RF64 and ds64); EBU Tech 3285 (bext). They are written here and not by libsndfile because that
+needs to seek (no pipe), puts its own version into `bext`, and stamps the clock into float files.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+from typing import BinaryIO, Literal
+
+Bits = Literal[16, 24, "float"]
+
+ORIGINATOR = "ergon"
+CHANNELS_MAX = 64
+# A RIFF size field has 32 bits; above this the file says its sizes in ds64 (EBU Tech 3306, 3).
+RIFF_LIMIT = 2**32 - 1
+BYTES: dict[Bits, int] = {16: 2, 24: 3, "float": 4}
+
+_TAG_PCM, _TAG_FLOAT, _TAG_EXTENSIBLE = 1, 3, 0xFFFE
+_GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")  # KSDATAFORMAT_SUBTYPE_*
+_SPEAKERS = {1: 0x4, 2: 0x3}  # centre; left and right; more channels go out direct, unnamed
+_DS64 = struct.Struct("<QQQI")
+_FMT = struct.Struct("<HHIIHHHHI")
+# Version 1: the last field is 64 bytes of UMID and 190 reserved, all zero.
+_BEXT = struct.Struct("<256s32s32s10s8sQH254s")
+_DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
+_SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
+
+
+class NotWaveError(ValueError):
+    """The bytes are no WAVE file that this reader knows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """What a render says about itself: title of the piece and hash of the score (64 hex digits)."""
+
+    title: str
+    score: str = ""
+
+    def description(self) -> bytes:
+        """The 256 bytes of the bext description; a long title is cut, the hash never."""
+        tail = f" score {self.score}".encode() if self.score else b""
+        title = self.title.encode()[: 256 - len(tail)]
+        return title.decode("utf-8", "ignore").encode() + tail
+
+
+@dataclass(frozen=True, slots=True)
+class WaveFormat:
+    """Rate [Hz], number of channels and form of the samples."""
+
+    rate: int
+    n_channels: int
+    bits: Bits
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of one frame."""
+        return self.n_channels * BYTES[self.bits]
+
+
+@dataclass(frozen=True, slots=True)
+class WaveInfo:
+    """What a WAVE file says it holds; `offset` and `size` [bytes] are those of its samples."""
+
+    container: Literal["RIFF", "RF64"]
+    format: WaveFormat
+    n_frames: int
+    offset: int
+    size: int
+    originator: str | None = None
+    description: str = ""
+
+    @property
+    def score(self) -> str | None:
+        """Hash of the score that this was rendered from, when it is a render of ergon."""
+        found = _SCORE.search(self.description)
+        return found[1] if found and self.originator == ORIGINATOR else None
+
+    @property
+    def title(self) -> str:
+        """Title of the piece."""
+        return _SCORE.sub("", self.description).strip()
+
+
+def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = RIFF_LIMIT) -> bytes:
+    """Everything before the samples, for a file of exactly `n_frames`.
+
+    The place of ds64 is kept by a JUNK chunk of its size in a RIFF file (EBU Tech 3306, 3), so both
+    containers have the same layout. Raises ValueError for a format that cannot be written.
+    """
+    if not 1 <= format.n_channels <= CHANNELS_MAX:
+        raise ValueError(f"a file has 1 to {CHANNELS_MAX} channels, not {format.n_channels}")
+    size = n_frames * format.frame_bytes
+    origin = ORIGINATOR.encode()
+    body = b"".join(
+        (
+            _chunk(b"fmt ", _pack_format(format)),
+            _chunk(b"fact", struct.pack("<I", min(n_frames, 0xFFFFFFFF))),
+            _chunk(b"bext", _BEXT.pack(stamp.description(), origin, b"", _DATE, _TIME, 0, 1, b"")),
+        )
+    )
+    riff = 4 + (8 + _DS64.size) + len(body) + 8 + size + (size & 1)
+    if riff <= riff_limit:
+        head = b"RIFF" + struct.pack("<I", riff) + b"WAVE" + _chunk(b"JUNK", bytes(_DS64.size))
+        return head + body + b"data" + struct.pack("<I", size)
+    ds64 = _chunk(b"ds64", _DS64.pack(riff, size, n_frames, 0))
+    return b"RF64\xff\xff\xff\xffWAVE" + ds64 + body + b"data\xff\xff\xff\xff"
+
+
+def _chunk(name: bytes, content: bytes) -> bytes:
+    return name + struct.pack("<I", len(content)) + content + bytes(len(content) & 1)
+
+
+def _pack_format(format: WaveFormat) -> bytes:
+    n_bits = 8 * BYTES[format.bits]
+    return (
+        _FMT.pack(
+            _TAG_EXTENSIBLE,
+            format.n_channels,
+            format.rate,
+            format.rate * format.frame_bytes,
+            format.frame_bytes,
+            n_bits,
+            22,  # bytes that follow
+            n_bits,
+            _SPEAKERS.get(format.n_channels, 0),
+        )
+        + struct.pack("<H", _TAG_FLOAT if format.bits == "float" else _TAG_PCM)
+        + _GUID_TAIL
+    )
+
+
+def parse(file: BinaryIO) -> WaveInfo:
+    """Read the chunks of a seekable file. Raises NotWaveError with a sentence."""
+    head = file.read(12)
+    if len(head) < 12 or head[:4] not in (b"RIFF", b"RF64") or head[8:] != b"WAVE":
+        raise NotWaveError("this is not a WAVE file")
+    container: Literal["RIFF", "RF64"] = "RF64" if head[:4] == b"RF64" else "RIFF"
+    format: WaveFormat | None = None
+    long_size = 0
+    originator: str | None = None
+    description = ""
+    while len(chunk := file.read(8)) == 8:
+        name, size = chunk[:4], int.from_bytes(chunk[4:], "little")
+        if name == b"data":
+            if format is None:
+                raise NotWaveError("samples come before their format")
+            size = long_size if size == 0xFFFFFFFF and container == "RF64" else size
+            offset = file.tell()
+            size = min(size, file.seek(0, 2) - offset)
+            n_frames = size // format.frame_bytes
+            return WaveInfo(container, format, n_frames, offset, size, originator, description)
+        start = file.tell()
+        if name == b"ds64":
+            long_size = _DS64.unpack(_exactly(file, _DS64.size))[1]
+        elif name == b"fmt ":
+            format = _parse_format(_exactly(file, min(size, 40)))
+        elif name == b"bext" and size >= _BEXT.size:
+            text, origin, *_ = _BEXT.unpack(_exactly(file, _BEXT.size))
+            description, originator = _text(text), _text(origin)
+        file.seek(start + size + (size & 1))
+    raise NotWaveError("this WAVE file holds no samples")
+
+
+def _exactly(file: BinaryIO, n_bytes: int) -> bytes:
+    data = file.read(n_bytes)
+    if len(data) < n_bytes:
+        raise NotWaveError("this WAVE file ends within its header")
+    return data
+
+
+def _text(field: bytes) -> str:
+    return field.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
+
+
+def _parse_format(content: bytes) -> WaveFormat:
+    if len(content) < 16:
+        raise NotWaveError("this WAVE file ends within its header")
+    tag, n_channels, rate, _, _, n_bits = struct.unpack("<HHIIHH", content[:16])
+    if tag == _TAG_EXTENSIBLE and len(content) >= 40:
+        tag = int.from_bytes(content[24:26], "little")
+    forms: dict[tuple[int, int], Bits] = {
+        (_TAG_PCM, 16): 16,
+        (_TAG_PCM, 24): 24,
+        (_TAG_FLOAT, 32): "float",
+    }
+    bits = forms.get((tag, n_bits))
+    if bits is None or not n_channels or not rate:
+        raise NotWaveError(f"samples of {n_bits} bits with format tag {tag} are not read here")
+    return WaveFormat(rate, n_channels, bits)

@@ -1,0 +1,116 @@
+"""Curves as braille text: eight dots a character, the same text for the same curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+from .curve import CURVES_MAX, Axis, Curve, axis
+
+# Bits of U+2800 by dot column (0, 1) and dot row (0 at the top); ISO/TR 11548-1.
+_DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
+_BLANK = 0x2800
+# How curves are told apart: of `period` dot columns the first `drawn` are drawn.
+_PATTERNS = ((1, 1), (4, 2), (6, 1))
+WIDTH_MIN, HEIGHT_MIN = 24, 5
+
+
+def plot(
+    curves: Sequence[Curve],
+    *,
+    width: int = 78,
+    height: int = 20,
+    t_label: str = "time [s]",
+    x_label: str = "",
+) -> str:
+    """Draw up to three curves over one pair of axes, `width` by `height` characters in all."""
+    if not 1 <= len(curves) <= CURVES_MAX:
+        raise ValueError(f"a plot has 1 to {CURVES_MAX} curves, not {len(curves)}")
+    width, height = max(width, WIDTH_MIN), max(height, HEIGHT_MIN)
+    rows = height - 3  # legend above, two lines of axis below
+    x_axis = axis([value for curve in curves for value in curve.x], max(2, rows // 4))
+    labels = {_row(x_axis, tick, rows): x_axis.text(tick) for tick in x_axis.ticks}
+    margin = max(len(label) for label in labels.values())
+    columns = width - margin - 2
+    t_axis = axis([t for curve in curves for t in curve.t], max(2, columns // 14), tight=True)
+    canvas = [[_BLANK] * columns for _ in range(rows)]
+    for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
+        for column, (low, high) in _columns(curve, t_axis, x_axis, columns, rows).items():
+            if column % period < drawn:
+                for dot in range(low, high + 1):
+                    canvas[dot // 4][column // 2] |= _DOTS[column % 2][dot % 4]
+    lines = [_legend(curves, x_label, margin)]
+    for index, row in enumerate(canvas):
+        corner = "┤" if index in labels else "│"
+        lines.append(f"{labels.get(index, ''):>{margin}} {corner}{''.join(map(chr, row))}")
+    lines.extend(_time(t_axis, columns, margin, t_label))
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _row(x_axis: Axis, value: float, rows: int) -> int:
+    return round((1 - x_axis.part(value)) * (4 * rows - 1)) // 4
+
+
+def _columns(
+    curve: Curve, t_axis: Axis, x_axis: Axis, columns: int, rows: int
+) -> dict[int, tuple[int, int]]:
+    """Which dots (lowest and highest row, from the top) the curve covers in each dot column."""
+    across, down = 2 * columns - 1, 4 * rows - 1
+    covered: dict[int, tuple[int, int]] = {}
+
+    def cover(column: int, one: float, other: float) -> None:
+        top, bottom = sorted((round(one), round(other)))
+        low, high = covered.get(column, (top, bottom))
+        covered[column] = min(low, top), max(high, bottom)
+
+    before: tuple[float, float] | None = None
+    for t, x in zip(curve.t, curve.x, strict=True):
+        if not (isfinite(t) and isfinite(x)):
+            before = None
+            continue
+        point = t_axis.part(t) * across, (1 - x_axis.part(x)) * down
+        first = before or point
+        before = point
+        if point[0] < first[0]:  # back in time: a point of its own
+            first = point
+        start, stop = round(first[0]), round(point[0])
+        for column in range(start, stop + 1):
+            ends = (max(column - 0.5, first[0]), min(column + 0.5, point[0]))
+            cover(column, *(_between(first, point, at) for at in ends))
+    return covered
+
+
+def _between(one: tuple[float, float], other: tuple[float, float], at: float) -> float:
+    if other[0] <= one[0]:
+        return other[1]
+    part = min(max((at - one[0]) / (other[0] - one[0]), 0.0), 1.0)
+    return one[1] + part * (other[1] - one[1])
+
+
+def _legend(curves: Sequence[Curve], x_label: str, margin: int) -> str:
+    samples = []
+    for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
+        cells = [_BLANK] * 4
+        for column in range(8):
+            if column % period < drawn:
+                cells[column // 2] |= _DOTS[column % 2][1]
+        samples.append("".join(map(chr, cells)) + " " + curve.name)
+    return f"{x_label:<{margin + 2}}" + "   " + "   ".join(samples)
+
+
+def _time(t_axis: Axis, columns: int, margin: int, label: str) -> list[str]:
+    line, words = ["─"] * columns, [" "] * columns
+    room = columns - len(label) - 1
+    for tick in t_axis.ticks:
+        at = min(round(t_axis.part(tick) * (columns - 1)), columns - 1)
+        line[at] = "┴"
+        text = t_axis.text(tick)
+        start = max(0, min(at - len(text) // 2, columns - len(text)))
+        # A number that would touch its neighbour or the label is left out.
+        if start + len(text) <= room and not any(
+            word != " " for word in words[max(0, start - 1) : start + len(text) + 1]
+        ):
+            words[start : start + len(text)] = text
+    words[columns - len(label) :] = label
+    space = " " * (margin + 1)
+    return [f"{space}└{''.join(line)}", f"{space} {''.join(words)}"]

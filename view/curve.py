@@ -1,0 +1,75 @@
+"""What is drawn: curves over time, and the round numbers on their axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor, isfinite
+
+CURVES_MAX = 3  # more cannot be told apart without colour
+_ROOM = 0.04  # of the range, so that no extreme hides in the border
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Values `x` at the instants `t`, both (n,); a value that is not finite leaves a gap."""
+
+    name: str
+    t: Sequence[float]
+    x: Sequence[float]
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A range with ticks at round numbers within it; `names` say them otherwise than in figures."""
+
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+    digits: int
+    names: tuple[str, ...] = ()
+
+    def text(self, tick: float) -> str:
+        """The tick as every tick of this axis is written."""
+        if self.names:
+            return self.names[self.ticks.index(tick)]
+        return f"{tick:.{self.digits}f}".replace("-", "−")
+
+    def part(self, value: float) -> float:
+        """Where the value lies, 0 at `low` and 1 at `high`."""
+        return (value - self.low) / (self.high - self.low)
+
+
+def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
+    """An axis over all finite `values` with about `n_ticks` ticks a 1-2-5 step apart.
+
+    `tight` ends at the values (time); otherwise there is a little room round them.
+    """
+    finite = [value for value in values if isfinite(value)]
+    low, high = (min(finite), max(finite)) if finite else (0.0, 1.0)
+    if high - low <= 1e-12 * max(abs(low), abs(high)):  # a flat line gets room on both sides
+        room = abs(low) * 0.1 or 1.0
+        low, high = low - room, high + room
+        tight = False
+    step, digits = _step((high - low) / max(n_ticks, 1))
+    room = 0.0 if tight else _ROOM * (high - low)
+    low, high = low - room, high + room
+    # A hair of tolerance: 3 steps of 0.1 lie above 0.3.
+    first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
+    ticks = tuple(index * step for index in range(first, last + 1))
+    return Axis(low, high, ticks, digits)
+
+
+def _step(wanted: float) -> tuple[float, int]:
+    """The smallest of 1, 2, 5 times a power of ten that is not below `wanted`, and its decimals."""
+    power = 0
+    while 10.0**power > wanted and power > -18:
+        power -= 1
+    while 10.0 ** (power + 1) <= wanted and power < 18:
+        power += 1
+    for factor in (1, 2, 5, 10):
+        # A division by a whole number is the double nearest to 0.2; a product with 0.1 is not.
+        step = factor * 10.0**power if power >= 0 else factor / 10.0**-power
+        if step >= wanted * (1 - 1e-9):
+            break
+    return step, max(0, -power - (factor == 10))

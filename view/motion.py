@@ -1,0 +1,39 @@
+"""Where a gesture wants its key, and where the key is: both curves, from a running simulation."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .curve import Curve
+
+if TYPE_CHECKING:
+    from ergon._core import Simulation
+
+POINTS = 1200  # more than a picture has columns
+_MM = 1000.0
+
+
+def asked_and_done(
+    simulation: Simulation, key: int, struck: int, start: float, stop: float
+) -> tuple[Curve, Curve]:
+    """Run from the beginning to `stop` [s] and trace the key from `start` on, in millimetres.
+
+    `key` is the key's index on the timeline, `struck` its struck MAT.
+    """
+    import numpy as np
+
+    rate = simulation.rate
+    first, last = int(start * rate + 0.5), int(stop * rate + 0.5)
+    step = max(1, (last - first) // POINTS)
+    block = np.zeros((4096, simulation.n_out))
+    while simulation.frame < first:
+        simulation.process(block[: first - simulation.frame])
+    t, asked, done = [], [], []
+    while True:
+        t.append(simulation.frame / rate)
+        asked.append(float(simulation.asked()[key]) * _MM)
+        done.append(float(simulation.positions()[struck]) * _MM)
+        if simulation.frame >= last:
+            break
+        simulation.process(np.zeros((min(step, last - simulation.frame), simulation.n_out)))
+    return Curve("asked", t, asked), Curve("done", t, done)

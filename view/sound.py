@@ -1,0 +1,152 @@
+"""A rendered sound as a picture: its waveform above, its spectrogram below.
+
+numpy's transforms are welcome here: nothing of this ever becomes a sample again.
+"""
+
+from __future__ import annotations
+
+import base64
+import struct
+import zlib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from .curve import Axis, Curve, axis
+from .svg import Frame, axes, document, short, text
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_WIDTH, _LEFT, _RIGHT, _WAVE, _SPECTRUM, _ROWS = 800, 64, 784, 130, 220, 220
+_LOWEST = 20.0  # [Hz] below it nothing is heard
+_RANGE = 90.0  # [dB] from the loudest to paper
+_WINDOW = 4096  # frames: 11 Hz and 93 ms at 44.1 kHz shows partials and strokes alike
+# Dark on light: silence is paper, loud is ink. Five colours of viridis, the last for the loudest.
+_COLOURS = ((255, 255, 255), (183, 222, 74), (38, 164, 133), (49, 92, 140), (68, 1, 84))
+
+
+def picture(blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, title: str) -> str:
+    """SVG of the mean of all channels; `blocks` are (n, n_channels), `n_frames` in all."""
+    import numpy as np
+
+    mono = _mono(blocks, n_frames)
+    t_axis = axis((0.0, len(mono) / rate), 8, tight=True)
+    peak = float(np.max(np.abs(mono))) or 1.0
+    wave = Frame(_LEFT, 36, _RIGHT, 36 + _WAVE, t_axis, axis((-peak, peak), 3))
+    top = wave.bottom + 36
+    sound = Frame(_LEFT, top, _RIGHT, top + _SPECTRUM, t_axis, _frequencies(rate / 2))
+    image = base64.b64encode(png(_coloured(_levels(mono, rate)))).decode()
+    parts = [
+        axes(wave, "", "mean of channels"),
+        _outline(mono, wave),
+        axes(sound, "time [s]", "frequency [Hz]"),
+        f"<image x='{_LEFT}' y='{top:g}' width='{_RIGHT - _LEFT}' height='{_SPECTRUM}' "
+        f"preserveAspectRatio='none' href='data:image/png;base64,{image}'/>",
+        text(_LEFT, 22, short(title), weight="bold"),
+        text(_RIGHT, 22, f"spectrogram: {_RANGE:g} dB down to white", anchor="end"),
+    ]
+    return document(_WIDTH, int(sound.bottom) + 48, title, parts)
+
+
+def envelope(
+    blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, n_points: int = 600
+) -> tuple[Curve, Curve]:
+    """Highest and lowest sample of the mean of all channels, in `n_points` stretches."""
+    import numpy as np
+
+    mono = _mono(blocks, n_frames)
+    edges = np.linspace(0, len(mono), min(n_points, len(mono)) + 1).astype(int)[:-1]
+    t = (edges / rate).tolist()
+    return (
+        Curve("highest", t, np.maximum.reduceat(mono, edges).tolist()),
+        Curve("lowest", t, np.minimum.reduceat(mono, edges).tolist()),
+    )
+
+
+def _mono(blocks: Iterable[NDArray[np.float64]], n_frames: int) -> NDArray[np.float64]:
+    import numpy as np
+
+    mono = np.zeros(max(n_frames, 1))
+    at = 0
+    for block in blocks:
+        mono[at : at + len(block)] = block.mean(axis=1)
+        at += len(block)
+    return mono
+
+
+def png(pixels: NDArray[np.uint8]) -> bytes:
+    """A PNG file of (height, width, 3) pixels (ISO/IEC 15948), red, green and blue."""
+    height, width, _ = pixels.shape
+    rows = b"".join(b"\0" + row.tobytes() for row in pixels)  # filter 0 before every row
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        check = zlib.crc32(name + content)
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", check)
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", head)
+        + chunk(b"IDAT", zlib.compress(rows, 9))
+        + chunk(b"IEND", b"")
+    )
+
+
+def _frequencies(highest: float) -> Axis:
+    """Decades of frequency, linear in the logarithm, with ticks a composer knows."""
+    import math
+
+    known = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000)
+    ticks = [f for f in known if _LOWEST <= f <= highest]
+    names = tuple(f"{f // 1000}k" if f >= 1000 else str(f) for f in ticks)
+    logs = tuple(math.log10(f) for f in ticks)
+    return Axis(math.log10(_LOWEST), math.log10(highest), logs, 0, names)
+
+
+def _outline(mono: NDArray[np.float64], frame: Frame) -> str:
+    """The lowest and highest sample of every pixel column, as one closed shape."""
+    import numpy as np
+
+    n_columns = _RIGHT - _LEFT
+    edges = np.linspace(0, len(mono), n_columns + 1).astype(int)
+    upper, lower = [], []
+    for column in range(n_columns):
+        part = mono[edges[column] : max(edges[column + 1], edges[column] + 1)]
+        x = _LEFT + column + 0.5
+        upper.append(f"{x:g} {frame.down(float(part.max())):.1f}")
+        lower.append(f"{x:g} {frame.down(float(part.min())):.1f}")
+    points = "L".join(upper + lower[::-1])
+    return f"<path d='M{points}Z' fill='#0072b2' stroke='#0072b2' stroke-width='0.5'/>"
+
+
+def _levels(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
+    """Level below the loudest [0 … 1], (_ROWS, columns), highest frequency first."""
+    import numpy as np
+
+    n_columns = _RIGHT - _LEFT
+    padded = np.concatenate((np.zeros(_WINDOW // 2), mono, np.zeros(_WINDOW)))
+    window = np.hanning(_WINDOW)
+    pixels = np.geomspace(rate / 2, _LOWEST, _ROWS + 1) / rate * _WINDOW
+    levels = np.empty((_ROWS, n_columns))
+    for column in range(n_columns):
+        start = int((column + 0.5) / n_columns * len(mono))
+        power = np.abs(np.fft.rfft(padded[start : start + _WINDOW] * window)) ** 2
+        for row in range(_ROWS):
+            # Bins within the pixel, or the nearest two where a pixel is finer than a bin.
+            low, high = int(pixels[row + 1]), int(np.ceil(pixels[row]))
+            levels[row, column] = power[low : max(high, low + 1)].max()
+    loudest = levels.max()
+    if loudest <= 0:
+        return np.zeros_like(levels)
+    floor = 10 ** (-_RANGE / 10)
+    shown: NDArray[np.float64] = 1 + 10 * np.log10(np.maximum(levels / loudest, floor)) / _RANGE
+    return shown
+
+
+def _coloured(levels: NDArray[np.float64]) -> NDArray[np.uint8]:
+    import numpy as np
+
+    at = np.linspace(0, 1, len(_COLOURS))
+    channels = [np.interp(levels, at, [c[index] for c in _COLOURS]) for index in range(3)]
+    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)

@@ -1,0 +1,151 @@
+"""Pictures as SVG: clean lines, units on the axes, dark on light, no script and no font file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from xml.sax.saxutils import escape, quoteattr
+
+from .curve import CURVES_MAX, Axis, Curve, axis
+
+# Safe for the colour-blind (Okabe & Ito, 2008) and different in dash: never by colour alone.
+_STROKES = (("#0072b2", ""), ("#d55e00", "6 3"), ("#333333", "1.5 3"))
+_TITLE_MAX = 60  # characters
+_INK, _GRID, _PAPER = "#222222", "#dddddd", "#ffffff"
+_FONT = "font-family='ui-sans-serif, Helvetica, Arial, sans-serif' font-size='12'"
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A rectangle of the page with its two axes; x and y of its corners in pixels."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+    t_axis: Axis
+    x_axis: Axis
+
+    def across(self, t: float) -> float:
+        """Pixel of an instant."""
+        return self.left + self.t_axis.part(t) * (self.right - self.left)
+
+    def down(self, x: float) -> float:
+        """Pixel of a value."""
+        return self.bottom - self.x_axis.part(x) * (self.bottom - self.top)
+
+
+def plot(
+    curves: Sequence[Curve],
+    *,
+    title: str = "",
+    width: int = 800,
+    height: int = 360,
+    t_label: str = "time [s]",
+    x_label: str = "",
+) -> str:
+    """The same curves as `braille.plot`, as a whole SVG document."""
+    if not 1 <= len(curves) <= CURVES_MAX:
+        raise ValueError(f"a plot has 1 to {CURVES_MAX} curves, not {len(curves)}")
+    frame = Frame(
+        64,
+        40,
+        width - 16,
+        height - 48,
+        axis([t for curve in curves for t in curve.t], 8, tight=True),
+        axis([x for curve in curves for x in curve.x], 6),
+    )
+    parts = [axes(frame, t_label, x_label)]
+    for curve, (colour, dash) in zip(curves, _STROKES, strict=False):
+        parts.append(
+            f"<path d='{_path(curve, frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
+            f"stroke-linejoin='round'{_dash(dash)}/>"
+        )
+    parts.append(_legend(curves, frame))
+    parts.append(text(frame.left, 20, short(title), weight="bold"))
+    return document(width, height, title, parts)
+
+
+def document(width: int, height: int, title: str, parts: Sequence[str]) -> str:
+    """A whole SVG file round `parts`."""
+    head = (
+        f"<svg xmlns='http://www.w3.org/2000/svg' width='{width}' height='{height}' "
+        f"viewBox='0 0 {width} {height}' role='img' aria-label={quoteattr(title)} {_FONT}>\n"
+        "<!-- made by ergon -->\n"
+        f"<title>{escape(title)}</title>\n"
+        f"<rect width='{width}' height='{height}' fill='{_PAPER}'/>\n"
+    )
+    return head + "\n".join(part for part in parts if part) + "\n</svg>\n"
+
+
+def axes(frame: Frame, t_label: str, x_label: str) -> str:
+    """Grid, ticks, numbers and labels of a frame."""
+    f = frame
+    parts = []
+    for tick in f.t_axis.ticks:
+        at = f.across(tick)
+        parts.append(_line(at, f.top, at, f.bottom))
+        parts.append(text(at, f.bottom + 16, f.t_axis.text(tick), anchor="middle"))
+    for tick in f.x_axis.ticks:
+        at = f.down(tick)
+        parts.append(_line(f.left, at, f.right, at))
+        parts.append(text(f.left - 6, at + 4, f.x_axis.text(tick), anchor="end"))
+    parts.append(
+        f"<rect x='{f.left:g}' y='{f.top:g}' width='{f.right - f.left:g}' "
+        f"height='{f.bottom - f.top:g}' fill='none' stroke='{_INK}'/>"
+    )
+    parts.append(text((f.left + f.right) / 2, f.bottom + 36, t_label, anchor="middle"))
+    middle = (f.top + f.bottom) / 2
+    parts.append(
+        f"<text x='14' y='{middle:g}' fill='{_INK}' text-anchor='middle' "
+        f"transform='rotate(-90 14 {middle:g})'>{escape(x_label)}</text>"
+    )
+    return "\n".join(parts)
+
+
+def short(title: str) -> str:
+    """A title that leaves room for what stands beside it."""
+    return title if len(title) <= _TITLE_MAX else title[: _TITLE_MAX - 1] + "…"
+
+
+def text(x: float, y: float, words: str, *, anchor: str = "start", weight: str = "normal") -> str:
+    """Words at a place; nothing for no words."""
+    if not words:
+        return ""
+    return (
+        f"<text x='{x:.1f}' y='{y:.1f}' fill='{_INK}' text-anchor='{anchor}' "
+        f"font-weight='{weight}'>{escape(words)}</text>"
+    )
+
+
+def _line(x1: float, y1: float, x2: float, y2: float) -> str:
+    return f"<line x1='{x1:.1f}' y1='{y1:.1f}' x2='{x2:.1f}' y2='{y2:.1f}' stroke='{_GRID}'/>"
+
+
+def _dash(dash: str) -> str:
+    return f" stroke-dasharray='{dash}'" if dash else ""
+
+
+def _path(curve: Curve, frame: Frame) -> str:
+    """Path data; a gap starts anew."""
+    words, pen = [], "M"
+    for t, x in zip(curve.t, curve.x, strict=True):
+        if isfinite(t) and isfinite(x):
+            words.append(f"{pen}{frame.across(t):.2f} {frame.down(x):.2f}")
+            pen = "L"
+        else:
+            pen = "M"
+    return "".join(words)
+
+
+def _legend(curves: Sequence[Curve], frame: Frame) -> str:
+    parts, at = [], frame.right
+    for curve, (colour, dash) in reversed(list(zip(curves, _STROKES, strict=False))):
+        at -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
+        parts.append(
+            f"<line x1='{at:g}' y1='26' x2='{at + 28:g}' y2='26' stroke='{colour}' "
+            f"stroke-width='2'{_dash(dash)}/>"
+        )
+        parts.append(text(at + 33, 30, curve.name))
+    return "\n".join(parts)
