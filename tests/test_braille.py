@@ -1,0 +1,148 @@
+"""Pictures: the dots stand where the numbers say, and the same curves give the same text."""
+
+import base64
+import math
+import re
+import struct
+import xml.etree.ElementTree as ET
+import zlib
+
+import numpy as np
+import pytest
+
+from ergon.view import braille, sound, svg
+from ergon.view.curve import Curve, axis
+
+T = [n / 200 for n in range(201)]
+WAVE = Curve("asked", T, [math.sin(2 * math.pi * t) for t in T])
+
+
+def dots(text: str) -> list[tuple[int, int]]:
+    """(column, row) of every dot inside the axes, counted from the top left."""
+    found = []
+    rows = [line for line in text.splitlines() if "│" in line or "┤" in line]
+    for y, line in enumerate(rows):
+        body = re.split("[│┤]", line, maxsplit=1)[1]
+        for x, character in enumerate(body):
+            for bit, (dx, dy) in enumerate(
+                [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3)]
+            ):
+                if 0x2800 <= ord(character) <= 0x28FF and (ord(character) - 0x2800) >> bit & 1:
+                    found.append((2 * x + dx, 4 * y + dy))
+    return found
+
+
+def test_a_sine_is_drawn_where_it_is() -> None:
+    text = braille.plot([WAVE], width=66, height=23)
+    lines = text.splitlines()
+    assert len(lines) == 23
+    assert max(map(len, lines)) <= 66
+    points = dots(text)
+    across = max(x for x, _ in points)
+    n_rows = 4 * 20 - 1
+    by_column: dict[int, list[int]] = {}
+    for x, y in points:
+        by_column.setdefault(x, []).append(y)
+    assert sorted(by_column) == list(range(across + 1))  # no gaps
+    for x, ys in by_column.items():
+        want = (1 - math.sin(2 * math.pi * x / across) / 1.08) / 2 * n_rows  # 4% of room
+        assert min(ys) - 1.5 <= want <= max(ys) + 1.5
+
+
+def test_axes_carry_round_numbers_and_units() -> None:
+    text = braille.plot([WAVE], t_label="time [s]", x_label="position [mm]")
+    assert "position [mm]" in text
+    assert "time [s]" in text
+    assert re.search(r"^ *1\.0 ┤", text, re.MULTILINE)
+    assert re.search(r"^−1\.0 ┤", text, re.MULTILINE)
+
+
+def test_curves_are_told_apart_without_colour() -> None:
+    flat = [Curve(name, [0, 1], [0, 0]) for name in ("asked", "free", "done")]
+    columns = [{x for x, _ in dots(braille.plot([curve]))} for curve in flat]
+    assert columns[0] == columns[1] == columns[2]
+    both = braille.plot([Curve("a", [0, 1], [0, 0]), Curve("b", [0, 1], [1, 1])])
+    low = {x for x, y in dots(both) if y > 40}
+    high = {x for x, y in dots(both) if y < 40}
+    assert len(high) < 0.6 * len(low)
+    assert "asked" in braille.plot(flat)
+    assert "\x1b" not in both
+
+
+def test_gaps_and_flat_curves() -> None:
+    gap = Curve("a", [0, 1, 2, 3], [0, math.nan, 0, 1])
+    columns = {x for x, _ in dots(braille.plot([gap]))}
+    across = max(columns)
+    assert not columns & set(range(2, int(across / 2)))
+    assert dots(braille.plot([Curve("flat", [0, 1], [5, 5])]))
+    assert braille.plot([Curve("none", [0, 1], [math.nan, math.inf])])
+    assert braille.plot([Curve("none", [], [])])
+    with pytest.raises(ValueError, match="1 to 3"):
+        braille.plot([])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [(0, 10, (0, 2, 4, 6, 8, 10)), (-0.006, 0.0, 7), (98, 103, (98, 99, 100, 101, 102, 103))],
+)
+def test_ticks(low: float, high: float, ticks: tuple[float, ...] | int) -> None:
+    found = axis((low, high), 6)
+    if isinstance(ticks, int):
+        assert len(found.ticks) == ticks
+        assert found.text(found.ticks[0]) == "−0.006"
+    else:
+        assert found.ticks == ticks
+    assert found.low <= low
+    assert found.high >= high
+
+
+def test_svg_is_well_formed_and_holds_the_curve() -> None:
+    text = svg.plot([WAVE, Curve("done <3>", T, T)], title="lean & mirror", x_label="position [mm]")
+    root = ET.fromstring(text)
+    space = "{http://www.w3.org/2000/svg}"
+    words = [element.text for element in root.iter(f"{space}text")]
+    assert {"asked", "done <3>", "lean & mirror", "position [mm]", "time [s]"} <= set(words)
+    path = next(root.iter(f"{space}path")).attrib["d"]
+    points = [tuple(map(float, p.split())) for p in re.findall(r"[ML]([\d. ]+)", path)]
+    assert len(points) == 201
+    assert min(points, key=lambda p: p[1])[0] == pytest.approx(points[50][0])
+    assert text == svg.plot(
+        [WAVE, Curve("done <3>", T, T)], title="lean & mirror", x_label="position [mm]"
+    )
+
+
+def unpacked(data: bytes) -> np.ndarray:
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, body, size = 8, b"", (0, 0)
+    while at < len(data):
+        (length,) = struct.unpack(">I", data[at : at + 4])
+        name, content = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
+        assert struct.unpack(">I", data[at + 8 + length : at + 12 + length])[0] == zlib.crc32(
+            name + content
+        )
+        if name == b"IHDR":
+            size = struct.unpack(">II", content[:8])
+        elif name == b"IDAT":
+            body += content
+        at += 12 + length
+    rows = np.frombuffer(zlib.decompress(body), np.uint8).reshape(size[1], -1)
+    assert not rows[:, 0].any()
+    return rows[:, 1:].reshape(size[1], size[0], 3)
+
+
+def test_a_spectrogram_shows_the_tone_at_its_place() -> None:
+    rate, n_frames, tone = 44_100, 22_050, 1000.0
+    t = np.arange(n_frames) / rate
+    block = np.sin(2 * np.pi * tone * t)[:, None] * np.ones(2)
+    text = sound.picture([block[:10_000], block[10_000:]], n_frames, rate, "a tone")
+    root = ET.fromstring(text)
+    image = next(root.iter("{http://www.w3.org/2000/svg}image"))
+    pixels = unpacked(base64.b64decode(image.attrib["href"].split(",")[1]))
+    darkest = pixels[:, pixels.shape[1] // 2].astype(int).sum(axis=1).argmin()
+    frequency = np.geomspace(rate / 2, 20, len(pixels) + 1)[darkest]
+    assert frequency == pytest.approx(tone, rel=0.05)
+    assert {"20", "1k", "10k"} <= {e.text for e in root.iter("{http://www.w3.org/2000/svg}text")}
+
+
+def test_silence_has_a_picture_too() -> None:
+    ET.fromstring(sound.picture([np.zeros((100, 1))], 100, 44_100, "nothing"))

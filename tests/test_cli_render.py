@@ -1,0 +1,172 @@
+"""`ergon render`, from the command line to the file."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from one_bell import SCORE
+
+from ergon.cli import app
+from ergon.exchange.wave import hash_samples, read_info
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    (tmp_path / "bell.yaml").write_text(SCORE)
+    return tmp_path
+
+
+def records(capsys: Capture) -> list[dict]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_render_writes_what_the_score_says(capsys: Capture) -> None:
+    assert app.run(["render", "bell.yaml"]) == 0
+    err = capsys.readouterr().err
+    data, rate = soundfile.read("bell.wav")
+    assert rate == 44_100
+    assert data.shape[1] == 2
+    assert np.abs(data).max() == pytest.approx(10 ** (-1 / 20), abs=1e-6)
+    info = read_info(Path("bell.wav"))
+    assert (info.title, info.format.bits) == ("One bell", 24)
+    pattern = (
+        r"bell\.wav: .* s, 2 channels, .* × real time, peak -1\.0 dBFS, loudness .* LUFS, "
+        r"no late blocks, sha256 [0-9a-f]{12}\n"
+    )
+    assert re.fullmatch(pattern, err)
+
+
+def test_the_record_of_a_render(capsys: Capture) -> None:
+    assert app.run(["render", "--json", "bell.yaml", "-o", "out/x.wav", "--bits", "float"]) == 0
+    (record,) = [r for r in records(capsys) if r["event"] != "progress"]
+    assert list(record) == [
+        "v", "event", "file", "frames", "channels", "rate_hz", "wall_s", "plan_s", "x_real_time",
+        "peak_dbfs", "sha256", "modules", "threads",
+    ]  # fmt: skip
+    info = read_info(Path("out/x.wav"))
+    assert record["event"] == "rendered"
+    assert (record["file"], record["frames"]) == ("out/x.wav", info.n_frames)
+    assert record["sha256"] == hash_samples(Path("out/x.wav"))
+    assert info.format.bits == "float"
+
+
+def test_same_bytes_for_any_threads_and_blocks() -> None:
+    for index, more in enumerate(
+        (["--threads", "1"], ["--threads", "2", "--block", "997"], ["--block", "64"])
+    ):
+        assert app.run(["render", "-q", "bell.yaml", "-o", f"{index}.wav", *more]) == 0
+    one, two, three = (Path(f"{index}.wav").read_bytes() for index in range(3))
+    assert one == two == three
+
+
+def test_a_comment_changes_no_byte_and_a_title_no_sample() -> None:
+    Path("same.yaml").write_text("# by hand\n" + SCORE)
+    Path("other.yaml").write_text(SCORE.replace("One bell", "Another"))
+    for name in ("bell", "same", "other"):
+        assert app.run(["render", "-q", f"{name}.yaml"]) == 0
+    assert Path("bell.wav").read_bytes() == Path("same.wav").read_bytes()
+    assert Path("bell.wav").read_bytes() != Path("other.wav").read_bytes()
+    assert hash_samples(Path("bell.wav")) == hash_samples(Path("other.wav"))
+
+
+def test_a_part_of_the_piece(capsys: Capture) -> None:
+    assert app.run(["render", "-q", "bell.yaml", "--bits", "float"]) == 0
+    part = ["--from", "0.25s", "--to", "B-2", "-o", "part.wav"]
+    assert app.run(["render", "-q", "bell.yaml", "--bits", "float", *part]) == 0
+    whole, _ = soundfile.read("bell.wav", dtype="float32")
+    cut, _ = soundfile.read("part.wav", dtype="float32")
+    np.testing.assert_array_equal(cut, whole[11_025 : 2 * 44_100])
+    assert app.run(["render", "bell.yaml", "--from", "Q"]) == 2
+    assert "--from: unknown mark 'Q'" in capsys.readouterr().err
+    assert app.run(["render", "bell.yaml", "--from", "40|1"]) == 2
+    assert "the piece ends at" in capsys.readouterr().err
+
+
+def test_another_rate() -> None:
+    assert app.run(["render", "-q", "bell.yaml"]) == 0
+    assert app.run(["render", "-q", "bell.yaml", "--rate", "48000", "-o", "48.wav"]) == 0
+    one, two = read_info(Path("bell.wav")), read_info(Path("48.wav"))
+    assert two.format.rate == 48_000
+    assert two.n_frames / 48_000 == pytest.approx(one.n_frames / 44_100, abs=1e-4)
+    assert one.score == two.score
+    assert app.run(["render", "bell.yaml", "--rate", "44100.5"]) == 2
+
+
+def test_stems() -> None:
+    assert app.run(["render", "-q", "bell.yaml", "--stems", "parts"]) == 0
+    (stem,) = Path("parts").iterdir()
+    assert re.fullmatch(r"01_\w+\.wav", stem.name)
+    assert read_info(stem).n_frames == read_info(Path("bell.wav")).n_frames
+
+
+def test_a_dry_run_writes_nothing(folder: Path, capsys: Capture) -> None:
+    assert app.run(["render", "-n", "bell.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert "2 channels" in out
+    assert "stability: " in out
+    assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
+    assert app.run(["render", "-n", "--json", "bell.yaml", "--bits", "16"]) == 0
+    (record,) = records(capsys)
+    assert record["disk_bytes"] == record["frames"] * 2 * 2
+    assert record["margin"] > 1
+
+
+def test_foreign_files_are_refused_and_ours_replaced(capsys: Capture) -> None:
+    soundfile.write("bell.wav", np.zeros(10), 44_100)
+    before = Path("bell.wav").read_bytes()
+    assert app.run(["render", "bell.yaml"]) == 2
+    assert Path("bell.wav").read_bytes() == before
+    assert "-f overwrites it" in capsys.readouterr().err
+    assert app.run(["render", "-q", "-f", "bell.yaml"]) == 0
+    assert app.run(["render", "-q", "bell.yaml"]) == 0
+    assert read_info(Path("bell.wav")).originator == "ergon"
+
+
+def test_render_to_a_pipe(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+    assert app.run(["render", "bell.yaml", "-o", "-"]) == 0
+    out, err = capfdbinary.readouterr()
+    assert out[:4] == b"RIFF"
+    assert err.startswith(b"stdout: ")
+    assert app.run(["render", "-q", "bell.yaml"]) == 0
+    assert Path("bell.wav").read_bytes() == out
+
+
+def test_what_cannot_go_together(capsys: Capture) -> None:
+    assert app.run(["render", "--json", "bell.yaml", "-o", "-"]) == 2
+    assert app.run(["render", "bell.yaml", "--channels", "65"]) == 2
+    assert app.run(["render", "bell.yaml", "--watch", "-o", "-"]) == 2
+
+
+def test_a_diverging_part_exits_4_without_a_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    from ergon import _core
+    from ergon.exchange import render as exchange
+
+    def diverge(*arguments: object) -> np.ndarray:
+        error = _core.DivergedError("'bell.m' is not finite at 0.5 s")
+        error.frame = 22_050
+        raise error
+
+    monkeypatch.setattr(exchange, "_fold", diverge)
+    assert app.run(["render", "bell.yaml"]) == 4
+    assert "bell.m" in capsys.readouterr().err
+    assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
+
+
+def test_ctrl_c_exits_130_without_a_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ergon.exchange import render as exchange
+
+    def interrupt(*arguments: object) -> np.ndarray:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(exchange, "_fold", interrupt)
+    assert app.run(["render", "bell.yaml"]) == 130
+    assert [path.name for path in folder.iterdir()] == ["bell.yaml"]

@@ -1,0 +1,220 @@
+"""Commands that read scores: check, compile, plot, export, info."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import mido
+import numpy as np
+import pytest
+from one_bell import SCORE
+
+from ergon.cli import app
+from ergon.exchange.wave import hash_samples
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    (tmp_path / "bell.yaml").write_text(SCORE)
+    return tmp_path
+
+
+def records(capsys: Capture) -> list[dict]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+# --- check --------------------------------------------------------------------------------------
+
+
+def test_check_of_a_good_score(capsys: Capture) -> None:
+    assert app.run(["check", "bell.yaml"]) == 0
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == "bell.yaml: no mistakes\n"
+    assert app.run(["check", "-q", "bell.yaml"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_check_shows_mistakes_in_their_places(folder: Path, capsys: Capture) -> None:
+    Path("bad.yaml").write_text(SCORE.replace("smooth 6mm", "smoth 6mm"))
+    assert app.run(["check", "bad.yaml", "bell.yaml"]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "bad.yaml:16:16: error[E204]" in err
+    assert "^^^^^ did you mean 'smooth'?" in err
+    assert err.endswith("bad.yaml: 1 error\nbell.yaml: no mistakes\nerror: 1 of 2 scores\n")
+
+
+def test_forms_of_mistakes(capsys: Capture) -> None:
+    Path("bad.yaml").write_text(SCORE.replace("smooth 6mm", "smoth 6mm"))
+    assert app.run(["check", "--json", "bad.yaml"]) == 1
+    (record,) = records(capsys)
+    want = {"v": 1, "event": "error", "code": "E204", "line": 16, "column": 16}
+    assert want.items() <= record.items()
+    assert record["suggestion"] == "smooth"
+    assert app.run(["check", "--format", "github", "bad.yaml"]) == 1
+    assert capsys.readouterr().out.startswith("::error file=bad.yaml,line=16,col=16")
+    assert app.run(["check", "-q", "--format", "concise", "bad.yaml"]) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_check_reads_stdin() -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-m", "ergon.cli", "check", "-"],
+        input=SCORE.replace("play: knock", "play: knokc"),
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert done.returncode == 1
+    assert "-:22:" in done.stderr
+    assert "did you mean 'knock'?" in done.stderr
+    assert "\x1b" not in done.stderr
+
+
+def test_a_file_that_is_not_there(capsys: Capture) -> None:
+    assert app.run(["check", "nowhere.yaml"]) == 1
+    assert "nowhere.yaml" in capsys.readouterr().err
+
+
+def test_check_simulate_says_how_gestures_were_followed(capsys: Capture) -> None:
+    assert app.run(["check", "--simulate", "bell.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"ada knock.* on k1: followed within .*m rms, worst .*m at \d+\|[\d.]+", out)
+    assert app.run(["check", "--simulate", "--json", "bell.yaml"]) == 0
+    (record,) = records(capsys)
+    assert record["event"] == "followed"
+    assert (record["player"], record["gesture"], record["key"]) == ("ada", "knock", "k1")
+    assert record["worst_m"] >= record["rms_m"] >= 0
+
+
+# --- compile ------------------------------------------------------------------------------------
+
+
+def test_compile_prints_the_stream(capsys: Capture) -> None:
+    assert app.run(["compile", "bell.yaml"]) == 0
+    head, columns, *rows = capsys.readouterr().out.splitlines()
+    assert head.startswith("# ergon stream 1, made by ergon, 44100 Hz, score ")
+    assert columns.split(",") == [
+        "time [s]", "struck", "sign", "mass [kg]", "speed [m/s]", "impulse [N·s]", "source",
+    ]  # fmt: skip
+    assert rows
+    assert re.search(r"bell\.yaml:\d+:\d+$", rows[0])
+    assert app.run(["compile", "--json", "bell.yaml"]) == 0
+    about, first, *_ = records(capsys)
+    assert (about["event"], about["v"]) == ("stream", 1)
+    assert first["struck"].startswith("k1")
+
+
+def test_compile_into_a_file_and_never_over_another(capsys: Capture) -> None:
+    assert app.run(["compile", "bell.yaml", "-o", "e.csv"]) == 0
+    assert app.run(["compile", "bell.yaml", "-o", "e.csv"]) == 0
+    Path("notes.csv").write_text("mine\n")
+    assert app.run(["compile", "bell.yaml", "-o", "notes.csv"]) == 2
+    assert Path("notes.csv").read_text() == "mine\n"
+    assert "notes.csv exists and was not made by ergon" in capsys.readouterr().err
+
+
+# --- plot, export, info -------------------------------------------------------------------------
+
+
+def test_plot_in_the_terminal_and_as_svg(capsys: Capture) -> None:
+    assert app.run(["plot", "bell.yaml", "knock", "--width", "60", "--height", "12"]) == 0
+    out = capsys.readouterr().out
+    title, *lines = out.splitlines()
+    assert title == "knock at 1|1 on k1"
+    assert len(lines) == 12
+    assert "asked" in lines[0]
+    assert "done" in lines[0]
+    assert app.run(["plot", "bell.yaml", "knock", "--svg", "k.svg"]) == 0
+    assert "made by ergon" in Path("k.svg").read_text()
+    assert app.run(["plot", "-q", "bell.yaml", "ada", "--svg", "k.svg"]) == 0
+
+
+def test_plot_of_what_no_part_plays(capsys: Capture) -> None:
+    assert app.run(["plot", "bell.yaml", "lean", "--key", "k1"]) == 0
+    assert capsys.readouterr().out.startswith("lean on k1")
+
+
+def test_plot_knows_names(capsys: Capture) -> None:
+    assert app.run(["plot", "bell.yaml", "knokc"]) == 2
+    assert "did you mean 'knock'?" in capsys.readouterr().err
+    assert app.run(["plot", "bell.yaml"]) == 2
+    assert "gestures: knock, lean" in capsys.readouterr().err
+    assert app.run(["plot", "bell.yaml", "knock", "--key", "k2"]) == 2
+    assert "there is no key 'k2' (there is k1)" in capsys.readouterr().err
+
+
+def test_plot_of_a_sound(capsys: Capture) -> None:
+    assert app.run(["render", "-q", "bell.yaml"]) == 0
+    assert app.run(["plot", "bell.wav"]) == 0
+    assert "highest" in capsys.readouterr().out
+    assert app.run(["plot", "bell.wav", "--svg", "bell.svg"]) == 0
+    assert "frequency [Hz]" in Path("bell.svg").read_text()
+
+
+def test_export(capsys: Capture) -> None:
+    assert app.run(["export", "bell.yaml", "-o", "daw"]) == 0
+    assert {path.name for path in Path("daw").iterdir()} == {
+        "tempo.mid", "marks.csv", "mix.wav", "stems",
+    }  # fmt: skip
+    rows = Path("daw/marks.csv").read_text().splitlines()
+    assert rows[2:] == ["A,1|1,0.000000", "B,2|3,3.000000"]
+    midi = mido.MidiFile("daw/tempo.mid")
+    tempos = [m.tempo for m in midi.tracks[0] if m.type == "set_tempo"]
+    assert tempos[0] == 500_000
+    assert len(tempos) > 10
+    assert [m.text for m in midi.tracks[0] if m.type == "marker"] == ["A", "B"]
+    assert app.run(["export", "-q", "bell.yaml", "-o", "daw", "--no-stems"]) == 0
+
+
+def test_info_of_a_render_and_its_score(capsys: Capture) -> None:
+    assert app.run(["render", "-q", "bell.yaml"]) == 0
+    assert app.run(["info", "bell.wav"]) == 0
+    out = capsys.readouterr().out
+    assert "2 channels, 44100 Hz, 24 bits, RIFF" in out
+    assert hash_samples(Path("bell.wav")) in out
+    assert app.run(["info", "bell.wav", "--score", "bell.yaml"]) == 0
+    Path("bell.yaml").write_text(SCORE.replace("6mm", "7mm"))
+    assert app.run(["info", "bell.wav", "--score", "bell.yaml"]) == 1
+    assert "another score" in capsys.readouterr().err
+
+
+def test_info_of_a_take(capsys: Capture) -> None:
+    rows = "\n".join(f"{n / 30:.4f},{n % 7}" for n in range(61))
+    Path("hand.csv").write_text(f"# a hand\nt [s],x [mm]\n{rows}\n")
+    assert app.run(["info", "hand.csv"]) == 0
+    out = capsys.readouterr().out
+    assert "61 samples, 2 s, 30 Hz" in out
+    assert "x [mm]: 0 … 6" in out
+    np.savez("hand.npz", t=np.arange(5) / 10, x=np.arange(5.0))
+    assert app.run(["info", "--json", "hand.npz"]) == 0
+    (record,) = records(capsys)
+    assert record["samples"] == 5
+    assert record["rate_hz"] == pytest.approx(10)
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.npz", "x.wav"])
+def test_info_of_garbage(name: str, capsys: Capture) -> None:
+    Path(name).write_bytes(b"\0\1\2 garbage, really\n\xff")
+    assert app.run(["info", name]) == 2
+    assert "internal" not in capsys.readouterr().err
+
+
+def test_info_of_a_score(capsys: Capture) -> None:
+    assert app.run(["info", "bell.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert "One bell" in out
+    assert "gestures: knock, lean" in out
+    assert app.run(["info", "--json", "bell.yaml"]) == 0
+    (record,) = records(capsys)
+    assert record["marks"] == ["A", "B"]

@@ -1,0 +1,99 @@
+"""A part that goes non-finite: named and stopped, or muted alone while all else goes on."""
+
+import math
+
+import numpy as np
+import pytest
+from oracle import laws
+from oracle.core import play, simulation
+from oracle.engine import simulate
+from oracle.scene import Scene
+
+from ergon import _core
+
+RATE = 44100.0
+
+
+def doomed(speed: float) -> Scene:
+    """A hard cubic spring, stable at rest: fast enough, it leaves the stable range and diverges."""
+    scene = Scene()
+    scene.part("good")
+    for i in range(5):
+        mat = scene.cel(f"m{i}", M=2e-3, f=220.0 * (i + 1), t60=2.0, X0=1e-4 * (i + 1))
+        scene.listen(f"g{i}", positions=[(mat, 1.0)])
+    scene.part("bad")
+    a = scene.cel("a", M=1e-3, f=300.0, t60=1.0)
+    b = scene.mas("b", M=1e-3)
+    scene.lnl("l", a, b, laws.make("cubic", k=500.0, q=1e10, z=0.0))
+    scene.listen("bad", positions=[(b, 1.0)])
+    scene.strike(b, 1000 / RATE, impulse=1e-3 * speed)
+    return scene
+
+
+def fall() -> int:
+    """First frame at which the oracle's part is not finite."""
+    out = simulate(doomed(1e3), RATE, 4000).out
+    return int(np.flatnonzero(~np.isfinite(out[:, -1]))[0])
+
+
+def test_the_scene_is_doomed_only_when_struck_hard():
+    assert np.isfinite(simulate(doomed(0.1), RATE, 4000).out).all()
+    assert 1000 < fall() < 3000
+    simulation(doomed(1e3), RATE)  # certified: what is wrong comes by the strike
+
+
+def test_a_part_that_diverges_stops_the_run_by_its_name():
+    sim = simulation(doomed(1e3), RATE)
+    with pytest.raises(_core.DivergedError) as error:
+        play(sim, 4000)
+    assert error.value.module is not None
+    assert error.value.module.startswith("bad.")
+    # rounding decides the last steps of an explosion, not when it comes
+    assert abs(error.value.frame - fall()) <= 4
+    assert "bad." in str(error.value)
+
+
+@pytest.mark.parametrize("block", [1, 64, 4000])
+def test_the_frame_of_the_fault_does_not_depend_on_the_block(block: int):
+    found = []
+    for size in (block, 997):
+        with pytest.raises(_core.DivergedError) as error:
+            play(simulation(doomed(1e3), RATE), 4000, size)
+        found.append((error.value.frame, error.value.module))
+    assert found[0] == found[1]
+
+
+def test_a_muted_part_leaves_all_others_as_they_were():
+    healthy = play(simulation(doomed(0.0), RATE), 8000)
+    sim = simulation(doomed(1e3), RATE, on_fault="mute")
+    out = play(sim, 8000)
+    assert np.isfinite(out).all()
+    assert out[:, :5].tobytes() == healthy[:, :5].tobytes()
+    ((name, frame),) = sim.muted()
+    assert name == "bad"
+    assert abs(frame - fall()) <= 4
+
+
+def test_a_muted_part_is_silent_within_five_milliseconds():
+    sim = simulation(doomed(1e3), RATE, on_fault="mute")
+    out = play(sim, 8000)[:, 5]
+    ((_, frame),) = sim.muted()
+    fade = math.ceil(0.005 * RATE)
+    assert (out[frame + fade + 1 :] == 0.0).all()
+    tail = np.abs(out[frame : frame + fade])
+    assert (np.diff(tail) <= 0.0).all()
+    assert tail[0] > tail[fade // 2] > 0.0
+
+
+def test_muting_does_not_depend_on_the_block():
+    bytes_of = []
+    for block in (1, 64, 997, 8000):
+        sim = simulation(doomed(1e3), RATE, on_fault="mute")
+        bytes_of.append((play(sim, 8000, block).tobytes(), sim.muted()))
+    assert all(found == bytes_of[0] for found in bytes_of)
+
+
+def test_a_healthy_scene_mutes_nothing():
+    sim = simulation(doomed(0.1), RATE, on_fault="mute")
+    play(sim, 4000)
+    assert sim.muted() == []

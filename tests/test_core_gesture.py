@@ -1,0 +1,158 @@
+"""Written gestures on keys: free, tracked and leaning on an instrument."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from oracle.core import deviation, play, simulation
+from oracle.gesture import path
+from oracle.key import KEYS, RATE, SMOOTH, grid, lone, moved, worst
+from oracle.scene import Scene
+
+from ergon import _core
+
+
+@pytest.mark.parametrize("name", KEYS)
+@pytest.mark.parametrize(
+    ("t", "x", "curve"),
+    [
+        ([0.05, 0.17, 0.31, 0.52, 0.9], [0.0, 6e-3, -3e-3, 2e-3, 0.0], SMOOTH[:5]),
+        ([0.1, 0.2, 0.45, 0.7], [0.0, 6e-3, 6e-3, 1e-3], ["smooth", "smooth", "hold", "smooth"]),
+        ([0.0, 0.25, 0.5, 0.8], [0.0, 4e-3, 4e-3, 0.0], ["line", "line", "hold", "line"]),
+        ([0.0, 0.2, 0.21, 0.6], [0.0, 1e-3, 1.1e-3, 0.0], SMOOTH[:4]),
+    ],
+    ids=["smooth", "hold", "line", "crowded"],
+)
+def test_a_free_key_is_on_its_path_at_every_sample(name: str, t: Any, x: Any, curve: Any):
+    network, timeline, key = lone(**KEYS[name])
+    timeline.gesture(key, t, x, curve)
+    done, _ = moved(network, timeline, 1.0)
+    asked = path(t, x, curve, grid(len(done)))
+    assert np.isfinite(asked).sum() > 0.4 * RATE
+    assert worst(done, asked) < 1e-9
+    # before the first point a key at rest is not touched
+    assert np.abs(done[: int(t[0] * RATE)]).max(initial=0.0) < 1e-12
+
+
+def test_the_key_swings_free_after_the_last_point():
+    network, timeline, key = lone(**KEYS["light"])
+    timeline.gesture(key, [0.0, 0.25], [0.0, 5e-3], SMOOTH[:2])
+    done, _ = moved(network, timeline, 1.0)
+    t = grid(len(done))[round(0.25 * RATE) :] - 0.25
+    sigma, omega = 3.0 * np.log(10.0) / 0.6, 2.0 * np.pi * 8.0
+    free = 5e-3 * np.exp(-sigma * t) * (np.cos(omega * t) + sigma / omega * np.sin(omega * t))
+    # a held position becomes a free one: the discrete start differs by half a step of the spring
+    assert np.abs(done[-len(t) :] - free).max() < 5e-3 * 2.0 * omega / RATE
+
+
+def test_throws_meet_their_points():
+    t, x = [0.1, 0.1733, 0.29, 0.35, 0.5], [0.0, 6e-3, 0.0, -4e-3, 1e-3]
+    network, timeline, key = lone(**KEYS["light"])
+    timeline.gesture(key, t, x, ["throw"] * 5)
+    done, sim = moved(network, timeline, 0.8, record=True)
+    at = np.floor(np.array(t) * RATE + 0.5).astype(int)
+    assert np.abs(done[at] - x).max() < 1e-9
+    assert len(sim.ergons()["time"]) == 4
+
+
+def test_a_throw_on_a_bare_mass_is_ballistic():
+    network, timeline, key = lone(M=0.3)
+    timeline.gesture(key, [0.1, 0.2, 0.4], [0.0, 5e-3, 1e-3], ["throw"] * 3)
+    done, _ = moved(network, timeline, 0.41)
+    asked = np.interp(grid(len(done)), [0.1, 0.2, 0.4], [0.0, 5e-3, 1e-3])
+    assert np.abs(done - asked)[: int(0.4 * RATE)].max() < 1e-9
+
+
+@pytest.mark.parametrize("grain", [1e-3, 5e-3])
+def test_grains_meet_their_knots(grain: float):
+    rate, t, x = 48000.0, [0.0, 0.2, 0.5], [0.0, 6e-3, 0.0]
+    network, timeline, key = lone(rate, **KEYS["light"])
+    timeline.gesture(key, t, x, SMOOTH[:3], grain=grain)
+    done, sim = moved(network, timeline, 0.6, record=True)
+    step = round(grain * rate)
+    asked = path(t, x, SMOOTH[:3], grid(len(done), rate))
+    knots = np.arange(0, int(0.5 * rate) + 1, step)
+    assert np.abs(done[knots] - asked[knots]).max() < 1e-9
+    between = np.setdiff1d(np.arange(int(0.5 * rate)), knots)
+    assert np.abs(done[between] - asked[between]).max() > 1e-9  # ballistic between
+    assert abs(len(sim.ergons()["time"]) - len(knots)) <= 2
+
+
+def test_a_grain_longer_than_a_quarter_period_is_refused():
+    def build(grain: float) -> None:
+        network, timeline, key = lone(**KEYS["light"])
+        timeline.gesture(key, [0.0, 0.5], [0.0, 5e-3], SMOOTH[:2], grain=grain)
+        _core.Simulation(network, timeline)
+
+    build(0.02)
+    with pytest.raises(_core.EngineError):
+        build(0.04)
+
+
+def bell_scene(touch: str, **but: float) -> Scene:
+    """A key that meets a bell at 1 mm and leans on it."""
+    scene = Scene()
+    scene.part("k")
+    hand = scene.cel("m", M=0.4, K=60.0, Z=1.2)
+    scene.part("bell")
+    bell = scene.cel("m", M=2e-3, f=220.0, t60=2.5)
+    contact = scene.but("b", hand, bell, gap=1e-3, **but)
+    scene.listen("key", positions=[(hand, 1.0)])
+    scene.listen("bell", positions=[(bell, 1.0)])
+    scene.listen("f", forces=[(contact, 1.0)])
+    key = scene.key("k", hand)
+    t = [0.0, 0.12, 0.25, 0.5, 0.62]  # on the grid of samples
+    scene.gesture(key, t, [0.0, 6e-3, 0.0, 1.5e-3, 0.0], SMOOTH[:5], touch=touch)
+    return scene
+
+
+@pytest.mark.parametrize("touch", ["open", "tracked"])
+def test_a_key_on_a_bell_agrees_with_the_oracle(touch: str):
+    assert deviation(bell_scene(touch, K=900.0, Z=0.1), RATE, 30_000) < 1e-11
+
+
+def test_a_tracked_key_stays_on_its_path_against_a_stiff_instrument():
+    scene = bell_scene("tracked", K=1e6, Z=1.0)
+    sim = simulation(scene, RATE)
+    out = play(sim, 30_000)
+    gesture = scene.gestures[0]
+    asked = path(gesture.t, gesture.x, gesture.curve, grid(30_000))
+    assert out[:, 2].max() > 10.0  # newtons: the instrument does push
+    assert worst(out[:, 0], asked) < 1e-9
+    assert sim.reports()[0].worst < 1e-9
+
+
+def test_an_open_key_is_pushed_back_and_says_by_how_much():
+    scene = bell_scene("open", K=1e5, Z=1.0)
+    sim = simulation(scene, RATE)
+    out = play(sim, 30_000)
+    gesture = scene.gestures[0]
+    asked = path(gesture.t, gesture.x, gesture.curve, grid(30_000))
+    off = np.nan_to_num(np.abs(out[:, 0] - asked))
+    report = sim.reports()[0]
+    assert off.max() > 1e-4
+    assert report.worst == pytest.approx(off.max(), rel=1e-6)
+    assert report.worst_at == pytest.approx(off.argmax() / RATE, abs=1.5 / RATE)
+    assert report.rms == pytest.approx(np.sqrt((off[: int(0.62 * RATE)] ** 2).mean()), rel=1e-2)
+    assert (report.start, report.stop) == pytest.approx((0.0, 0.62), abs=2.0 / RATE)
+
+
+def test_the_ergons_of_a_tracked_key_are_the_forces_it_took():
+    """Impulse·rate against the bell's push and the key's own law, from the outputs."""
+    scene = bell_scene("tracked", K=1e5, Z=1.0)
+    sim = simulation(scene, RATE, record=True)
+    out = play(sim, 30_000)
+    record = sim.ergons()
+    kappa, zeta = cell_of(60.0, 1.2, 0.4)
+    for t, impulse in list(zip(record["time"], record["impulse"], strict=True))[100:20_000:997]:
+        n = round(t * RATE)
+        x = out[n - 1 : n + 2, 0]
+        own = 0.4 * RATE**2 * (x[2] - (2 - kappa - zeta) * x[1] + (1 - zeta) * x[0])
+        assert impulse * RATE == pytest.approx(own + out[n, 2], abs=1e-6)
+
+
+def cell_of(K: float, Z: float, M: float) -> tuple[float, float]:
+    sigma = Z / (2.0 * M)
+    omega, s = np.sqrt(K / M - sigma**2), sigma / RATE
+    kappa = np.expm1(-s) ** 2 + 4.0 * np.exp(-s) * np.sin(omega / (2.0 * RATE)) ** 2
+    return float(kappa), float(-np.expm1(-2.0 * s))

@@ -1,0 +1,84 @@
+"""Same scene, same bytes: whatever instructions the C library and numpy choose on the machine."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SCRIPT = """
+import hashlib, sys
+from oracle.core import play, simulation
+from oracle.scenes import whole
+out = play(simulation(whole(0.5), 44100.0), 22050, int(sys.argv[1]))
+print(hashlib.sha256(out.tobytes()).hexdigest(), float(abs(out).max()) > 0.0)
+"""
+MATHS = """
+import hashlib, struct, sys
+from ergon import _core
+found = []
+for i in range(1, 4000):
+    x = i * 0.00737
+    found += [_core.ln(x), _core.exp(x), _core.exp(-x), _core.pow(x, 1.7), _core.decibels(x - 15)]
+print(hashlib.sha256(struct.pack(f"{len(found)}d", *found)).hexdigest(), len(found) > 0)
+"""
+# What glibc calls them, one "-" each.
+PLAIN_GLIBC = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX,-AVX512F,-ERMS"
+
+
+def disabled() -> str:
+    """The instruction sets numpy may be told to leave: dispatched at run time and present here."""
+    core = np._core._multiarray_umath
+    return " ".join(f for f in core.__cpu_dispatch__ if core.__cpu_features__.get(f))
+
+
+def digest(script: str, *args: str, **environment: str) -> str:
+    """What a fresh interpreter prints, with these variables set."""
+    path = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    done = subprocess.run(
+        [sys.executable, "-c", script, *args],
+        env={**os.environ, "PYTHONPATH": path, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found, sounds = done.stdout.split()
+    assert sounds == "True"
+    return found
+
+
+@pytest.fixture(scope="module")
+def reference() -> str:
+    return digest(SCRIPT, "22050")
+
+
+def test_again(reference: str):
+    assert digest(SCRIPT, "64") == reference
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="GLIBC_TUNABLES is glibc's")
+def test_without_vector_instructions_in_the_c_library(reference: str):
+    assert digest(SCRIPT, "997", GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA") == reference
+    assert digest(SCRIPT, "997", GLIBC_TUNABLES=PLAIN_GLIBC) == reference
+
+
+def test_without_vector_instructions_in_numpy(reference: str):
+    off = disabled()
+    if not off:
+        pytest.skip("numpy dispatches nothing on this machine")
+    assert digest(SCRIPT, "22050", NPY_DISABLE_CPU_FEATURES=off) == reference
+
+
+def test_without_any_of_them(reference: str):
+    tuned = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"}
+    assert digest(SCRIPT, "22050", NPY_DISABLE_CPU_FEATURES=disabled(), **tuned) == reference
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="GLIBC_TUNABLES is glibc's")
+def test_the_arithmetic_of_the_core_does_not_follow_the_c_library():
+    plain = digest(MATHS)
+    assert digest(MATHS, GLIBC_TUNABLES="glibc.cpu.hwcaps=-AVX2,-FMA") == plain
+    assert digest(MATHS, GLIBC_TUNABLES=PLAIN_GLIBC) == plain

@@ -1,0 +1,85 @@
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ergon import _core, instruments
+from ergon.instruments.laws import is_name
+from ergon.scores.load import load
+
+NETWORK = """\
+ergon: 1
+%s
+instruments:
+  i:
+    modules:
+      a: {SOL: {}}
+      m: {MAS: {M: 1g}}
+      n: {LNL: {between: [a, m], %s}}
+    out: {SOF: n}
+"""
+SHIPPED = "cubic clipped-cubic power rope detent pluck bow bow-hyperbolic coulomb"
+
+
+def made(fields, laws=""):
+    loaded = load("s.yaml", text=NETWORK % (laws, fields))
+    assert not loaded.diagnostics
+    return loaded.piece.instruments["i"].modules[2].fields
+
+
+@pytest.mark.parametrize("name", SHIPPED.split())
+def test_shipped_laws(name):
+    fields = made(f"law: {name}")
+    assert fields["law"] or fields["damping"]
+    assert not is_name(fields["law"])
+    assert fields["constants"]
+
+
+def test_constants_of_the_module_come_first():
+    fields = made("law: cubic, q: 5N/mm3")
+    assert fields["constants"] == {"k": 100.0, "q": 5e9}
+
+
+def test_laws_of_the_score():
+    laws = "laws: {mine: {law: k*d**5, damping: z*v, k: 3, z: 0.1Ns/m}}"
+    fields = made("law: mine, z: 2", laws)
+    assert (fields["law"], fields["damping"]) == ("k*d**5", "z*v")
+    assert fields["constants"] == {"k": 3.0, "z": 2.0}
+
+
+def test_a_letter_is_an_expression():
+    assert made("law: d")["law"] == "d"
+    assert made("law: k, k: 2N")["law"] == "k"
+
+
+def test_nothing_is_run(tmp_path):
+    path = tmp_path / "x"
+    hostile = f"__import__('os').system('touch {path}')"
+    fields = f'law: "{hostile}"'
+    load("s.yaml", text=NETWORK % ("", fields))
+    assert not path.exists()
+
+
+def test_long_laws_are_refused():
+    text = NETWORK % ("", f"law: {'d+' * 2000}d")
+    assert [d.code for d in load("s.yaml", text=text).diagnostics] == ["E207"]
+
+
+@pytest.mark.skipif(not hasattr(_core, "Law"), reason="this core has no laws yet")
+def test_mistakes_in_laws_have_places():
+    text = NETWORK % ("", 'law: "k*d + q*dd", k: 1N/m, q: 1')
+    report = load("s.yaml", text=text).diagnostics[0]
+    assert report.code == "E207"
+    assert text.split("\n")[report.place.line - 1][report.place.column - 1 :].startswith("dd")
+
+
+def test_the_file_of_laws_checks():
+    path = Path(instruments.__file__).parent / "library/laws.yaml"
+    assert load(path).diagnostics == []
+    assert set(yaml.safe_load(path.read_text(encoding="utf-8"))["laws"]) == set(SHIPPED.split())
+
+
+def test_a_misspelt_field_is_no_constant():
+    text = NETWORK % ("", 'law: k*d, k: 1, dampng: "z*v"')
+    report = load("s.yaml", text=text).diagnostics[0]
+    assert (report.code, report.suggestion) == ("E101", "damping")

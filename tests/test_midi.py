@@ -1,0 +1,97 @@
+"""The tempo map as MIDI, read back by mido and integrated independently."""
+
+import io
+import math
+
+import mido
+import pytest
+
+from ergon.exchange.midi import PPQ, Marker, Meter, tempo_file
+
+
+def ramp(bpm_1: float, bpm_2: float, start: float, beats: float):
+    """Closed form of a tempo that is linear in BPM over beats: t = 60 db ln(b1/b0)/(b1-b0)."""
+
+    def seconds(beat: float) -> float:
+        t = 60 * min(beat, start) / bpm_1
+        inside = min(max(beat - start, 0), beats)
+        slope = (bpm_2 - bpm_1) / beats
+        t += 60 / slope * math.log1p(slope * inside / bpm_1)
+        return t + 60 * max(beat - start - beats, 0) / bpm_2
+
+    return seconds
+
+
+def read(data: bytes) -> mido.MidiFile:
+    return mido.MidiFile(file=io.BytesIO(data))
+
+
+def seconds_by_tick(file: mido.MidiFile) -> dict[int, float]:
+    tick, now, tempo, found = 0, 0.0, 500_000, {}
+    for message in file.tracks[0]:
+        tick += message.time
+        now += message.time / PPQ * tempo * 1e-6
+        found[tick] = now
+        if message.type == "set_tempo":
+            tempo = message.tempo
+    return found
+
+
+@pytest.mark.parametrize("bpms", [(60, 96), (132.5, 47), (71, 73)])
+def test_times_agree_with_the_closed_form(bpms: tuple[float, float]) -> None:
+    seconds = ramp(*bpms, start=32, beats=16)
+    data = tempo_file(seconds, 200, [Meter(0, 4, 4)], [Marker("C", 32), Marker("end", 200)], "t")
+    file = read(data)
+    assert file.type == 1
+    assert file.ticks_per_beat == PPQ
+    for tick, now in seconds_by_tick(file).items():
+        assert now == pytest.approx(seconds(tick / PPQ), abs=4e-6)
+
+
+def test_a_steady_tempo_is_one_event() -> None:
+    file = read(tempo_file(lambda beat: beat, 400, [], [], "t"))
+    assert [m.tempo for m in file.tracks[0] if m.type == "set_tempo"] == [1_000_000]
+
+
+def test_a_tempo_that_midi_rounds_does_not_drift() -> None:
+    seconds = lambda beat: beat * 60 / 70  # noqa: E731
+    file = read(tempo_file(seconds, 4000, [], [Marker("far", 4000)], "t"))
+    assert seconds_by_tick(file)[4000 * PPQ] == pytest.approx(seconds(4000), abs=4e-6)
+    assert sum(m.type == "set_tempo" for m in file.tracks[0]) < 500
+
+
+def test_meters_and_marks_stand_where_they_should() -> None:
+    meters = [Meter(0, 4, 4), Meter(8, 7, 8), Meter(22, 3, 2)]
+    marks = [Marker("A", 0), Marker("Überraschung", 8), Marker("C", 25)]
+    file = read(tempo_file(lambda beat: beat / 2, 30, meters, marks, "Duet"))
+    tick, found = 0, []
+    for message in file.tracks[0]:
+        tick += message.time
+        if message.type == "time_signature":
+            found.append((tick, message.numerator, message.denominator))
+        elif message.type == "marker":
+            # mido decodes text as latin-1
+            found.append((tick, message.text.encode("latin-1").decode()))
+    assert found == [
+        (0, 4, 4),
+        (0, "A"),
+        (8 * PPQ, 7, 8),
+        (8 * PPQ, "Überraschung"),
+        (15 * PPQ, 3, 2),  # 14 eighths are 7 quarters
+        (21 * PPQ, "C"),  # and three halves more are 6
+    ]
+    assert file.tracks[0].name == "Duet"
+
+
+def test_what_midi_cannot_say_is_refused() -> None:
+    with pytest.raises(ValueError, match="meter 4/5"):
+        tempo_file(lambda beat: beat, 4, [Meter(0, 4, 5)], [], "t")
+    with pytest.raises(ValueError, match="tempo at beat 0"):
+        tempo_file(lambda beat: beat * 60, 4, [], [], "t")
+
+
+def test_the_same_map_gives_the_same_bytes() -> None:
+    seconds = ramp(60, 96, 4, 8)
+    one, two = (tempo_file(seconds, 40, [], [Marker("A", 3)], "t") for _ in range(2))
+    assert one == two
+    assert b"made by ergon" in one[:1024]

@@ -1,0 +1,153 @@
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ergon.scores import quantities as q
+from ergon.scores.errors import TextError
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("400g", q.MASS, 0.4),
+        ("2g", q.MASS, 0.002),
+        ("4e-1", q.MASS, 0.4),
+        ("1e3", q.STIFFNESS, 1000.0),
+        ("8kN/m", q.STIFFNESS, 8000.0),
+        ("2N/mm", q.STIFFNESS, 2000.0),
+        ("012", q.STIFFNESS, 12.0),
+        ("1mm", q.POSITION, 0.001),
+        ("-15mm", q.POSITION, -0.015),
+        ("3 µm", q.POSITION, 3e-6),
+        ("1/8m", q.POSITION, 0.125),
+        ("1/3mm", q.POSITION, float(Fraction(1, 3000))),
+        (".5mNs", q.IMPULSE, 0.0005),
+        ("1uNs", q.IMPULSE, 1e-6),
+        ("4e8N/m3", q.HARDENING, 4e8),
+        ("44.1kHz", q.RATE, 44100.0),
+        ("250ms", q.DURATION, 0.25),
+        ("0", q.INSTANT, 0.0),
+        ("120mNs/m", q.DAMPING, 0.12),
+    ],
+)
+def test_values(text, dimension, value):
+    assert q.quantity(text, dimension) == value
+
+
+@given(
+    st.decimals(-(10**6), 10**6, allow_nan=False, places=7),
+    st.sampled_from(sorted(q.CONSTANT.units.items())),
+)
+def test_every_unit_is_correctly_rounded(number, unit):
+    name, power = unit
+    text = f"{number:f}{name}"
+    exact = Fraction(Decimal(number)) * Fraction(10) ** power
+    assert q.quantity(text, q.CONSTANT) == float(exact)
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "code", "part"),
+    [
+        ("400N", q.MASS, "E203", "unit 'N' does not measure mass (use kg, g, mg)"),
+        ("60N/mm/s", q.STIFFNESS, "E203", "unknown unit"),
+        ("-1g", q.MASS, "E202", "not positive"),
+        ("0g", q.MASS, "E202", "not positive"),
+        ("-1N/m", q.STIFFNESS, "E202", "negative"),
+        (".nan", q.MASS, "E201", "finite"),
+        ("-.inf", q.POSITION, "E201", "finite"),
+        ("1e400", q.STIFFNESS, "E202", "too large"),
+        ("1e9999g", q.MASS, "E202", "too large"),
+        ("1e99999999999", q.STIFFNESS, "E201", "not a number"),
+        ("1:30", q.DURATION, "E201", "clock"),
+        ("1_000", q.STIFFNESS, "E201", "without"),
+        ("1,5", q.STIFFNESS, "E201", "point"),
+        ("2.5", q.DURATION, "E203", "no unit"),
+        ("0.5m", q.RATIO, "E203", "no unit"),
+        ("1/0", q.RATIO, "E202", "zero"),
+        ("", q.MASS, "E201", "nothing"),
+        ("x" * 100, q.MASS, "E201", "too long"),
+        ("٣g", q.MASS, "E201", "character"),
+        ("fast", q.SPEED, "E201", "0.5m/s"),
+    ],
+)
+def test_refusals(text, dimension, code, part):
+    with pytest.raises(TextError) as caught:
+        q.quantity(text, dimension)
+    assert caught.value.code == code
+    assert part in caught.value.message
+
+
+def test_a_missing_unit_is_suggested():
+    with pytest.raises(TextError) as caught:
+        q.quantity("2.5", q.DURATION)
+    assert caught.value.suggestion == "2.5s"
+    with pytest.raises(TextError) as caught:
+        q.quantity("60Nm", q.STIFFNESS)
+    assert (caught.value.suggestion, caught.value.offset) == ("N/m", 2)
+
+
+@pytest.mark.parametrize(
+    ("note", "midi"), [("A4", 69), ("A1", 33), ("C4", 60), ("C#4", 61), ("Bb2", 46), ("B3", 59)]
+)
+def test_notes(note, midi):
+    assert q.frequency(note) == pytest.approx(440 * 2 ** ((midi - 69) / 12), rel=1e-15)
+
+
+def test_every_a_is_exact():
+    assert [q.frequency(f"A{i}") for i in range(1, 8)] == [55.0 * 2**i for i in range(7)]
+
+
+def test_cents():
+    assert q.frequency("A3+20cents") == pytest.approx(220 * 2 ** (20 / 1200), rel=1e-15)
+
+
+def test_ranges():
+    def read(text):
+        return q.quantity(text, q.POSITION)
+
+    assert q.span("-15mm..15mm", read, "") == (-0.015, 0.015)
+    assert q.span("-15..15mm", read, "") == (-0.015, 0.015)
+    assert q.span("20Hz..10kHz", q.frequency, "") == (20.0, 10000.0)
+    assert q.span("A1..A3", q.frequency, "") == (55.0, 220.0)
+    with pytest.raises(TextError, match="downwards"):
+        q.span("5mm..1mm", read, "")
+    with pytest.raises(TextError) as caught:
+        q.span("1mm..5N", read, "")
+    assert caught.value.offset == 6
+
+
+def test_gains():
+    assert q.gain("x0.5") == 0.5
+    assert q.gain("0dB") == 1.0
+    assert q.gain("-6dB") == pytest.approx(10 ** (-6 / 20), rel=1e-15)
+    with pytest.raises(TextError, match="no unit"):
+        q.gain("-6")
+
+
+def test_whole_numbers():
+    assert q.integer("1e4", 0, 10**6) == 10_000
+    assert q.integer("18446744073709551615", 0, 2**64 - 1) == 2**64 - 1
+    for text in ("1.5", "1e11", "-1", "abc", "1e300"):
+        with pytest.raises(TextError):
+            q.integer(text, 0, 10**7)
+
+
+@given(st.text(max_size=80))
+def test_no_text_raises_anything_else(text):
+    for read in (
+        q.frequency,
+        q.gain,
+        q.factor,
+        lambda t: q.quantity(t, q.CONSTANT),
+        lambda t: q.span(t, q.frequency, ""),
+        lambda t: q.integer(t, 0, 9),
+    ):
+        try:
+            value = read(text)
+        except TextError:
+            continue
+        assert all(map(math.isfinite, value if isinstance(value, tuple) else (value,)))

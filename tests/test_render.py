@@ -1,0 +1,272 @@
+"""The pipeline from frames to files, with a simulation whose frames are known."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from ergon.exchange.ahead import ahead
+from ergon.exchange.level import Level
+from ergon.exchange.render import Order, render, stem_paths
+from ergon.exchange.safe import RefusedError
+from ergon.exchange.wave import hash_samples, read_info
+from ergon.exchange.wave_header import Stamp, WaveFormat
+
+N_FRAMES, RATE = 10_000, 44_100
+
+
+class Simulation:
+    n_out = 2
+
+    def __init__(self, fail_at: int | None = None) -> None:
+        self.frame, self.fail_at = 0, fail_at
+
+    def process(self, out: np.ndarray) -> None:
+        n = np.arange(self.frame, self.frame + len(out))
+        self.frame += len(out)
+        if self.fail_at is not None and self.frame > self.fail_at:
+            raise ArithmeticError("bell.m went away")
+        out[:, 0] = 0.02 * np.sin(0.05 * n)
+        out[:, 1] = 0.01 * np.cos(0.031 * n)
+
+
+class Matrix:
+    def __init__(self, matrix: list[list[float]]) -> None:
+        self.matrix = np.array(matrix)
+
+    def process(self, frames: np.ndarray, mixed: np.ndarray) -> None:
+        mixed[:] = (frames[:, :, None] * self.matrix).sum(axis=1)
+
+
+class Stage:
+    n_frames, rate, n_channels = N_FRAMES, float(RATE), 3
+    matrix = ((1.0, 0.5, 0.0), (0.0, 0.5, 1.0))
+
+    def __init__(self, fail_at: int | None = None) -> None:
+        self.simulation = Simulation(fail_at)
+        self.highpass: list[float | None] = []
+
+    def mixer(self, *, highpass: float | None = None) -> Matrix:
+        self.highpass.append(highpass)
+        return Matrix([list(row) for row in self.matrix])
+
+    def stems(self, *, highpass: float | None = None) -> list[tuple[str, Matrix]]:
+        first, second = (list(row) for row in self.matrix)
+        silent = [0.0] * 3
+        return [("ada", Matrix([first, silent])), ("re mi/2", Matrix([silent, second]))]
+
+
+def order(path: Path | str, bits=24, level: Level | None = None, **more: object) -> Order:
+    return Order(
+        target=str(path),
+        format=WaveFormat(RATE, more.pop("n_channels", 3), bits),
+        start=more.pop("start", 0),
+        stop=more.pop("stop", N_FRAMES),
+        level=level or Level(),
+        stamp=Stamp("test", "0" * 64),
+        **more,
+    )
+
+
+def truth() -> np.ndarray:
+    frames = np.zeros((N_FRAMES, 2))
+    Simulation().process(frames)
+    mixed = np.zeros((N_FRAMES, 3))
+    Stage().mixer().process(frames, mixed)
+    return mixed
+
+
+def quiet(_: int) -> None:
+    pass
+
+
+def test_float_writes_physical_values(tmp_path: Path) -> None:
+    path = tmp_path / "x.wav"
+    done = render(Stage(), order(path, "float"), quiet)
+    data, rate = soundfile.read(path, dtype="float32")
+    assert rate == RATE
+    np.testing.assert_array_equal(data, truth().astype(np.float32))
+    assert done.mix.peak == pytest.approx(np.abs(truth()).max(), rel=1e-6)
+    assert done.mix.sha256 == hash_samples(path)
+
+
+@pytest.mark.parametrize("bits", [16, 24])
+def test_normalised_to_minus_one_decibel(tmp_path: Path, bits) -> None:
+    path = tmp_path / "x.wav"
+    target = 10 ** (-1 / 20)
+    done = render(Stage(), order(path, bits, Level(normalise=target)), quiet)
+    data, _ = soundfile.read(path)
+    assert np.abs(data).max() == pytest.approx(target, abs=2.0 ** (1 - bits))
+    gain = target / np.abs(truth()).max()
+    np.testing.assert_allclose(data, truth() * gain, atol=0.51 * 2.0 ** (1 - bits))
+    assert done.mix.gain == pytest.approx(gain)
+
+
+@pytest.mark.parametrize("level", [Level(), Level(normalise=0.5), Level(limit=0.01)])
+def test_blocks_and_threads_change_no_byte(tmp_path: Path, level: Level) -> None:
+    files = []
+    for index, (block, threads) in enumerate([(4096, 1), (64, 1), (997, 2), (10_000, 8)]):
+        path = tmp_path / f"{index}.wav"
+        render(Stage(), order(path, 24, level, block=block, threads=threads), quiet)
+        files.append(path.read_bytes())
+    assert len(set(files)) == 1
+
+
+@pytest.mark.parametrize("level", [Level(), Level(limit=0.01)])
+def test_a_part_is_cut_from_the_whole(tmp_path: Path, level: Level) -> None:
+    whole, part = tmp_path / "whole.wav", tmp_path / "part.wav"
+    render(Stage(), order(whole, "float", level), quiet)
+    stage = Stage()
+    render(stage, order(part, "float", level, start=1234, stop=5000, block=100), quiet)
+    want, _ = soundfile.read(whole)
+    have, _ = soundfile.read(part)
+    np.testing.assert_array_equal(have, want[1234:5000])
+    assert stage.simulation.frame <= 5000 + 1000  # not to the end
+
+
+def test_a_limiter_costs_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "x.wav"
+    done = render(Stage(), order(path, "float", Level(limit=0.015)), quiet)
+    data, _ = soundfile.read(path)
+    assert len(data) == N_FRAMES
+    assert done.mix.peak <= 0.015 * (1 + 1e-6)
+    loud = np.abs(truth()).max(axis=1)
+    assert np.corrcoef(data[:, 0], truth()[:, 0])[0, 1] > 0.95
+    assert loud.max() > 0.015
+
+
+def test_normalising_to_a_part_looks_at_that_part_alone(tmp_path: Path) -> None:
+    path = tmp_path / "x.wav"
+    render(Stage(), order(path, 24, Level(normalise=0.5), start=0, stop=10), quiet)
+    data, _ = soundfile.read(path)
+    assert np.abs(data).max() == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("bits", [24, "float"])
+def test_stems_add_up_to_the_mix(tmp_path: Path, bits) -> None:
+    path, folder = tmp_path / "mix.wav", tmp_path / "stems"
+    level = Level(normalise=0.5)
+    done = render(Stage(), order(path, bits, level, stems=folder), quiet)
+    names = [Path(stem.path).name for stem in done.stems]
+    assert names == ["01_ada.wav", "02_re_mi_2.wav"]
+    mix, _ = soundfile.read(path)
+    stems = [soundfile.read(stem.path)[0] for stem in done.stems]
+    assert done.stems[0].gain == done.stems[1].gain == done.mix.gain
+    np.testing.assert_allclose(sum(stems), mix, atol=3e-7)
+
+
+def test_stems_never_clip_though_the_mix_cancels(tmp_path: Path) -> None:
+    class Cancelling(Stage):
+        def mixer(self, *, highpass: float | None = None) -> Matrix:
+            return Matrix([[0.1, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+    done = render(
+        Cancelling(),
+        order(tmp_path / "m.wav", 24, Level(normalise=0.5), stems=tmp_path / "s"),
+        quiet,
+    )
+    assert done.mix.peak == pytest.approx(0.5)
+    assert max(stem.peak for stem in done.stems) == pytest.approx(0.5)
+    assert done.stems[0].gain == done.stems[1].gain < done.mix.gain
+
+
+def test_fewer_and_more_channels(tmp_path: Path) -> None:
+    path = tmp_path / "x.wav"
+    render(Stage(), order(path, "float", n_channels=2), quiet)
+    data, _ = soundfile.read(path)
+    np.testing.assert_allclose(data[:, 0], truth()[:, 0] + truth()[:, 2], atol=1e-9)
+    np.testing.assert_allclose(data[:, 1], truth()[:, 1], atol=1e-9)
+    render(Stage(), order(path, "float", n_channels=4), quiet)
+    data, _ = soundfile.read(path)
+    assert data.shape[1] == 4
+    assert not data[:, 3].any()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("level", [Level(), Level(normalise=0.5)])
+def test_a_failing_part_leaves_no_file(tmp_path: Path, threads: int, level: Level) -> None:
+    wanted = order(
+        tmp_path / "x.wav", 24, level, threads=threads, stems=tmp_path / "stems", block=100
+    )
+    with pytest.raises(ArithmeticError, match="bell"):
+        render(Stage(fail_at=3000), wanted, quiet)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+    assert threading.active_count() == 1
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_ctrl_c_leaves_no_file(tmp_path: Path, threads: int) -> None:
+    def interrupt(done: int) -> None:
+        if done >= 500:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        render(Stage(), order(tmp_path / "x.wav", threads=threads, block=100), interrupt)
+    assert list(tmp_path.iterdir()) == []
+    assert threading.active_count() == 1
+
+
+def test_a_foreign_file_is_refused_before_any_work(tmp_path: Path) -> None:
+    folder = tmp_path / "stems"
+    folder.mkdir()
+    soundfile.write(folder / "02_re_mi_2.wav", np.zeros(10), RATE)
+    stage = Stage()
+    with pytest.raises(RefusedError, match="02_re_mi_2"):
+        render(stage, order(tmp_path / "x.wav", stems=folder), quiet)
+    assert stage.simulation.frame == 0
+    assert not (tmp_path / "x.wav").exists()
+
+
+def test_what_the_score_says_of_level() -> None:
+    assert Level.unsaid(24).normalise == pytest.approx(10 ** (-1 / 20))
+    assert Level.unsaid(16).highpass == 8.0
+    assert Level.unsaid("float") == Level()
+    assert Level.said(24, normalise=None, limit=None) == Level(highpass=8.0)
+    assert Level.said("float", normalise=0.5, limit=0.7) == Level(0.5, 0.7)
+
+
+def test_routes_hear_of_the_default_highpass(tmp_path: Path) -> None:
+    stage = Stage()
+    render(stage, order(tmp_path / "x.wav", 24, Level(highpass=8.0)), quiet)
+    assert stage.highpass == [8.0]
+
+
+def test_silence_is_normalised_to_silence(tmp_path: Path) -> None:
+    stage = Stage()
+    stage.matrix = ((0.0,) * 3, (0.0,) * 3)
+    done = render(stage, order(tmp_path / "x.wav", 24, Level(normalise=0.5)), quiet)
+    assert done.mix.gain == 1.0
+    assert done.mix.peak == 0.0
+    assert read_info(tmp_path / "x.wav").n_frames == N_FRAMES
+
+
+def test_stem_names() -> None:
+    names = stem_paths(Path("s"), ["ada", "é.x", "../up"])
+    assert [path.name for path in names] == ["01_ada.wav", "02_é.x.wav", "03_.._up.wav"]
+
+
+def test_a_thread_ahead_keeps_order_and_passes_errors_on() -> None:
+    assert list(ahead(iter(range(100)))) == list(range(100))
+
+    def broken():
+        yield 1
+        yield 2
+        raise ZeroDivisionError
+
+    coming = ahead(broken())
+    assert [next(coming), next(coming)] == [1, 2]
+    with pytest.raises(ZeroDivisionError):
+        next(coming)
+
+    def endless():
+        n = 0
+        while True:
+            yield n
+            n += 1
+
+    coming = ahead(endless())
+    assert next(coming) == 0
+    coming.close()
+    assert threading.active_count() == 1

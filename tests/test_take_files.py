@@ -1,0 +1,255 @@
+"""Captured takes: what is read, and what hostile files are told."""
+
+import io
+import struct
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from hypothesis import given
+from hypothesis import strategies as st
+
+import ergon.scores
+from ergon.scores import takes
+from ergon.scores.takes import TakeError, read
+
+LIBRARY = Path(ergon.scores.__file__).parent / "library" / "takes"
+
+
+def csv(tmp_path, text):
+    path = tmp_path / "hand.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize("path", sorted(LIBRARY.glob("*.csv")), ids=lambda p: p.stem)
+def test_the_takes_that_ship_are_hands(path):
+    take = read(path)
+    assert len(take.t) == len(take.x) == 150
+    assert take.t[0] == take.x[0] == 0
+    assert np.allclose(np.diff(take.t), 1 / 30, atol=1e-4)
+    assert take.x.std() == pytest.approx(4e-3, rel=0.02)
+
+
+def test_units_and_channels_are_told_by_the_header(tmp_path):
+    path = csv(
+        tmp_path, "\ufeff# captured\r\nt [ms];x [mm];f [N]\r\n0;1;2\r\n# pause\r\n10; -3 ;4\r\n"
+    )
+    with pytest.raises(TakeError, match="say which channel: one of x, f"):
+        read(path)
+    take = read(path, "x")
+    assert take.t.tolist() == [0.0, 0.01]
+    assert take.x.tolist() == [1e-3, -3e-3]
+    with pytest.raises(TakeError, match="unit 'N' does not measure position"):
+        read(path, "f")
+
+
+def test_rows_without_times_need_a_rate(tmp_path):
+    path = csv(tmp_path, "x [m]\n0\n1e-3\n2e-3\n")
+    with pytest.raises(TakeError, match="say the rate"):
+        read(path)
+    assert read(path, rate=100.0).t.tolist() == [0.0, 0.01, 0.02]
+    with pytest.raises(TakeError, match="leave out the rate"):
+        read(csv(tmp_path, "t [s],x [m]\n0,0\n1,0\n"), rate=100.0)
+    with pytest.raises(TakeError, match="a rate lies above 0"):
+        read(path, rate=float("nan"))
+
+
+def test_a_channel_has_a_suggestion(tmp_path):
+    path = csv(tmp_path, "t [s],thumb [mm],index [mm]\n0,0,0\n1,0,0\n")
+    with pytest.raises(TakeError, match="no channel 'indx'") as caught:
+        read(path, "indx")
+    assert caught.value.suggestion == "index"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("t [s],x [mm]\n0,0\n1\n", 3, "1 values in a file of 2"),
+        ("t [s],x [mm]\n0,0\n1,2,3\n", 3, "3 values in a file of 2"),
+        ("t [s],x [mm]\n# c\n\n0,0\n1,nan\n", 5, "'nan' is not a number"),
+        ("t [s],x [mm]\n0,0\n1,inf\n", 3, "'inf' is not a number"),
+        ("t [s],x [mm]\n0,0\n1,1e400\n", 3, "not a number"),
+        ("t [s],x [mm]\n0,0\n1,1_0\n", 3, "not a number"),
+        ("t [s],x [mm]\n0,0\n1,\n", 3, "'' is not a number"),
+        ("t [s],x [mm]\n0,0\n1,2\n0.5,3\n", 4, "times must rise"),
+        ("t [s],x [mm]\n0,0\n0,2\n", 3, "times must rise"),
+        ("t,x\n0,0\n", 1, "'t' does not say its unit"),
+        ("x [mm],x [mm]\n0,0\n", 1, "two columns are called 'x'"),
+        ("", 1, "does not say its unit"),
+        ("t [s],x [mm]\n0," + "0" * 70_000, 2, "a line of more than"),
+        ("t [s],x [mm]\n0,0\n", None, "two samples"),
+        ("t [s],x [mm]\n", None, "two samples"),
+        ("t [s]\n0\n1\n", None, "no channel"),
+        ("t [kg],x [mm]\n0,0\n1,1\n", None, "unit 'kg' does not measure time"),
+        ("t [s],x []\n0,0\n1,1\n", None, "unit '' does not measure position"),
+        ("t [s],x [m]\n0,0\n1,1e9\n", None, "more than 1,000 m"),
+        (b"t [s],x [mm]\n0,\xff\n", None, "UTF-8"),
+        (b"\x00" * 100_000, 1, "a line of more than"),
+    ],
+)
+def test_bad_rows_are_named_by_their_line(tmp_path, text, line, words):
+    with pytest.raises(TakeError) as caught:
+        read(csv(tmp_path, text))
+    assert caught.value.line == line
+    assert words in caught.value.message
+    assert caught.value.message.startswith("hand.csv" if line is None else f"hand.csv:{line}: ")
+
+
+def test_sizes_are_bounded(tmp_path, monkeypatch):
+    path = csv(tmp_path, "t [s],x [mm]\n0,0\n1,1\n2,0\n")
+    monkeypatch.setattr(takes, "MAX_SAMPLES", 2)
+    with pytest.raises(TakeError, match=r"hand.csv:4: more than 2 samples"):
+        read(path)
+    soundfile.write(tmp_path / "x.wav", np.zeros(3), 100)
+    with pytest.raises(TakeError, match="more than 2 samples"):
+        read(tmp_path / "x.wav")
+    np.savez(tmp_path / "x.npz", t=np.arange(3.0), x=np.zeros(3))
+    with pytest.raises(TakeError, match="more than 2 samples"):
+        read(tmp_path / "x.npz")
+    with path.open("r+b") as file:
+        file.truncate((1 << 30) + 1)  # a hole, no bytes on the disk
+    with pytest.raises(TakeError, match="more than 1 GB"):
+        read(path)
+
+
+def test_what_is_no_file(tmp_path):
+    for name, words in [("no.csv", "no such file"), ("x.gms", "cannot be read yet")]:
+        with pytest.raises(TakeError, match=words):
+            read(tmp_path / name)
+    (tmp_path / "dir.csv").mkdir()
+    with pytest.raises(TakeError, match="no such file"):
+        read(tmp_path / "dir.csv")
+
+
+def test_a_wav_take_is_scaled_and_timed_by_its_rate(tmp_path):
+    path = tmp_path / "hand.wav"
+    x = np.array([[0.0, 0.5], [0.25, -0.5], [-1.0, 0.0]])
+    soundfile.write(path, x, 3000, subtype="DOUBLE")
+    take = read(path, "2", full_scale=0.01)
+    assert take.x.tolist() == [0.005, -0.005, 0.0]
+    assert take.t.tolist() == [0.0, 1 / 3000, 2 / 3000]
+    assert read(path, "1").x.tolist() == x[:, 0].tolist()
+    with pytest.raises(TakeError, match="no channel '3'"):
+        read(path, "3")
+    soundfile.write(path, x[:, 0], 3000, subtype="DOUBLE")
+    assert read(path).x.tolist() == x[:, 0].tolist()
+
+
+def wav_header(n_data):
+    """The header of a mono WAV of doubles at 3 kHz that says it holds n_data bytes."""
+    fmt = struct.pack("<HHIIHH", 3, 1, 3000, 24000, 8, 64)
+    return (
+        b"RIFF"
+        + struct.pack("<I", 0xFFFFFFFF)
+        + b"WAVEfmt "
+        + struct.pack("<I", 16)
+        + fmt
+        + (b"data" + struct.pack("<I", n_data))
+    )
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "not a WAV file"),
+        (b"RIFF....WAVE", "not a WAV file"),
+        (wav_header(0xFFFFFFF8) + b"\0" * 8, "two samples|more than|not a WAV"),
+        (wav_header(24) + struct.pack("<3d", 0, float("nan"), 0), "sample 2 of x is not finite"),
+        (wav_header(24) + struct.pack("<3d", 0, 1e9, 0), "more than 1,000 m"),
+    ],
+)
+def test_hostile_wav_files(tmp_path, data, words):
+    path = tmp_path / "hand.wav"
+    path.write_bytes(data)
+    with pytest.raises(TakeError, match=words):
+        read(path)
+
+
+def test_an_npz_take_is_in_si_or_says_its_units(tmp_path):
+    path = tmp_path / "hand.npz"
+    np.savez_compressed(path, **{"t": np.arange(3) / 10, "x [mm]": [1, 2, 3], "y": [0.5, 0, 0]})
+    assert read(path, "x").x.tolist() == [0.001, 0.002, 0.003]
+    assert read(path, "y").t.tolist() == [0.0, 0.1, 0.2]
+    np.savez(path, x=np.zeros(3, dtype=">f4"))
+    assert read(path, rate=10.0).x.dtype == np.float64
+
+
+def npy(header, data=b""):
+    """An npz whose array x.npy has just this header."""
+    text = header.encode() + b"\n"
+    body = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text + data
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("x.npy", body)
+    return out.getvalue()
+
+
+def described(descr, shape):
+    return npy(f"{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}}}", b"\0" * 64)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"PK", "not an npz file"),
+        (described("<f8", "(100000000000,)"), "more than 20,000,000"),
+        (described("<f8", "(-1,)"), "more than 20,000,000"),
+        (described("<f8", "(1000,)"), "cut short"),
+        (described("<f8", "(2, 2)"), "not a row of numbers"),
+        (described("|O", "(8,)"), "not a row of numbers"),
+        (described("<c16", "(4,)"), "not a row of numbers"),
+        (npy("{'descr': __import__('os')}"), "header of 'x'"),
+        (npy("(" * 5000), "header of 'x'"),
+        (npy("9" * 60_000), "header of 'x'"),
+    ],
+)
+def test_hostile_npz_files(tmp_path, data, words):
+    path = tmp_path / "hand.npz"
+    path.write_bytes(data)
+    with pytest.raises(TakeError, match=words):
+        read(path, rate=100.0)
+
+
+def test_a_pickle_is_not_opened(tmp_path):
+    path = tmp_path / "hand.npz"
+    np.savez(path, x=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(TakeError, match="not a row of numbers"):
+        read(path, rate=100.0)
+
+
+def test_npz_arrays_must_belong_together(tmp_path):
+    path = tmp_path / "hand.npz"
+    np.savez(path, t=np.arange(3.0), x=np.zeros(4))
+    with pytest.raises(TakeError, match="3 times and 4 positions"):
+        read(path)
+    np.savez(path, t=[0.0, 2.0, 1.0], x=np.zeros(3))
+    with pytest.raises(TakeError, match="sample 3 does not"):
+        read(path)
+
+
+def test_a_broken_npz_is_refused_at_every_byte(tmp_path):
+    path = tmp_path / "hand.npz"
+    np.savez_compressed(path, t=np.arange(20.0), x=np.linspace(0, 1e-3, 20))
+    whole = path.read_bytes()
+    for i in range(0, len(whole), 3):
+        path.write_bytes(whole[:i] + bytes([whole[i] ^ 0xFF]) + whole[i + 1 :])
+        try:
+            take = read(path)
+        except TakeError:
+            continue
+        assert len(take.x) == 20
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(b"t [s],x [mm]\n0,0\n" + data)
+    try:
+        take = read(path)
+    except TakeError:
+        return
+    assert np.isfinite(take.x).all()
+    assert (np.diff(take.t) > 0).all()

@@ -1,0 +1,198 @@
+"""Transformations of written gestures and of takes."""
+
+import itertools
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ergon.scores.errors import TextError
+from ergon.scores.notation import parse
+from ergon.scores.transforms import TakeTransform, apply, apply_to_take, parse_chain, parse_do
+from ergon.scores.values import Point, Time
+
+KNOCK = "0mm@0 smooth 6mm@1/8 throw 0mm@1/4 hold 0mm@1/2"
+
+
+class Extreme:
+    """Every draw is the same end of its range."""
+
+    def __init__(self, part):
+        self.part = part
+
+    def uniform(self, low, high):
+        return high if self.part > 0 else low
+
+
+def shaped(notation, do, chance=None, beat=1.0):
+    points, notes = apply(parse(notation).points, parse_chain(do), chance or Extreme(1), beat)
+    return [(p.at.beats, p.at.seconds, round(p.x * 1e3, 9), p.curve) for p in points], notes
+
+
+@pytest.mark.parametrize(
+    ("do", "rows"),
+    [
+        (
+            "scale 0.5",
+            [(0, 0, "smooth"), (1 / 8, 3, "smooth"), (1 / 4, 0, "throw"), (1 / 2, 0, "hold")],
+        ),
+        (
+            "mirror, stretch 2",
+            [(0, 0, "smooth"), (1 / 4, -6, "smooth"), (1 / 2, 0, "throw"), (1, 0, "hold")],
+        ),
+        (
+            "reverse",
+            [(0, 0, "smooth"), (1 / 4, 0, "hold"), (3 / 8, 6, "throw"), (1 / 2, 0, "smooth")],
+        ),
+        (
+            "shift -1/8",
+            [(-1 / 8, 0, "smooth"), (0, 6, "smooth"), (1 / 8, 0, "throw"), (3 / 8, 0, "hold")],
+        ),
+        (
+            "quantise 1/8",
+            [(0, 0, "smooth"), (1 / 8, 6, "smooth"), (1 / 4, 0, "throw"), (1 / 2, 0, "hold")],
+        ),
+    ],
+)
+def test_each_does_what_its_word_says(do, rows):
+    points, notes = shaped(KNOCK, do)
+    assert points == [(t, 0, x, curve) for t, x, curve in rows]
+    assert notes == ()
+
+
+def test_they_act_left_to_right():
+    assert shaped("0@0 6@1", "shift 1, stretch 2")[0][0][0] == 2
+    assert shaped("0@0 6@1", "stretch 2, shift 1")[0][0][0] == 1
+
+
+def test_reverse_keeps_where_a_gesture_begins_and_ends():
+    points, _ = shaped("1@1 6@2 hold 6@4 smooth 0@+20ms", "reverse")
+    assert [p[:3] for p in points] == [(1, 0, 0), (1, 0.02, 6), (3, 0.02, 6), (4, 0.02, 1)]
+
+
+written = st.lists(
+    st.tuples(
+        st.integers(1, 40), st.integers(-10, 10), st.sampled_from(["smooth", "line", "hold"])
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+def gesture(rows):
+    """Points 1/16 beats apart or more; a hold stays."""
+    points, at, x = [Point(Time(), 0.0, "smooth", 0, 1)], 0, 0.0
+    for step, mm, curve in rows:
+        at += step
+        x = x if curve == "hold" else mm * 1e-3
+        points.append(Point(Time(at / 16), x, curve, at, 1))
+    return tuple(points)
+
+
+def is_playable(points):
+    """Times rise; a hold stays."""
+    times = [p.at.beats + p.at.seconds for p in points]
+    assert all(a < b for a, b in itertools.pairwise(times))
+    assert all(b.x == a.x for a, b in itertools.pairwise(points) if b.curve == "hold")
+
+
+@given(written)
+def test_what_is_its_own_inverse(rows):
+    points = gesture(rows)
+    for word in ("reverse", "mirror"):
+        assert apply(points, parse_chain(f"{word}, {word}"), Extreme(1))[0] == points
+
+
+@given(written, st.integers(0, 2**32), st.sampled_from(["1s 5mm", "4ms 0.2mm", "1/4 1mm"]))
+def test_jitter_keeps_the_order_the_holds_and_the_first_point(rows, seed, reach):
+    points = gesture(rows)
+    moved, _ = apply(points, parse_chain(f"jitter {reach}"), random.Random(seed))
+    is_playable(moved)
+    assert moved[0] == points[0]
+    assert len(moved) == len(points)
+
+
+@pytest.mark.parametrize("part", [1, -1])
+def test_jitter_reaches_as_far_as_it_says(part):
+    points, _ = shaped("0@0 6@1 0@2", "jitter 4ms 0.2mm", Extreme(part))
+    assert points[1:] == [
+        (1, part * 0.004, 6 + part * 0.2, "smooth"),
+        (2, part * 0.004, part * 0.2, "smooth"),
+    ]
+
+
+def test_jitter_of_seconds_knows_how_long_a_beat_is():
+    points, _ = shaped("0@0 6@1/8 0@1/4", "jitter 1s 0mm", Extreme(-1), beat=0.5)
+    assert points[1][1] == pytest.approx(-0.45 / 16)
+
+
+@given(written, st.sampled_from(["1/8", "1", "3", "0.3"]))
+def test_quantise_lands_on_multiples_and_stays_playable(rows, q):
+    points = gesture(rows)
+    moved, notes = apply(points, parse_chain(f"quantise {q}"), Extreme(1))
+    is_playable(moved)
+    step = parse_do(f"quantise {q}").amount
+    assert all(abs(p.at.beats / step - round(p.at.beats / step)) < 1e-9 for p in moved)
+    assert bool(notes) == (len(moved) < len(points))
+    assert moved[-1].x == points[-1].x
+
+
+def test_points_that_meet_are_merged_and_said():
+    points, notes = shaped("0@0 throw 6@0.9 hold 6@1.1 smooth 0@2", "quantise 1")
+    assert points == [(0, 0, 0, "smooth"), (1, 0, 6, "throw"), (2, 0, 0, "smooth")]
+    assert notes == ("quantise 1: 1 point falls together with the next",)
+
+
+def test_quantise_counts_seconds_as_beats():
+    assert shaped("0@0 6@300ms", "quantise 1/4", beat=0.5)[0][1][:2] == (0.5, 0)
+
+
+@pytest.mark.parametrize(
+    ("do", "take"),
+    [
+        ("scale 0.5, mirror", TakeTransform(scale=-0.5)),
+        ("stretch 2, reverse, reverse", TakeTransform(stretch=2)),
+        ("reverse, shift 1/2, stretch 1/4", TakeTransform(1, 0.25, True, Time(0.125))),
+        ("shift -20ms, shift 1", TakeTransform(shift=Time(1, -0.02))),
+    ],
+)
+def test_transformations_of_a_take_sum_up(do, take):
+    assert apply_to_take(parse_chain(do)) == take
+
+
+@pytest.mark.parametrize("do", ["jitter 4ms 0.2mm", "scale 2, quantise 1/8"])
+def test_a_take_has_no_points_to_move(do):
+    with pytest.raises(TextError, match="a take has none") as caught:
+        apply_to_take(parse_chain(do))
+    error = caught.value
+    assert do[error.offset : error.offset + error.length] == do.split(", ")[-1]
+
+
+@pytest.mark.parametrize(
+    ("do", "marked", "words", "suggestion"),
+    [
+        ("scale 0.5, miror", "miror", "unknown transformation", "mirror"),
+        ("quantize 1/8", "quantize", "unknown transformation", "quantise"),
+        ("scale", "scale", "write it as: scale 0.5", None),
+        ("mirror 2", "2", "write it as: mirror", None),
+        ("stretch 0", "0", "above 0", None),
+        ("stretch -2", "-2", "above 0", None),
+        ("scale x", "x", "not a number", None),
+        ("scale 1/0", "1/0", "too large", None),
+        ("scale 1e300", "1e300", "too large", None),
+        ("jitter 4ms 2N", "N", "does not measure position", None),
+        ("jitter 0.2mm 4ms", "mm", "does not measure time", None),
+        ("quantise 250ms", "250ms", "not a number", None),
+        ("shift 1bar", "bar", "write beats", None),
+        ("scale 2,, mirror", ",", "is one of", None),
+        ("", "", "is one of", None),
+    ],
+)
+def test_mistakes_have_a_place(do, marked, words, suggestion):
+    with pytest.raises(TextError) as caught:
+        parse_chain(do)
+    error = caught.value
+    assert do[error.offset : error.offset + error.length] == marked
+    assert words in error.message
+    assert error.suggestion == suggestion

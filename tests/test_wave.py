@@ -1,0 +1,179 @@
+"""WAVE files: read back by libsndfile, and byte for byte against the published layout."""
+
+import hashlib
+import io
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from ergon.exchange.wave import WaveWriter, hash_samples, is_render, read_blocks, read_info
+from ergon.exchange.wave_header import NotWaveError, Stamp, WaveFormat, pack, parse
+
+HASH = hashlib.sha256(b"a score").hexdigest()
+STAMP = Stamp("Étude for one bell", HASH)
+SUBTYPES = {16: "PCM_16", 24: "PCM_24", "float": "FLOAT"}
+
+
+def samples(format: WaveFormat, n_frames: int) -> np.ndarray:
+    draw = np.random.default_rng(7).uniform(-1, 1, (n_frames, format.n_channels))
+    if format.bits == "float":
+        return draw.astype(np.float32)
+    whole = np.rint(draw * (2 ** (format.bits - 1) - 1)).astype(np.int32)
+    return whole << (32 - format.bits)
+
+
+def written(format: WaveFormat, data: np.ndarray, **more: int) -> bytes:
+    file = io.BytesIO()
+    writer = WaveWriter(file, format, len(data), STAMP, **more)
+    for start in range(0, len(data), 100):
+        writer.write(data[start : start + 100])
+    writer.close()
+    return file.getvalue()
+
+
+def chunks(data: bytes) -> list[tuple[bytes, int, bytes]]:
+    at, found = 12, []
+    while at < len(data):
+        size = struct.unpack("<I", data[at + 4 : at + 8])[0]
+        found.append((data[at : at + 4], size, data[at + 8 : at + 8 + size]))
+        at += 8 + size + (size & 1)
+    return found
+
+
+@pytest.mark.parametrize("bits", [16, 24, "float"])
+@pytest.mark.parametrize("n_channels", [1, 2, 3, 24, 64])
+def test_libsndfile_reads_what_was_written(tmp_path: Path, bits, n_channels: int) -> None:
+    format = WaveFormat(44_100, n_channels, bits)
+    data = samples(format, 333)
+    path = tmp_path / "x.wav"
+    path.write_bytes(written(format, data))
+    dtype = "float32" if bits == "float" else "int32"
+    back, rate = soundfile.read(path, dtype=dtype, always_2d=True)
+    info = soundfile.info(path)
+    assert (info.format, info.subtype, rate) == ("WAVEX", SUBTYPES[bits], 44_100)
+    np.testing.assert_array_equal(back, data)
+
+
+@pytest.mark.parametrize("bits", [16, 24, "float"])
+def test_rf64_is_read_by_libsndfile(tmp_path: Path, bits) -> None:
+    format = WaveFormat(48_000, 5, bits)
+    data = samples(format, 201)
+    path = tmp_path / "x.wav"
+    path.write_bytes(written(format, data, riff_limit=1000))
+    assert path.read_bytes()[:4] == b"RF64"
+    assert soundfile.info(path).format == "RF64"
+    back, _ = soundfile.read(path, dtype="float32" if bits == "float" else "int32", always_2d=True)
+    np.testing.assert_array_equal(back, data)
+    info = read_info(path)
+    assert (info.container, info.n_frames, info.score) == ("RF64", 201, HASH)
+
+
+def test_header_changes_over_at_four_gigabytes() -> None:
+    format = WaveFormat(44_100, 24, 24)
+    overhead = len(pack(format, 0, STAMP)) - 8
+    fits = (2**32 - 1 - overhead) // format.frame_bytes
+    assert pack(format, fits, STAMP)[:4] == b"RIFF"
+    long = pack(format, fits + 1, STAMP)
+    assert long[:4] == b"RF64"
+    riff, size, n_frames, n_tables = struct.unpack("<QQQI", long[20:48])
+    assert long[12:16] == b"ds64"
+    assert (size, n_frames, n_tables) == ((fits + 1) * 72, fits + 1, 0)
+    assert riff == len(long) - 8 + size
+    assert long[-4:] == b"\xff\xff\xff\xff"
+
+
+def test_layout() -> None:
+    format = WaveFormat(44_100, 24, "float")
+    data = written(format, samples(format, 10))
+    names = [(name, size) for name, size, _ in chunks(data)]
+    assert names == [(b"JUNK", 28), (b"fmt ", 40), (b"fact", 4), (b"bext", 602), (b"data", 960)]
+    assert struct.unpack("<I", data[4:8])[0] == len(data) - 8
+    fmt = dict((name, content) for name, _, content in chunks(data))[b"fmt "]
+    assert struct.unpack("<HHIIHH", fmt[:16]) == (0xFFFE, 24, 44_100, 44_100 * 96, 96, 32)
+    # IEEE_FLOAT of ksmedia.h: 00000003-0000-0010-8000-00aa00389b71
+    assert fmt[24:].hex() == "0300000000001000800000aa00389b71"
+
+
+def test_broadcast_extension_as_ebu_3285_lays_it_out() -> None:
+    format = WaveFormat(44_100, 1, 16)
+    bext = dict((name, c) for name, _, c in chunks(written(format, samples(format, 3))))[b"bext"]
+    assert bext[:256].rstrip(b"\0").decode() == f"Étude for one bell score {HASH}"
+    assert bext[256:288].rstrip(b"\0") == b"ergon"
+    assert bext[320:338] == b"1970-01-0100:00:00"
+    assert struct.unpack("<Q", bext[338:346]) == (0,)
+    assert struct.unpack("<H", bext[346:348]) == (1,)
+    assert bext[348:] == bytes(254)
+
+
+def test_a_long_title_never_costs_the_hash() -> None:
+    stamp = Stamp("é" * 400, HASH)
+    file = io.BytesIO(pack(WaveFormat(44_100, 1, 16), 0, stamp))
+    info = parse(file)
+    assert info.score == HASH
+    assert set(info.title) == {"é"}
+
+
+def test_odd_size_is_padded() -> None:
+    format = WaveFormat(44_100, 1, 24)
+    data = written(format, samples(format, 3))
+    assert len(data) % 2 == 0
+    assert struct.unpack("<I", data[4:8])[0] == len(data) - 8
+
+
+def test_two_writes_give_identical_bytes_whatever_the_blocks() -> None:
+    format = WaveFormat(44_100, 2, "float")
+    data = samples(format, 1000)
+    file = io.BytesIO()
+    writer = WaveWriter(file, format, 1000, STAMP)
+    writer.write(data)
+    writer.close()
+    assert file.getvalue() == written(format, data)
+
+
+def test_reading_back(tmp_path: Path) -> None:
+    for bits in (16, 24, "float"):
+        format = WaveFormat(44_100, 2, bits)
+        data = samples(format, 70_000)
+        path = tmp_path / f"{bits}.wav"
+        path.write_bytes(written(format, data))
+        want, _ = soundfile.read(path, dtype="float64")
+        np.testing.assert_array_equal(np.concatenate(list(read_blocks(path))), want)
+        body = path.read_bytes()[read_info(path).offset :]
+        assert hash_samples(path) == hashlib.sha256(body).hexdigest()
+        assert is_render(path)
+
+
+def test_a_file_of_somebody_else(tmp_path: Path) -> None:
+    path = tmp_path / "x.wav"
+    soundfile.write(path, np.zeros((10, 2)), 44_100, subtype="PCM_16")
+    info = read_info(path)
+    assert (info.n_frames, info.format.n_channels, info.originator) == (10, 2, None)
+    assert info.score is None
+    assert not is_render(path)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"RIFF", b"no sound", b"RIFF\0\0\0\0WAVE", b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0\1"],
+)
+def test_what_is_no_wave_file_is_refused(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "x.wav"
+    path.write_bytes(data)
+    with pytest.raises(NotWaveError):
+        read_info(path)
+
+
+def test_wrong_number_of_frames_or_channels_is_refused() -> None:
+    format = WaveFormat(44_100, 2, "float")
+    writer = WaveWriter(io.BytesIO(), format, 10, STAMP)
+    with pytest.raises(ValueError, match="more than the header"):
+        writer.write(np.zeros((11, 2), np.float32))
+    with pytest.raises(ValueError, match="channels"):
+        writer.write(np.zeros((1, 3), np.float32))
+    with pytest.raises(ValueError, match="fewer"):
+        writer.close()
+    with pytest.raises(ValueError, match="64 channels"):
+        pack(WaveFormat(44_100, 65, 24), 1, STAMP)
