@@ -1,0 +1,54 @@
+# One list of tasks; CI calls them by the same names.
+#   make demo       build, render a bundled score to a WAV, say where and how fast, play it if it can
+#   make test       everything that must hold
+#   make check      format, lint, types; warnings are errors
+#   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
+#   make docs       pages that are made from the program: errors, reference, schema
+#   make test-long  the minutes-long tests
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
+
+.PHONY: demo test check bench docs test-long clean
+
+demo: $(VENV)/built
+	@mkdir -p out
+	$(BIN)/ergon demo -o out/demo.wav --force
+
+test: $(VENV)/dev
+	cargo test --locked --quiet
+	$(BIN)/python -m pytest -q -m "not slow"
+
+test-long: $(VENV)/dev
+	PROPTEST_CASES=4096 cargo test --locked --release
+	$(BIN)/python -m pytest -q
+
+check: $(VENV)/dev
+	cargo fmt --all --check
+	cargo clippy --locked --workspace --all-targets -- -D warnings
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest ergon._core --allowlist tests/data/stubs-allowed.txt
+
+bench: $(VENV)/dev
+	$(BIN)/python -m benches
+
+docs: $(VENV)/dev
+	$(BIN)/python -m ergon.scores.pages docs
+
+# The package in an environment of its own; rebuilt when the Rust changes. Python and YAML are live.
+$(VENV)/built: pyproject.toml $(RUST)
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+	$(BIN)/pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/dev: $(VENV)/built
+	$(BIN)/pip install --quiet --group dev
+	@touch $@
+
+clean:
+	rm -rf target $(VENV) out
