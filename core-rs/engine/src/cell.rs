@@ -109,6 +109,14 @@ impl Cell {
         }
     }
 
+    /// Damped frequency [Hz]; 0 where it creeps.
+    pub fn frequency(&self) -> f64 {
+        match self.poles {
+            Poles::Oscillating { omega } => omega / TAU,
+            Poles::Creeping { .. } => 0.0,
+        }
+    }
+
     /// Stiffness k [N/m].
     pub fn stiffness(&self) -> f64 {
         self.mass

@@ -4,8 +4,12 @@ mod exact;
 mod mats;
 mod runs;
 mod taps;
+mod wide;
 
 pub(crate) use exact::contacts;
 pub(crate) use mats::{advance, predict, sound};
 pub(crate) use runs::{links, power, push, side};
 pub(crate) use taps::tap;
+
+#[cfg(test)]
+mod tests;

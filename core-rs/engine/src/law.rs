@@ -33,6 +33,18 @@ pub struct Law {
     elastic: Elastic,
     damping: Option<Program>,
     reach: f64,
+    hardening: Option<Hardening>,
+}
+
+/// What a hardening spring is made of: f = k·d + q·d³ + z·v.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Hardening {
+    /// Stiffness [N/m].
+    pub(crate) k: f64,
+    /// Hardening [N/m³].
+    pub(crate) q: f64,
+    /// Damping [N·s/m]; None: the force is not asked for a rate.
+    pub(crate) z: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -101,18 +113,30 @@ impl Law {
             elastic,
             damping: damping.as_ref().map(Program::new),
             reach: 1.0,
+            hardening: None,
         })
     }
 
     /// The law k·d + q·d³ of a hardening spring (k [N/m], q [N/m³]) with a damper z [N·s/m].
     pub fn hardening(k: f64, q: f64, z: f64) -> Result<Self, LawError> {
         let named = [("k", k), ("q", q), ("z", z)];
-        Self::new(&LawText {
+        let z = (z != 0.0).then_some(z);
+        let law = Self::new(&LawText {
             law: Some("k*d + q*d**3"),
-            damping: (z != 0.0).then_some("z*v"),
+            damping: z.map(|_| "z*v"),
             constants: named.map(|(name, value)| (name.to_owned(), value)).into(),
             points: None,
+        })?;
+        Ok(Self {
+            hardening: Some(Hardening { k, q, z }),
+            ..law
         })
+    }
+
+    /// Whether this is a hardening spring not seen through a lever: a mesh has thousands of them, and
+    /// three numbers do what its expressions do.
+    pub(crate) fn hardens(&self) -> Option<Hardening> {
+        self.hardening.filter(|_| self.reach == 1.0)
     }
 
     /// The law seen through a lever that multiplies travel by `reach`: f(d/s, v/s)/s.

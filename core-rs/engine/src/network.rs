@@ -171,13 +171,13 @@ impl Network {
         self.degree.get(mat).copied().unwrap_or(0)
     }
 
-    /// The network of one part alone: its MATs, and the links between them. Also the index, in this
-    /// network, of each of its MATs.
+    /// The network of one part alone: its MATs, and the links between them, whichever part declared
+    /// these. Also the index, in this network, of each of its MATs.
     pub fn alone(&self, part: usize) -> (Network, Vec<usize>) {
         let inside = |i: usize| self.mats.part[i] as usize == part;
         let members: Vec<usize> = (0..self.n_mat()).filter(|&i| inside(i)).collect();
         let mut alone = Network {
-            parts: vec![self.parts[part].clone()],
+            parts: self.parts.clone(),
             ..Network::default()
         };
         for &i in &members {
@@ -191,7 +191,7 @@ impl Network {
                 x0: m.x0[i],
                 v0: m.v0[i],
                 place: m.place[i],
-                part: 0,
+                part: m.part[i],
             });
         }
         let local = |i: usize| members.binary_search(&i).ok();
@@ -202,7 +202,6 @@ impl Network {
                         a,
                         b,
                         len: 1,
-                        part: 0,
                         ..run.clone()
                     });
                 }
@@ -256,3 +255,6 @@ impl Mats {
         self.part.push(mat.part);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -67,6 +67,8 @@ pub struct Plan {
     pub(crate) runs: Vec<Run>,
     /// Energy-exact contacts: solved after all other forces are known.
     pub(crate) exact: Vec<Run>,
+    /// Whether any two of them share a MAT.
+    pub(crate) exact_coupled: bool,
     pub(crate) outputs: Vec<Output>,
     pub(crate) n_lia: usize,
     pub(crate) n_parts: usize,
@@ -129,3 +131,6 @@ impl Plan {
 pub(crate) fn moves(kind: MatKind) -> bool {
     matches!(kind, MatKind::Mas | MatKind::Cel)
 }
+
+#[cfg(test)]
+mod tests;

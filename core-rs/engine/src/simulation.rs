@@ -53,6 +53,8 @@ struct State {
     gates: Vec<f64>,
     gates_next: Vec<f64>,
     targets: Vec<Target>,
+    /// How far layers take each key [m]   (n_keys)
+    layers: Vec<f64>,
     laws: Laws,
     stream: Stream,
     ledger: Option<Ledger>,
@@ -60,16 +62,16 @@ struct State {
 }
 
 /// A network that plays.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Simulation {
     network: Arc<Network>,
     script: Arc<Script>,
     state: State,
 }
 
-/// A moment of a simulation, to come back to.
+/// A moment of a simulation, to come back to: also the script, which muting a part changes.
 #[derive(Clone, Debug)]
-pub struct Snapshot(Box<State>);
+pub struct Snapshot(Box<Simulation>);
 
 impl Simulation {
     /// Number of outputs.
@@ -116,31 +118,11 @@ impl Simulation {
         for drive in &script.drives {
             drive.apply(n, plan.rate, &mut state.body, &mut state.targets);
         }
-        let State {
-            voices,
-            body,
-            targets,
-            reports,
-            stream,
-            ..
-        } = state;
-        for (voice, own) in voices.iter_mut().zip(&script.voices) {
-            let gestures = &script.gestures;
-            voice.step(
-                own,
-                &mut Scene {
-                    plan,
-                    body,
-                    targets,
-                    gestures,
-                    reports,
-                    stream,
-                },
-                n,
-            );
-        }
+        layers(script, state);
+        hands(script, state, n, Voice::step);
         strike(script, state, n);
         kernel::contacts(plan, &state.gates, &state.targets, &mut state.body);
+        hands(script, state, n, Voice::settle);
         kernel::tap(plan, &state.body, out);
         state.mutes.fade(n, plan, out);
         if let Some(ledger) = &mut state.ledger {
@@ -176,11 +158,19 @@ impl Simulation {
     pub fn asked(&self) -> Vec<f64> {
         let mut asked = vec![f64::NAN; self.script.n_keys];
         for (voice, own) in self.state.voices.iter().zip(&self.script.voices) {
+            // A key's own voice stands before its layers.
             if !own.layer {
                 asked[own.key] = voice.asked;
+            } else {
+                asked[own.key] += voice.deviation(own);
             }
         }
         asked
+    }
+
+    /// Name of a MAT as the composer wrote it.
+    pub fn mat_name(&self, mat: usize) -> String {
+        self.network.mat_name(mat)
     }
 
     /// Reports of all gestures, in the timeline's order.
@@ -213,12 +203,58 @@ impl Simulation {
 
     /// Remember this moment.
     pub fn snapshot(&self) -> Snapshot {
-        Snapshot(Box::new(self.state.clone()))
+        Snapshot(Box::new(self.clone()))
     }
 
     /// Go back to a moment of this simulation.
     pub fn restore(&mut self, snapshot: &Snapshot) {
-        self.state = (*snapshot.0).clone();
+        *self = (*snapshot.0).clone();
+        self.reserve();
+    }
+
+    /// Room for every target there can be: a cloned vector has only what it holds.
+    fn reserve(&mut self) {
+        let most = self.script.drives.len() + self.script.voices.len();
+        self.state.targets.reserve(most);
+        for (voice, own) in self.state.voices.iter_mut().zip(&self.script.voices) {
+            voice.reserve(own);
+        }
+        if let Some(ledger) = &mut self.state.ledger {
+            ledger.reserve(most);
+        }
+    }
+}
+
+/// Where layers take the keys at this frame.
+fn layers(script: &Script, state: &mut State) {
+    state.layers.fill(0.0);
+    for (voice, own) in state.voices.iter().zip(&script.voices) {
+        if own.layer {
+            state.layers[own.key] += voice.deviation(own);
+        }
+    }
+}
+
+/// Let every voice do its part of frame `n`.
+fn hands(
+    script: &Script,
+    state: &mut State,
+    n: u64,
+    act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64),
+) {
+    let mut scene = Scene {
+        plan: &script.plan,
+        gestures: &script.gestures,
+        body: &mut state.body,
+        targets: &mut state.targets,
+        reports: &mut state.reports,
+        stream: &mut state.stream,
+        layers: &state.layers,
+    };
+    for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
+        if voice.is_awake(own, scene.gestures, n) {
+            act(voice, own, &mut scene, n);
+        }
     }
 }
 
@@ -240,6 +276,9 @@ fn strike(script: &Script, state: &mut State, n: u64) {
     {
         state.pushed += 1;
         let mat = push.mat as usize;
+        if plan.w[mat] == 0.0 {
+            continue; // muted meanwhile
+        }
         if push.impulse != 0.0 && state.stream.is_kept() {
             let velocity = centred(plan, body, mat);
             let mass = t * t / plan.w[mat];
@@ -261,6 +300,9 @@ fn strike(script: &Script, state: &mut State, n: u64) {
     {
         state.ergons += 1;
         let mat = ergon.mat as usize;
+        if plan.w[mat] == 0.0 {
+            continue;
+        }
         // p = 2 m m_S/(m + m_S)·(v − V), V the centred velocity without the ergon: then the work on the
         // struck is exactly the energy the ergon loses.
         let mass = t * t / plan.w[mat];

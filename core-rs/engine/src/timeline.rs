@@ -1,20 +1,24 @@
 //! What will happen, by sample index.
 
+mod gate;
+
 use crate::cell::Cell;
 use crate::chance::Chance;
 use crate::gesture::placed::Placed;
 use crate::gesture::script::Gesture;
+use crate::gesture::written::GestureError;
 use crate::network::{MatKind, Network};
+use crate::plan::moves;
 use crate::state::{Body, Target};
 use crate::units::Rate;
 
-/// Couplings fade in and out over this time [s], rounded up to the grid.
-const FADE: f64 = 0.02;
-/// What needs a calendar begins at multiples of this many frames.
-pub const GRID: u64 = 64;
+pub use gate::GRID;
+pub(crate) use gate::Gate;
 
-/// Most pushes of one piece: 32 bytes each.
-const STRIKES_MAX: usize = 50_000_000;
+/// Most strikes of one piece: two pushes each, of 40 bytes, and as much again to put them in order.
+const STRIKES_MAX: u64 = 5_000_000;
+/// The last frame there is: up to here an f64 counts every one (6,000 years at 48 kHz).
+const FRAME_MAX: f64 = 9_007_199_254_740_992.0;
 
 /// A rain of strikes.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +36,7 @@ pub struct Rain {
 }
 
 /// Why strikes are refused.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StrikeError {
     /// A rain of more strikes than a piece can hold.
     #[error("more than {STRIKES_MAX} strikes: lower the rate, the span, or the number of members")]
@@ -40,6 +44,12 @@ pub enum StrikeError {
     /// An instant before the piece.
     #[error("a strike falls in the piece, at 0 s or later, not at {0} s")]
     Before(f64),
+    /// A MAT that no strike moves.
+    #[error("{0} is fixed: no strike moves it")]
+    Fixed(String),
+    /// A second path for one MAT.
+    #[error("a MAT goes one way: #{0} is on a path already")]
+    Driven(usize),
     /// A number that is no number, or a mass that is none.
     #[error("{0} must be a finite number{1}, not {2}")]
     Value(&'static str, &'static str, f64),
@@ -69,16 +79,6 @@ pub(crate) struct Ergon {
     pub(crate) speed: f64,
 }
 
-/// A link that acts only for a time.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Gate {
-    pub(crate) link: usize,
-    /// `None`: open from the beginning.
-    start: Option<u64>,
-    stop: Option<u64>,
-    fade: u64,
-}
-
 /// What a drive gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveKind {
@@ -94,6 +94,8 @@ pub struct Drive {
     pub(crate) mat: usize,
     pub(crate) kind: DriveKind,
     pub(crate) source: Source,
+    /// It belongs to the MAT's own part: a free key feels it too (its weight, say).
+    pub(crate) own: bool,
 }
 
 /// Where a drive's values come from.
@@ -149,23 +151,14 @@ impl Drive {
     }
 }
 
-impl Gate {
-    /// How far the gate is open at frame `n`: 0 to 1, by 3u² − 2u³ so that no force jumps.
-    pub(crate) fn open(&self, n: u64) -> f64 {
-        let risen = self.start.map_or(1.0, |start| self.ramp(n, start));
-        let fallen = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
-        risen - fallen
-    }
-
-    fn ramp(&self, n: u64, start: u64) -> f64 {
-        let u = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
-        u * u * (3.0 - 2.0 * u)
-    }
-}
-
 /// The frame that an instant falls on.
 pub(crate) fn frame(t: f64, rate: f64) -> u64 {
-    (t * rate + 0.5).max(0.0) as u64
+    whole(t * rate + 0.5)
+}
+
+/// The last frame at or before this many frames; what lies outside all time falls on its ends.
+pub(crate) fn whole(frames: f64) -> u64 {
+    frames.clamp(0.0, FRAME_MAX) as u64
 }
 
 impl Timeline {
@@ -191,10 +184,13 @@ impl Timeline {
         self.keys.len() - 1
     }
 
-    /// Add a gesture; returns its index.
-    pub fn gesture(&mut self, gesture: Gesture) -> usize {
+    /// Add a gesture on one of the keys; returns its index.
+    pub fn gesture(&mut self, gesture: Gesture) -> Result<usize, GestureError> {
+        if gesture.key >= self.keys.len() {
+            return Err(GestureError::NoKey(gesture.key));
+        }
         self.gestures.push(gesture);
-        self.gestures.len() - 1
+        Ok(self.gestures.len() - 1)
     }
 
     /// Lowest and highest position of a gesture's written points and paths [m].
@@ -217,6 +213,10 @@ impl Timeline {
     ) -> Result<(), StrikeError> {
         finite("impulse", impulse)?;
         instant(at)?;
+        movable(network, mat)?;
+        if self.pushes.len() >= 2 * STRIKES_MAX as usize {
+            return Err(StrikeError::TooMany);
+        }
         let rate = self.rate.hertz();
         let mut push = |frame: u64, force: f64, impulse: f64| {
             if force != 0.0 {
@@ -241,7 +241,7 @@ impl Timeline {
             push(frame(at, rate), impulse * rate, impulse);
             return Ok(());
         }
-        let n = (at * rate).max(0.0) as u64;
+        let n = whole(at * rate);
         let alpha = (at * rate - n as f64).clamp(0.0, 1.0);
         let [p0, p1] = if mats.kind[mat] == MatKind::Cel && network.degree(mat) == 0 {
             Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]).split(impulse, alpha, self.rate)
@@ -263,6 +263,12 @@ impl Timeline {
         rain: &Rain,
         chance: impl Fn(u64) -> Chance,
     ) -> Result<u64, StrikeError> {
+        let expected = mats.len() as f64 * rain.rate * (rain.stop - rain.start);
+        finite("rate", rain.rate)?;
+        // Also where it is no number.
+        if expected.is_nan() || expected > STRIKES_MAX as f64 {
+            return Err(StrikeError::TooMany);
+        }
         let mut n_strikes = 0;
         for (member, &mat) in mats.iter().enumerate() {
             let mut chance = chance(member as u64);
@@ -271,9 +277,6 @@ impl Timeline {
                 let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
                 self.strike(network, mat, at, impulse, rain.source)?;
                 n_strikes += 1;
-                if self.pushes.len() > STRIKES_MAX {
-                    return Err(StrikeError::TooMany);
-                }
             }
         }
         Ok(n_strikes)
@@ -282,6 +285,7 @@ impl Timeline {
     /// Meet a MAT with an ergon of a mass [kg] and speed [m/s] at an instant [s].
     pub fn ergon(
         &mut self,
+        network: &Network,
         mat: usize,
         at: f64,
         mass: f64,
@@ -289,6 +293,7 @@ impl Timeline {
         source: u32,
     ) -> Result<(), StrikeError> {
         instant(at)?;
+        movable(network, mat)?;
         finite("speed", speed)?;
         if !(mass > 0.0 && mass.is_finite()) {
             return Err(StrikeError::Value("mass", " above 0", mass));
@@ -304,27 +309,36 @@ impl Timeline {
         Ok(())
     }
 
-    /// Let a LIA act only from `start` to `stop` [s], with fades that begin on the grid.
-    pub fn couple(&mut self, link: usize, start: f64, stop: Option<f64>) {
-        let on_grid = |t: f64| frame(t, self.rate.hertz()).div_ceil(GRID) * GRID;
-        // A coupling that is there from the beginning does not fade in.
-        let start = if start <= 0.0 {
-            None
-        } else {
-            Some(on_grid(start))
-        };
-        let fade = ((FADE * self.rate.hertz()) as u64).div_ceil(GRID).max(1) * GRID;
-        self.gates.push(Gate {
-            link,
-            start,
-            stop: stop.map(on_grid),
-            fade,
+    /// Drive a MAT by a constant or a take; `own`: as a module of the MAT's own part.
+    pub fn drive(
+        &mut self,
+        mat: usize,
+        kind: DriveKind,
+        source: Source,
+        own: bool,
+    ) -> Result<(), StrikeError> {
+        if let Source::Constant(value) = source {
+            finite("constant", value)?;
+        }
+        let moved = |drive: &Drive| drive.mat == mat && drive.kind == DriveKind::Position;
+        if kind == DriveKind::Position && self.drives.iter().any(moved) {
+            return Err(StrikeError::Driven(mat));
+        }
+        self.drives.push(Drive {
+            mat,
+            kind,
+            source,
+            own,
         });
+        Ok(())
     }
+}
 
-    /// Drive a MAT by a constant or a take.
-    pub fn drive(&mut self, mat: usize, kind: DriveKind, source: Source) {
-        self.drives.push(Drive { mat, kind, source });
+fn movable(network: &Network, mat: usize) -> Result<(), StrikeError> {
+    if moves(network.mats().kind[mat]) {
+        Ok(())
+    } else {
+        Err(StrikeError::Fixed(network.mat_name(mat)))
     }
 }
 
@@ -343,3 +357,6 @@ fn instant(at: f64) -> Result<(), StrikeError> {
         Err(StrikeError::Before(at))
     }
 }
+
+#[cfg(test)]
+mod tests;

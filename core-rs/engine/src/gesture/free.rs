@@ -3,12 +3,16 @@
 use std::sync::Arc;
 
 use crate::kernel;
-use crate::plan::{Laws, Plan};
+use crate::plan::{Kind, Laws, Plan};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
 
 /// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
 const ROUNDS_MAX: usize = 40;
+
+/// A key that a strike moves by less than this part of what it would move a free mass comes back
+/// where it was (a multiple of half its period), or never gets there: the rest is rounding.
+const REACH_MIN: f64 = 1e-9;
 
 /// A key's part on its own. Constant while it runs; its motion is a `Body`.
 #[derive(Clone, Debug)]
@@ -31,14 +35,14 @@ pub(crate) struct Room {
 }
 
 impl FreeKey {
-    /// The key of a gesture that is laid over another: displacements from where the other holds it.
+    /// The key of a gesture that is laid over another: displacements from where the other holds it,
+    /// contacts open.
     pub(crate) fn deviation(&self) -> Self {
         let mut plan = (*self.plan).clone();
         plan.rest.fill(0.0);
-        plan.runs
-            .iter_mut()
-            .chain(&mut plan.exact)
-            .for_each(|run| run.rest = 0.0);
+        plan.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
+        plan.exact.clear();
+        plan.runs.iter_mut().for_each(|run| run.rest = 0.0);
         Self {
             plan: Arc::new(plan),
             drives: Vec::new(),
@@ -53,7 +57,7 @@ impl FreeKey {
         let still = vec![0.0; free.plan.n_mat()];
         let mut motion = Body::new(&free.plan, still.clone(), still);
         let (mut laws, mut targets) = (free.plan.laws(), Vec::new());
-        // A push that moves the key by a micrometre in one step: small, so that contacts stay open.
+        // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let push = 1e-6 / self.plan.w[self.struck];
         (0..2 * steps).any(|n| {
             free.forces(&mut motion, n, &mut laws, &mut targets);
@@ -110,6 +114,9 @@ impl FreeKey {
             return 0.0;
         }
         let (mut f1, mut y1) = (guess, self.coast(body, n, to, guess, room));
+        if (y1 - y0).abs() <= REACH_MIN * (x - y0).abs() {
+            return 0.0;
+        }
         for _ in 0..ROUNDS_MAX {
             if y1 == y0 {
                 return if y1 == x { f1 } else { 0.0 };

@@ -2,6 +2,10 @@
 
 use super::placed::Placed;
 use super::quintic::Knot;
+use crate::timeline::frame;
+
+/// Half-way between two frames a knot is rounded up, whatever the last bit of its instant [frames].
+const KNOT_SLACK: f64 = 1e-6;
 
 /// How the written hand holds the key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,14 +61,14 @@ pub struct Gesture {
     pub(crate) entry: Knot,
     pub(crate) touch: Touch,
     pub(crate) ergons: Ergons,
-    /// Frames between knots; `None`: one ergon a frame.
-    pub(crate) grain: Option<u64>,
+    /// Time between ergons along a path [s]; `None`: one a frame.
+    pub(crate) grain: Option<f64>,
     /// Length of the joining curve [s].
     pub(crate) join: f64,
     /// Largest force of one ergon [N].
     pub(crate) limit: f64,
     pub(crate) layer: bool,
-    /// (frame, source): ergons up to the frame come from that place in the score, by rising frame.
+    /// Written points: their frames, rising, and the places in the score of the ergons up to them.
     pub(crate) sources: Vec<(u64, u32)>,
 }
 
@@ -94,6 +98,21 @@ impl Gesture {
         self.legs.last().map_or(self.first, Leg::last)
     }
 
+    /// The frame after `n` at which the next grain is due: a multiple of the grain since the start,
+    /// or a written point before it.
+    pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
+        let knot = |k: f64| frame(self.start + k * grain + KNOT_SLACK / rate, rate);
+        let mut k = ((n as f64 / rate - self.start) / grain).floor().max(0.0);
+        while knot(k) <= n {
+            k += 1.0;
+        }
+        let knot = knot(k);
+        let next = self.sources.partition_point(|&(point, _)| point <= n);
+        self.sources
+            .get(next)
+            .map_or(knot, |&(point, _)| knot.min(point))
+    }
+
     /// Source of an ergon whose target is frame `target`; `cursor` only moves forward.
     pub(crate) fn source(&self, cursor: &mut usize, target: u64) -> u32 {
         while *cursor + 1 < self.sources.len() && self.sources[*cursor].0 < target {
@@ -116,6 +135,8 @@ pub struct Report {
     pub worst: f64,
     /// When that was [s].
     pub worst_at: f64,
+    /// The MAT of another part that pushed most, where it was worst.
+    pub pushed_by: Option<usize>,
     /// Sum of (done − asked)² and number of frames compared.
     pub square: f64,
     /// See `square`.
@@ -142,6 +163,7 @@ impl Default for Report {
             stop: f64::NAN,
             worst: 0.0,
             worst_at: f64::NAN,
+            pushed_by: None,
             square: 0.0,
             compared: 0,
             low: f64::INFINITY,

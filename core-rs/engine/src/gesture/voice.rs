@@ -1,18 +1,20 @@
 //! One voice of a key: its gestures in order, its free copy, and what it asks at each frame.
 
+mod answer;
+mod join;
+
 use super::free::{FreeKey, Room};
 use super::particle::Flight;
-use super::quintic::{Knot, Quintic};
-use super::script::{Ergons, Gesture, Leg, Report, Touch};
+use super::quintic::Knot;
+use super::script::{Gesture, Leg, Report, Touch};
+use crate::kernel;
 use crate::plan::Plan;
-use crate::simulation::record::{Record, Stream};
+use crate::simulation::record::Stream;
 use crate::state::{Body, Target};
-use crate::{kernel, maths};
+use join::Joining;
 
-/// Closer than this a key is where the gesture begins, and needs no joining curve [m].
-const AGREES: f64 = 1e-9;
-/// A joining curve shorter than this is worse than a late one [s]: 3 mm in 5 ms are 3,600 m/s².
-const JOIN_MIN: f64 = 5e-3;
+/// A layer's free key is at rest below this, in metres and in metres a second: far below what is heard.
+const AT_REST: f64 = 1e-12;
 
 /// What never changes of a voice.
 #[derive(Clone, Debug)]
@@ -26,6 +28,8 @@ pub(crate) struct VoiceScript {
     pub(crate) gestures: Vec<usize>,
     /// The voice adds to another: its path is a deviation, and the scene's key is not held against it.
     pub(crate) layer: bool,
+    /// Links that join the struck MAT to other parts, each with the MAT at its other end.
+    pub(crate) meets: Vec<(usize, usize)>,
 }
 
 /// What moves of a voice.
@@ -38,6 +42,8 @@ pub(crate) struct Voice {
     flight: Flight,
     /// The gesture that runs.
     now: Option<Running>,
+    /// The key is held on its path in this frame: the ergon is known once all other forces are.
+    held: Option<Held>,
     /// Number of gestures begun (also those that only join so far).
     begun: usize,
     /// Where the key is wanted at the present frame [m]; NaN: nowhere.
@@ -51,18 +57,22 @@ struct Running {
     cursor: usize,
     source: usize,
     joining: Option<Joining>,
-    /// The strike of the present throw, or of the present grain, is done until this frame.
+    /// The strike of the present throw or grain is done until this frame, where the key is to be
+    /// at this position [m].
     struck_until: u64,
+    aim: f64,
 }
 
-/// A curve that leads onto a gesture's path, up to an instant [s].
-#[derive(Clone, Debug)]
-struct Joining {
-    curve: Quintic,
-    end: f64,
+/// A frame of a tracked key.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    gesture: usize,
+    source: u32,
+    x: f64,
 }
 
 /// What is wanted of the key at a frame.
+#[derive(Clone, Copy)]
 enum Ask {
     /// Be at x at the next frame.
     Pass(f64),
@@ -78,25 +88,60 @@ pub(crate) struct Scene<'a> {
     pub(crate) gestures: &'a [Gesture],
     pub(crate) reports: &'a mut [Report],
     pub(crate) stream: &'a mut Stream,
+    /// How far layers take each key from where its gesture wants it [m]   (n_keys)
+    pub(crate) layers: &'a [f64],
+}
+
+impl VoiceScript {
+    /// The MAT of another part that pushes the key most, if any does.
+    fn pushed_by(&self, body: &Body) -> Option<usize> {
+        let push = |link: usize| body.link[link].abs();
+        let strongest = self
+            .meets
+            .iter()
+            .max_by(|a, b| push(a.0).total_cmp(&push(b.0)))?;
+        (push(strongest.0) > 0.0).then_some(strongest.1)
+    }
 }
 
 impl Voice {
+    /// Whether the voice has anything to do at frame `n`. A layer sleeps before its own time, and after
+    /// it as soon as its free key is at rest.
+    pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[Gesture], n: u64) -> bool {
+        let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
+        let i = script.free.struck;
+        let moves = self.free.x[i].abs() + self.free.d[i].abs() * script.free.plan.rate > AT_REST;
+        !script.layer || moves || script.gestures.iter().any(own)
+    }
+
+    /// How far a layer takes its key now [m].
+    pub(crate) fn deviation(&self, script: &VoiceScript) -> f64 {
+        self.free.x[script.free.struck]
+    }
+
     pub(crate) fn new(script: &VoiceScript, free: Body) -> Self {
         let laws = script.free.plan.laws();
-        let targets = Vec::with_capacity(script.free.drives.len());
         let room = Room {
             coast: free.clone(),
             laws,
-            targets: targets.clone(),
+            targets: Vec::new(),
         };
         Self {
             free,
-            targets,
+            targets: Vec::new(),
             room,
             flight: Flight::default(),
             now: None,
+            held: None,
             begun: 0,
             asked: f64::NAN,
+        }
+    }
+
+    /// Room for every imposed point inside the key.
+    pub(crate) fn reserve(&mut self, script: &VoiceScript) {
+        for targets in [&mut self.targets, &mut self.room.targets] {
+            targets.reserve(script.free.drives.len());
         }
     }
 
@@ -109,11 +154,14 @@ impl Voice {
         self.flight.step(scene.body, script.struck);
         self.begin(script, scene, n);
         let ask = self.ask(scene.gestures, scene.plan.rate, n);
-        self.asked = f64::NAN;
+        let here = std::mem::replace(&mut self.asked, f64::NAN);
         let force = match ask {
-            Some(ask) => self.answer(script, scene, n, &ask),
+            Some(ask) => self.answer(script, scene, n, &ask, here),
             None => 0.0,
         };
+        if let Some(now) = self.now.as_ref().filter(|now| now.struck_until == n + 1) {
+            self.asked = now.aim;
+        }
         script
             .free
             .strike_and_move(&mut self.free, force, &mut self.targets);
@@ -132,12 +180,14 @@ impl Voice {
         report.low = report.low.min(free);
         report.high = report.high.max(free);
         if !self.asked.is_nan() && !script.layer {
-            let off = (scene.body.x[script.struck] - self.asked).abs();
+            let wanted = self.asked + scene.layers[script.key];
+            let off = (scene.body.x[script.struck] - wanted).abs();
             report.square += off * off;
             report.compared += 1;
             report.stop = n as f64 / scene.plan.rate;
             if off > report.worst {
                 (report.worst, report.worst_at) = (off, report.stop);
+                report.pushed_by = script.pushed_by(scene.body);
             }
         }
     }
@@ -161,70 +211,6 @@ impl Voice {
             v,
             a,
         }
-    }
-
-    /// Begin the next gesture, or the curve that joins it, when its time has come.
-    fn begin(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
-        let rate = scene.plan.rate;
-        while let Some(&index) = script.gestures.get(self.begun) {
-            let gesture = &scene.gestures[index];
-            let now = n as f64 / rate;
-            let joined = self.now.as_ref().is_some_and(|now| now.gesture == index);
-            if n >= gesture.first {
-                self.begun += 1;
-                scene.reports[index].start = now;
-                if joined {
-                    continue;
-                }
-                let late = self.late_joining(script, scene, gesture, n);
-                scene.reports[index].first_point_missed = late.is_some();
-                self.now = Some(Running::new(index, late));
-                continue;
-            }
-            let left = gesture.start - now;
-            let in_time = n >= gesture.join_from && left >= JOIN_MIN.min(gesture.join);
-            if self.now.is_none() && in_time {
-                let from = self.motion(script, scene, gesture.touch, n);
-                let still =
-                    (from.x - gesture.entry.x).abs() <= AGREES && (from.v / rate).abs() <= AGREES;
-                if !still && gesture.join > 0.0 {
-                    self.now = Some(Running::new(index, Some(Joining::new(from, gesture.entry))));
-                }
-            }
-            return;
-        }
-    }
-
-    /// The curve by which a gesture that begins elsewhere joins its own path after its start.
-    fn late_joining(
-        &self,
-        script: &VoiceScript,
-        scene: &Scene<'_>,
-        gesture: &Gesture,
-        n: u64,
-    ) -> Option<Joining> {
-        let Leg::Path { path, .. } = gesture.legs.first()? else {
-            return None;
-        };
-        let from = self.motion(script, scene, gesture.touch, n);
-        // Where one gesture ends as the next begins, off the grid of frames, the key has not quite
-        // come to the point they share.
-        let before = self
-            .begun
-            .checked_sub(2)
-            .map(|before| &scene.gestures[script.gestures[before]]);
-        let shared =
-            before.is_some_and(|it| it.last() == n && (it.exit - gesture.entry.x).abs() <= AGREES);
-        let agrees = shared
-            || [path.at(from.t).0, gesture.entry.x]
-                .iter()
-                .any(|x| (from.x - x).abs() <= AGREES);
-        if agrees || gesture.join == 0.0 {
-            return None;
-        }
-        let t = (from.t + gesture.join).min(path.stop());
-        let (x, v, a) = path.at(t);
-        (t > from.t).then(|| Joining::new(from, Knot { t, x, v, a }))
     }
 
     /// What the running gesture asks at frame `n`.
@@ -258,106 +244,18 @@ impl Voice {
                 )),
                 Some(_) if n < now.struck_until => None,
                 Some(grain) => {
-                    let to = (n + grain).min(*last);
+                    let to = gesture.knot_after(n, grain, rate).min(*last);
                     now.struck_until = to;
                     let t = (to as f64 / rate).min(path.stop());
-                    Some(Ask::Aim {
-                        to,
-                        x: path.at_from(&mut now.cursor, t).0,
-                    })
+                    now.aim = path.at_from(&mut now.cursor, t).0;
+                    Some(Ask::Aim { to, x: now.aim })
                 }
             },
             Leg::Throw { from, to, x } if n >= now.struck_until.max(*from) => {
-                now.struck_until = *to;
+                (now.struck_until, now.aim) = (*to, *x);
                 Some(Ask::Aim { to: *to, x: *x })
             }
             Leg::Throw { .. } => None,
-        }
-    }
-
-    /// Strike the key so that it does what is asked; returns the force on the free key [N].
-    fn answer(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64, ask: &Ask) -> f64 {
-        let Some(now) = self.now.as_mut() else {
-            return 0.0;
-        };
-        let index = now.gesture;
-        let gesture = &scene.gestures[index];
-        let (free, local, struck) = (&script.free, script.free.struck, script.struck);
-        let w = scene.plan.w[struck];
-        let (asked, target) = match *ask {
-            Ask::Pass(x) => (x, n + 1),
-            Ask::Aim { to, x } => (x, to),
-        };
-        let source = gesture.source(&mut now.source, target);
-        let wanted = match (ask, gesture.touch) {
-            (Ask::Pass(x), Touch::Open) => (x - kernel::predict(&free.plan, &self.free, local)) / w,
-            (Ask::Pass(x), Touch::Tracked) => {
-                (x - kernel::predict(scene.plan, scene.body, struck)) / w
-            }
-            (&Ask::Aim { to, x }, Touch::Open) => free.aim(&self.free, n, to, x, &mut self.room),
-            (&Ask::Aim { to, x }, Touch::Tracked) => {
-                // Aim from where the loaded key is.
-                for (local, &member) in free.members.iter().enumerate() {
-                    self.free.x[local] = scene.body.x[member];
-                    self.free.d[local] = scene.body.d[member];
-                }
-                free.forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
-                free.aim(&self.free, n, to, x, &mut self.room)
-            }
-        };
-        if matches!(ask, Ask::Pass(_)) || target == n + 1 {
-            self.asked = asked;
-        }
-        let over = wanted.abs() > gesture.limit;
-        let report = &mut scene.reports[index];
-        report.missed += u64::from(over);
-        let force = match (over, gesture.touch) {
-            (false, _) => wanted,
-            (true, Touch::Open) => maths::copysign(gesture.limit, wanted),
-            // A tracked step that would need more leaves the key free.
-            (true, Touch::Tracked) => 0.0,
-        };
-        if !force.is_finite() || force == 0.0 {
-            return 0.0;
-        }
-        let rate = scene.plan.rate;
-        let t = 1.0 / rate;
-        let mass = t * t / w;
-        report.n_ergons += 1;
-        report.strongest = report.strongest.max(force.abs() * t / mass);
-        report.force_max = report.force_max.max(force.abs());
-        let before = scene.body.x[struck] - scene.body.d[struck];
-        let velocity = (kernel::predict(scene.plan, scene.body, struck) - before) * (0.5 * rate);
-        let mut record = Record::event(n as f64 / rate, struck, source, mass, velocity, force * t);
-        match (ask, gesture.touch, gesture.ergons) {
-            (Ask::Pass(x), Touch::Tracked, _) => {
-                scene.targets.push(Target {
-                    mat: struck,
-                    x: *x,
-                    was: 0.0,
-                });
-                // The free copy goes where the key goes.
-                scene.stream.push(record);
-                return (x - kernel::predict(&free.plan, &self.free, local)) / w;
-            }
-            (_, _, Ergons::Event) => scene.body.push(struck, force),
-            (_, _, Ergons::Particle) => {
-                match self.flight.launch(scene.plan, scene.body, struck, force) {
-                    Some((mass, speed)) => (record.mass, record.speed) = (mass, speed),
-                    None => scene.body.push(struck, force),
-                }
-            }
-        }
-        scene.stream.push(record);
-        force
-    }
-}
-
-impl Joining {
-    fn new(from: Knot, to: Knot) -> Self {
-        Self {
-            curve: Quintic::joining(from, to),
-            end: to.t,
         }
     }
 }
@@ -371,6 +269,7 @@ impl Running {
             source: 0,
             joining,
             struck_until: 0,
+            aim: f64::NAN,
         }
     }
 }

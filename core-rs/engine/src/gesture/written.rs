@@ -6,7 +6,7 @@ use super::placed::Placed;
 use super::profile::{Curve, PathError, Point, Profile};
 use super::quintic::Knot;
 use super::script::{Ergons, Gesture, Leg, Touch};
-use crate::timeline::frame;
+use crate::timeline::{frame, whole};
 
 /// An instant this close before a frame [frames] falls on it: what dividing beats by tempo leaves.
 const SLACK: f64 = 1e-6;
@@ -56,6 +56,9 @@ pub enum GestureError {
     /// A stretch of curves.
     #[error(transparent)]
     Path(#[from] PathError),
+    /// A gesture on a key that is not there.
+    #[error("there is no key {0}")]
+    NoKey(usize),
     /// Arrays of different lengths.
     #[error("a gesture has as many positions and curves as instants")]
     Shape,
@@ -101,9 +104,16 @@ impl Gesture {
         if points.x.len() != n || points.way.len() != n || ![0, n].contains(&points.sources.len()) {
             return Err(GestureError::Shape);
         }
+        let finite = |i: &usize| points.t[*i].is_finite() && points.x[*i].is_finite();
+        if let Some(index) = (0..n).find(|i| !finite(i)) {
+            let (t, x) = (points.t[index], points.x[index]);
+            return Err(PathError::NotFinite { index, t, x }.into());
+        }
         let legs = legs(points, rate)?;
-        let source = |i: usize| (floor(points.t[i], rate), points.sources[i]);
-        let sources = (0..points.sources.len()).map(source).collect();
+        let source = |i: usize| points.sources.get(i).copied().unwrap_or(0);
+        let sources = (0..n)
+            .map(|i| (floor(points.t[i], rate), source(i)))
+            .collect();
         Self::new(
             key,
             legs,
@@ -184,7 +194,7 @@ impl Gesture {
             entry,
             touch: manner.touch,
             ergons: manner.ergons,
-            grain: grain.map(|grain| frame(grain, rate).max(1)),
+            grain,
             join: manner.join,
             exit,
             limit: manner.limit.unwrap_or(f64::INFINITY),
@@ -248,10 +258,10 @@ fn path(points: &Written<'_>, from: usize, to: usize, rate: f64) -> Result<Leg, 
 
 /// The last frame at or before an instant.
 fn floor(t: f64, rate: f64) -> u64 {
-    (t * rate + SLACK).max(0.0) as u64
+    whole(t * rate + SLACK)
 }
 
 /// The frame at which a joining curve begins, to reach its gesture in time.
 fn join_from(start: f64, join: f64, rate: f64) -> u64 {
-    ((start - join) * rate - SLACK).ceil().max(0.0) as u64
+    whole(((start - join) * rate - SLACK).ceil())
 }

@@ -1,41 +1,69 @@
 //! Energy-exact contacts by a discrete gradient (Chatziioannou & van Walstijn 2015), in closed
-//! form for a linear contact and by a safeguarded Newton iteration for a power law.
+//! form for a linear contact and by a bracketed secant for a power law.
 
 use super::predict;
 use super::runs::{power, scatter, side};
-use crate::plan::{Kind, Plan};
+use crate::plan::{Kind, Plan, Run};
 use crate::state::{Body, Target};
 
-/// Newton steps never needed in practice (4 to 6 are); past them bisection has converged.
-const STEPS_MAX: usize = 60;
+/// Two steps at most halve the bracket, so after these it is closed; 5 to 10 are the rule.
+const STEPS_MAX: usize = 200;
+
+/// Rounds over contacts that share a MAT: each round takes the error down by their coupling, so a
+/// dozen is common and light masses between stiff ones need the most.
+const ROUNDS_MAX: usize = 200;
+/// Contacts that share a MAT agree when none changes by more than this part of itself.
+const AGREE: f64 = 1e-14;
 
 /// Solve every exact contact once all other forces are summed. Contacts that share a MAT are solved
-/// in order of declaration, each with the forces of those before it.
+/// in turn until they agree (Gauss-Seidel; the problem is convex, so they do).
 pub(crate) fn contacts(plan: &Plan, gates: &[f64], targets: &[Target], body: &mut Body) {
+    let rounds = if plan.exact_coupled { ROUNDS_MAX } else { 1 };
     for run in &plan.exact {
-        let Kind::But(but) = &run.kind else { continue };
-        let s = side(but);
-        let next = |i: usize| match targets.iter().find(|target| target.mat == i) {
-            Some(target) => (target.x, 0.0),
-            None => (predict(plan, body, i), plan.w[i]),
-        };
-        let ((xa, wa), (xb, wb)) = (next(run.a), next(run.b));
-        let (x, d) = (&body.x, &body.d);
-        let now = s * (x[run.b] - x[run.a] - run.rest);
-        let before = now - s * (d[run.b] - d[run.a]);
-        let free = s * (xb - xa - run.rest);
-        let beta = wa + wb;
-        let open = run.gate.map_or(1.0, |gate| gates[gate]);
-        let contact = Contact {
-            k: open * run.k,
-            z: open * run.z,
-            exponent: but.exponent,
-            beta,
-            clamp: but.clamp,
-        };
-        body.link[run.first] = s * contact.push(free, before, now);
-        scatter(run, body);
+        body.link[run.first] = 0.0;
     }
+    for _ in 0..rounds {
+        let mut change = 0.0_f64;
+        for run in &plan.exact {
+            let before = body.link[run.first];
+            // Take the last round's force away, so that it is solved among all others.
+            body.link[run.first] = -before;
+            scatter(run, body);
+            body.link[run.first] = force(plan, gates, targets, body, run);
+            scatter(run, body);
+            let now = body.link[run.first];
+            change = change.max((now - before).abs() - AGREE * now.abs());
+        }
+        if change <= 0.0 {
+            break;
+        }
+    }
+}
+
+/// The force of one exact contact among all others.
+fn force(plan: &Plan, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
+    let Kind::But(but) = &run.kind else {
+        return 0.0;
+    };
+    let s = side(but);
+    let next = |i: usize| match targets.iter().find(|target| target.mat == i) {
+        Some(target) => (target.x, 0.0),
+        None => (predict(plan, body, i), plan.w[i]),
+    };
+    let ((xa, wa), (xb, wb)) = (next(run.a), next(run.b));
+    let (x, d) = (&body.x, &body.d);
+    let now = s * (x[run.b] - x[run.a] - run.rest);
+    let before = now - s * (d[run.b] - d[run.a]);
+    let free = s * (xb - xa - run.rest);
+    let open = run.gate.map_or(1.0, |gate| gates[gate]);
+    let contact = Contact {
+        k: open * run.k,
+        z: open * run.z,
+        exponent: but.exponent,
+        beta: wa + wb,
+        clamp: but.clamp,
+    };
+    s * contact.push(free, before, now)
 }
 
 struct Contact {
@@ -93,11 +121,11 @@ impl Contact {
     /// (V(u) − V(w))/(u − w), and the force where the two meet.
     fn gradient(&self, u: f64, w: f64) -> f64 {
         let apart = u - w;
-        // Below this the difference quotient has lost its digits and the midpoint is as exact.
-        if apart.abs() <= 1e-6 * (u.abs() + w.abs()) {
-            let middle = 0.5 * (u + w);
-            return if middle > 0.0 {
-                self.k * power(middle, self.exponent)
+        // Nearer than this the difference quotient has lost more digits than Simpson's rule leaves out.
+        if apart.abs() <= 1e-3 * (u.abs() + w.abs()) {
+            let force = |p: f64| self.k * power(p, self.exponent);
+            return if u > 0.0 {
+                (force(u) + 4.0 * force(0.5 * (u + w)) + force(w)) / 6.0
             } else {
                 0.0
             };
@@ -114,29 +142,35 @@ impl Contact {
         let (mut high, mut low) = (p, p - beta * self.gradient(p, w));
         let (mut at_high, mut at_low) = (residue(high), residue(low));
         while at_low > 0.0 {
-            low -= high - low;
+            // Where rounding alone has met the two, they must still part.
+            low -= (high - low).max(f64::EPSILON * high.abs());
             at_low = residue(low);
         }
-        for step in 0..STEPS_MAX {
-            if high - low <= 4.0 * f64::EPSILON * high.abs().max(low.abs()) {
+        let (mut halve, mut side) = (false, 0.0);
+        for _ in 0..STEPS_MAX {
+            let width = high - low;
+            if width <= 4.0 * f64::EPSILON * high.abs().max(low.abs()) {
                 break;
             }
-            // Every third step halves, so a one-sided secant cannot crawl.
-            let secant = low - at_low * (high - low) / (at_high - at_low);
-            let u = if step % 3 == 2 || !(secant > low && secant < high) {
+            let secant = low - at_low * (width / (at_high - at_low));
+            let u = if halve || !(secant > low && secant < high) {
                 0.5 * (low + high)
             } else {
                 secant
             };
             let at = residue(u);
-            if at == 0.0 {
-                return u;
+            if at.abs() <= f64::EPSILON * p.abs().max(u.abs()) {
+                return u; // the rest is rounding
             }
+            // An end that stays counts half, so that the next secant falls on its side (Illinois).
+            let stays = if at * side > 0.0 { 0.5 } else { 1.0 };
             if at > 0.0 {
-                (high, at_high) = (u, at)
+                (high, at_high, at_low) = (u, at, stays * at_low);
             } else {
-                (low, at_low) = (u, at)
+                (low, at_low, at_high) = (u, at, stays * at_high);
             }
+            side = at;
+            halve = high - low > 0.5 * width;
         }
         0.5 * (low + high)
     }
@@ -169,3 +203,6 @@ fn linear(p: f64, w: f64, a: f64) -> f64 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

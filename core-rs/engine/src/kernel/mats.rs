@@ -1,5 +1,6 @@
 //! The MAT phase: all kinds by one formula, d += F·w − κ(x − rest) − ζd, x += d.
 
+use super::wide::wide;
 use crate::plan::Plan;
 use crate::state::{Body, Target};
 
@@ -19,35 +20,56 @@ pub(crate) fn advance(plan: &Plan, targets: &mut [Target], body: &mut Body) -> b
     for target in &mut *targets {
         target.was = body.x[target.mat];
     }
-    let sound = free(plan, body);
+    let mut within = free(plan, body);
     for target in targets {
         body.d[target.mat] = target.x - target.was;
         body.x[target.mat] = target.x;
+        within &= sound(target.x);
     }
-    sound
+    within
 }
 
 #[allow(clippy::neg_cmp_op_on_partial_ord)] // NaN must count as beyond
 fn free(plan: &Plan, body: &mut Body) -> bool {
-    let n = plan.w.len();
-    let (w, kappa, zeta, rest) = (
-        &plan.w[..n],
-        &plan.kappa[..n],
-        &plan.zeta[..n],
-        &plan.rest[..n],
-    );
-    let (x, d, force) = (&mut body.x[..n], &mut body.d[..n], &body.force[..n]);
-    let mut bad = 0_u64;
-    for i in 0..n {
-        let step = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
-        d[i] += step;
-        x[i] += d[i];
-        bad |= u64::from(!(x[i].abs() <= RUNAWAY));
+    let Plan {
+        w,
+        kappa,
+        zeta,
+        rest,
+        ..
+    } = plan;
+    move_all(
+        [w, kappa, zeta, rest],
+        &body.force,
+        &mut body.x,
+        &mut body.d,
+    )
+}
+
+wide! {
+    /// The formula for every MAT; `numbers` are w, κ, ζ and rest.
+    pub(super) fn move_all(
+        numbers: [&[f64]; 4],
+        force: &[f64],
+        x: &mut [f64],
+        d: &mut [f64],
+    ) -> bool {
+        let n = force.len();
+        let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
+        let (x, d) = (&mut x[..n], &mut d[..n]);
+        let mut bad = 0_u64;
+        for i in 0..n {
+            let step = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
+            d[i] += step;
+            x[i] += d[i];
+            bad |= u64::from(!sound(x[i]));
+        }
+        bad == 0
     }
-    bad == 0
 }
 
 /// Whether one MAT is where a MAT can be.
+#[inline(always)]
 pub(crate) fn sound(x: f64) -> bool {
     x.abs() <= RUNAWAY
 }

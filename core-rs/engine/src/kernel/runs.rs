@@ -1,6 +1,8 @@
 //! The link phase: every run in three passes (forces; pull a; pull b), so that each pass vectorises
 //! although a mesh's runs overlap themselves.
 
+use super::wide::wide;
+use crate::law::Hardening;
 use crate::network::{But, Side};
 use crate::plan::{Kind, Laws, Plan, Run};
 use crate::state::Body;
@@ -10,31 +12,28 @@ pub(crate) fn links(plan: &Plan, gates: &[f64], body: &mut Body, laws: &mut Laws
     body.force.fill(0.0);
     body.outside.fill(0.0);
     for run in &plan.runs {
-        let span = run.first..run.first + run.len;
-        let (x, d) = (&body.x, &body.d);
-        let (xa, xb) = (&x[run.a..run.a + run.len], &x[run.b..run.b + run.len]);
-        let (da, db) = (&d[run.a..run.a + run.len], &d[run.b..run.b + run.len]);
-        let f = &mut body.link[span.clone()];
+        let ends = Ends::of(run, &body.x, &body.d);
+        let f = &mut body.link[run.first..run.first + run.len];
         match &run.kind {
-            Kind::Ref => {
-                let (k, z, rest) = (run.k, run.z, run.rest);
-                for i in 0..run.len {
-                    f[i] = k * (xb[i] - xa[i] - rest) + z * (db[i] - da[i]);
-                }
-            }
+            Kind::Ref => springs(run.k, run.z, run.rest, &ends, f),
             Kind::But(but) => {
+                let Ends { xa, xb, da, db } = ends;
                 for i in 0..run.len {
                     f[i] = contact(but, run, xb[i] - xa[i] - run.rest, db[i] - da[i]);
                 }
             }
-            Kind::Lnl { law, rate, room } => {
-                let (e, v) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
-                for i in 0..run.len {
-                    e[i] = xb[i] - xa[i] - run.rest;
-                    v[i] = (db[i] - da[i]) * rate;
+            Kind::Lnl { law, rate, room } => match law.hardens() {
+                Some(by) => hardening(by, *rate, run.rest, &ends, f),
+                None => {
+                    let Ends { xa, xb, da, db } = ends;
+                    let (e, v) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
+                    for i in 0..run.len {
+                        e[i] = xb[i] - xa[i] - run.rest;
+                        v[i] = (db[i] - da[i]) * rate;
+                    }
+                    law.eval_run(e, v, f, &mut laws.scratch[*room]);
                 }
-                law.eval_run(e, v, f, &mut laws.scratch[*room]);
-            }
+            },
         }
         if let Some(gate) = run.gate {
             let open = gates[gate];
@@ -44,14 +43,74 @@ pub(crate) fn links(plan: &Plan, gates: &[f64], body: &mut Body, laws: &mut Laws
     }
 }
 
+/// Positions and steps at both ends of a run, (len) each.
+pub(super) struct Ends<'a> {
+    pub(super) xa: &'a [f64],
+    pub(super) xb: &'a [f64],
+    pub(super) da: &'a [f64],
+    pub(super) db: &'a [f64],
+}
+
+impl<'a> Ends<'a> {
+    fn of(run: &Run, x: &'a [f64], d: &'a [f64]) -> Self {
+        let (a, b) = (run.a..run.a + run.len, run.b..run.b + run.len);
+        Self {
+            xa: &x[a.clone()],
+            xb: &x[b.clone()],
+            da: &d[a],
+            db: &d[b],
+        }
+    }
+
+    /// The same, with lengths that the compiler sees.
+    #[inline(always)]
+    fn cut(&self, n: usize) -> [&'a [f64]; 4] {
+        [&self.xa[..n], &self.xb[..n], &self.da[..n], &self.db[..n]]
+    }
+}
+
+wide! {
+    pub(super) fn springs(k: f64, z: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
+        let n = f.len();
+        let [xa, xb, da, db] = ends.cut(n);
+        for i in 0..n {
+            f[i] = k * (xb[i] - xa[i] - rest) + z * (db[i] - da[i]);
+        }
+    }
+}
+
+wide! {
+    /// Hardening springs in one pass: the same operations in the same order as their expressions.
+    pub(super) fn hardening(by: Hardening, rate: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
+        let n = f.len();
+        let [xa, xb, da, db] = ends.cut(n);
+        let Hardening { k, q, z } = by;
+        for i in 0..n {
+            let e = xb[i] - xa[i] - rest;
+            f[i] = k * e + q * (e * e * e);
+        }
+        if let Some(z) = z {
+            for i in 0..n {
+                f[i] += z * ((db[i] - da[i]) * rate);
+            }
+        }
+    }
+}
+
 /// Add a run's forces to its two ends: F_a += f, F_b −= f.
 pub(super) fn scatter(run: &Run, body: &mut Body) {
     let f = &body.link[run.first..run.first + run.len];
-    for (force, f) in body.force[run.a..run.a + run.len].iter_mut().zip(f) {
-        *force += f;
-    }
-    for (force, f) in body.force[run.b..run.b + run.len].iter_mut().zip(f) {
-        *force -= f;
+    pull(f, &mut body.force, run.a, run.b);
+}
+
+wide! {
+    fn pull(f: &[f64], force: &mut [f64], a: usize, b: usize) {
+        for (force, f) in force[a..a + f.len()].iter_mut().zip(f) {
+            *force += f;
+        }
+        for (force, f) in force[b..b + f.len()].iter_mut().zip(f) {
+            *force -= f;
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Listening: sums over ranges by a fixed tree of eight lanes, whatever the vector width.
 
+use super::wide::wide;
 use crate::network::Term;
 use crate::plan::Plan;
 use crate::state::Body;
@@ -17,31 +18,59 @@ pub(crate) fn tap(plan: &Plan, body: &Body, frame: &mut [f64]) {
 
 fn value(plan: &Plan, body: &Body, term: &Term) -> f64 {
     match *term {
-        Term::Position { first, len, weight } => {
-            weight * sum(&body.x[first..first + len], |i| body.x[first + i])
-        }
+        Term::Position { first, len, weight } => weight * sum(&body.x[first..first + len]),
         // A link's force on its second point is −f.
-        Term::Force { first, len, weight } => {
-            -weight * sum(&body.link[first..first + len], |i| body.link[first + i])
-        }
+        Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
-            weight
-                * sum(&body.x[first..first + len], |i| {
-                    let mat = first + i;
-                    plan.ground[mat] * (body.x[mat] - plan.rest[mat])
-                })
+            let range = first..first + len;
+            let (k, x) = (&plan.ground[range.clone()], &body.x[range.clone()]);
+            weight * grounds(k, x, &plan.rest[range])
         }
     }
 }
 
-fn sum(range: &[f64], at: impl Fn(usize) -> f64) -> f64 {
-    if range.len() == 1 {
-        return at(0);
+fn sum(range: &[f64]) -> f64 {
+    match *range {
+        [alone] => alone,
+        _ => sums(range),
+    }
+}
+
+wide! {
+    pub(super) fn sums(range: &[f64]) -> f64 {
+        let mut lanes = [0.0; 8];
+        let eights = range.chunks_exact(8);
+        let left = eights.remainder();
+        for eight in eights {
+            for (lane, value) in lanes.iter_mut().zip(eight) {
+                *lane += value;
+            }
+        }
+        for (lane, value) in lanes.iter_mut().zip(left) {
+            *lane += value;
+        }
+        joined(lanes)
+    }
+}
+
+/// Forces of CELs on their ground, K·(x − rest), summed.
+fn grounds(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {
+    let force = |i: usize| k[i] * (x[i] - rest[i]);
+    if x.len() == 1 {
+        return force(0);
     }
     let mut lanes = [0.0; 8];
-    for i in 0..range.len() {
-        lanes[i % 8] += at(i);
+    for i in 0..x.len() {
+        lanes[i % 8] += force(i);
     }
+    joined(lanes)
+}
+
+#[inline(always)]
+fn joined(lanes: [f64; 8]) -> f64 {
     ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
         + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
 }
+
+#[cfg(test)]
+mod tests;

@@ -182,9 +182,16 @@ impl Network {
     }
 
     /// Set the initial position [m] and velocity [m/s] of one MAT.
-    pub fn start(&mut self, index: usize, x0: f64, v0: f64) {
+    pub fn start(&mut self, index: usize, x0: f64, v0: f64) -> Result<(), Error> {
+        if !(x0.is_finite() && v0.is_finite()) {
+            return Err(Error::Refused {
+                module: self.mat_name(index),
+                message: format!("X0 and V0 must be finite numbers, not {x0} and {v0}"),
+            });
+        }
         self.mats.x0[index] = x0;
         self.mats.v0[index] = v0;
+        Ok(())
     }
 
     /// Make a MAT's position imposed (ENX).
@@ -194,14 +201,20 @@ impl Network {
 
     /// Add an output; returns its index.
     pub fn listen(&mut self, name: &str, terms: Vec<Term>) -> Result<usize, Error> {
-        let fits = terms.iter().all(|term| match *term {
-            Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
-                first + len <= self.n_mat()
+        for term in &terms {
+            let (first, len, weight, most) = match *term {
+                Term::Position { first, len, weight } | Term::Ground { first, len, weight } => {
+                    (first, len, weight, self.n_mat())
+                }
+                Term::Force { first, len, weight } => (first, len, weight, self.n_lia),
+            };
+            if first.checked_add(len).is_none_or(|end| end > most) {
+                return Err(self.refused(name, "listens to a module that is not there"));
             }
-            Term::Force { first, len, .. } => first + len <= self.n_lia,
-        });
-        if !fits {
-            return Err(self.refused(name, "listens to a module that is not there"));
+            if !weight.is_finite() {
+                let message = format!("a weight is {weight}: it must be a finite number");
+                return Err(self.refused(name, &message));
+            }
         }
         self.outputs.push(Output {
             name: name.to_owned(),
@@ -281,7 +294,11 @@ impl Network {
         }
     }
 
-    fn current(&self) -> u32 {
+    /// The part that modules are added to; one without a name where none was begun.
+    fn current(&mut self) -> u32 {
+        if self.parts.is_empty() {
+            self.part("", None);
+        }
         self.current as u32
     }
 

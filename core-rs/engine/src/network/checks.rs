@@ -7,7 +7,8 @@ use super::kinds::Error;
 const MODULES_MAX: usize = 20_000_000;
 
 impl Network {
-    pub(super) fn refused(&self, name: &str, message: &str) -> Error {
+    /// The refusal of a module of the present part.
+    pub fn refused(&self, name: &str, message: &str) -> Error {
         Error::Refused {
             module: self.full(name),
             message: message.to_owned(),

@@ -61,6 +61,9 @@ impl Network {
                 "a magic contact takes a restitution above 0, at most 1, and 2 steps or more";
             return Err(self.refused(name, message));
         }
+        if but.exponent != 1.0 {
+            return Err(self.refused(name, "a magic contact is linear: its exponent is 1"));
+        }
         if but.clamp && but.restitution < 1.0 {
             let message = "a magic contact with a restitution below 1 has to pull at the exit: take clamp away";
             return Err(self.refused(name, message));

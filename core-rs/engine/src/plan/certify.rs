@@ -4,6 +4,8 @@
 //! number of negative eigenvalues of 4M − K − 2Z. Every contact is taken closed, every law at
 //! its slope at rest; with such links the certificate guards, without them it proves.
 
+use nalgebra::DMatrix;
+
 use super::{Kind, Plan, Run};
 use crate::network::{Error, Network};
 use crate::spectrum;
@@ -22,6 +24,8 @@ pub enum Word {
 pub enum Means {
     /// From the sums at the two ends of each link.
     Gershgorin,
+    /// All eigenvalues of a small network.
+    Dense,
     /// By Lanczos, with its residual.
     Lanczos,
 }
@@ -60,6 +64,62 @@ fn weight(run: &Run) -> f64 {
     }
 }
 
+/// Below the exact border of 4 by what rounding may take from an eigenvalue.
+const BORDER: f64 = 4.0 * (1.0 - 1e-14);
+/// Up to this many MATs all eigenvalues are computed: exact at the border, and as quick.
+const DENSE_MAX: usize = 200;
+
+/// The largest eigenvalue, or an upper bound of it, and its vector (n_mat).
+struct Top {
+    lambda: f64,
+    means: Means,
+    vector: Vec<f64>,
+}
+
+/// The largest eigenvalue of M^-½ (K + 2Z) M^-½.
+fn top(plan: &Plan, weights: &[f64]) -> Top {
+    let n = plan.n_mat();
+    let root: Vec<f64> = plan.w.iter().map(|w| w.sqrt()).collect();
+    let mut scaled = vec![0.0; n];
+    let mut apply = |v: &[f64], y: &mut [f64]| {
+        for i in 0..n {
+            scaled[i] = v[i] * root[i];
+            y[i] = (plan.kappa[i] + 2.0 * plan.zeta[i]) * v[i];
+        }
+        for (run, weight) in plan.runs.iter().zip(weights) {
+            for i in 0..run.len {
+                let (a, b) = (run.a + i, run.b + i);
+                let f = weight * (scaled[b] - scaled[a]);
+                y[a] -= f * root[a];
+                y[b] += f * root[b];
+            }
+        }
+    };
+    if n > DENSE_MAX {
+        let largest = spectrum::largest(n, &mut apply);
+        return Top {
+            lambda: largest.theta + largest.residual,
+            means: Means::Lanczos,
+            vector: largest.vector,
+        };
+    }
+    let mut matrix = DMatrix::zeros(n, n);
+    let (mut unit, mut column) = (vec![0.0; n], vec![0.0; n]);
+    for i in 0..n {
+        unit[i] = 1.0;
+        apply(&unit, &mut column);
+        unit[i] = 0.0;
+        matrix.column_mut(i).copy_from_slice(&column);
+    }
+    let eigen = matrix.symmetric_eigen();
+    let at = eigen.eigenvalues.imax();
+    Top {
+        lambda: eigen.eigenvalues[at],
+        means: Means::Dense,
+        vector: eigen.eigenvectors.column(at).iter().copied().collect(),
+    }
+}
+
 pub(super) fn certify(plan: &Plan, network: &Network) -> Result<Certificate, Error> {
     let word = if plan.linear {
         Word::Proved
@@ -90,47 +150,36 @@ pub(super) fn certify(plan: &Plan, network: &Network) -> Result<Certificate, Err
             sums[run.b + i] += weight;
         }
     }
+    if let Some(mat) = sums.iter().position(|sum| !sum.is_finite()) {
+        return Err(Error::Refused {
+            module: network.mat_name(mat),
+            message: "a force on it is not a finite number at rest".to_owned(),
+        });
+    }
     let at = |i: usize| sums[i] * plan.w[i];
     let edges = links().flat_map(|(run, _)| (0..run.len).map(|i| at(run.a + i) + at(run.b + i)));
     let bound = (0..n).map(at).chain(edges).fold(0.0, f64::max);
-    if bound < 4.0 {
+    if bound < BORDER {
         return Ok(Certificate {
             lambda_max: bound,
             means: Means::Gershgorin,
             word,
         });
     }
-    // y = M^-½ (K + 2Z) M^-½ v
-    let root: Vec<f64> = plan.w.iter().map(|w| w.sqrt()).collect();
-    let mut scaled = vec![0.0; n];
-    let largest = spectrum::largest(n, &mut |v: &[f64], y: &mut [f64]| {
-        for i in 0..n {
-            scaled[i] = v[i] * root[i];
-            y[i] = (plan.kappa[i] + 2.0 * plan.zeta[i]) * v[i];
-        }
-        for (run, weight) in links() {
-            for i in 0..run.len {
-                let (a, b) = (run.a + i, run.b + i);
-                let f = weight * (scaled[b] - scaled[a]);
-                y[a] -= f * root[a];
-                y[b] += f * root[b];
-            }
-        }
-    });
-    let lambda = largest.theta + largest.residual;
-    if lambda < 4.0 {
+    let top = top(plan, &weights);
+    if top.lambda < BORDER {
         return Ok(Certificate {
-            lambda_max: lambda,
-            means: Means::Lanczos,
+            lambda_max: top.lambda,
+            means: top.means,
             word,
         });
     }
     let worst = (0..n)
-        .max_by(|&i, &j| largest.vector[i].abs().total_cmp(&largest.vector[j].abs()))
+        .max_by(|&i, &j| top.vector[i].abs().total_cmp(&top.vector[j].abs()))
         .unwrap_or(0);
     Err(Error::Unstable {
         module: network.mat_name(worst),
-        lambda,
-        oversampling: oversampling(lambda),
+        lambda: top.lambda,
+        oversampling: oversampling(top.lambda),
     })
 }

@@ -22,6 +22,7 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
         part: mats.part.clone(),
         runs: Vec::new(),
         exact: Vec::new(),
+        exact_coupled: false,
         outputs: network.outputs().to_vec(),
         n_lia: network.n_lia(),
         n_parts: network.parts().len(),
@@ -31,24 +32,21 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let ratios;
         (plan.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
-            None => (
-                rate.step() * rate.step() / m,
-                Cell::new(m, k, z).ratios(rate),
-            ),
+            None => {
+                let own = Cell::new(m, k, z);
+                below_nyquist(network, i, own.frequency(), rate)?;
+                (rate.step() * rate.step() / m, own.ratios(rate))
+            }
             Some(at) => {
                 // The number is M at its own rate: m = M·T²; at that rate the factor is exactly 1.
                 let step = at.hertz() / rate.hertz();
-                (
-                    step * step / m,
-                    moved(
-                        Ratios {
-                            kappa: k / m,
-                            zeta: z / m,
-                        },
-                        at,
-                        rate,
-                    ),
-                )
+                let own = Ratios {
+                    kappa: k / m,
+                    zeta: z / m,
+                };
+                let f = own.pitch(at).map_or(0.0, |(f, _)| f);
+                below_nyquist(network, i, f, rate)?;
+                (step * step / m, moved(own, at, rate))
             }
         };
         if mats.kind[i] == MatKind::Cel {
@@ -97,6 +95,12 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
                     Contact::Magic => {
                         free(network, run.a, run.first)?;
                         free(network, run.b, run.first)?;
+                        if plan.w[run.a] + plan.w[run.b] == 0.0 {
+                            return Err(Error::Refused {
+                                module: network.link_name(run.first),
+                                message: "a magic contact needs an end that moves".to_owned(),
+                            });
+                        }
                         let mu = 1.0 / (plan.w[run.a] + plan.w[run.b]);
                         let (k, z) = magic(but);
                         planned.k = k * mu;
@@ -107,11 +111,30 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
             }
         }
     }
+    let mut ends: Vec<usize> = plan.exact.iter().flat_map(|run| [run.a, run.b]).collect();
+    ends.sort_unstable();
+    plan.exact_coupled = ends
+        .windows(2)
+        .any(|pair| pair[0] == pair[1] && plan.w[pair[0]] > 0.0);
     Ok(plan)
 }
 
 fn ca_rate(network: &Network, part: usize) -> Option<Rate> {
     network.parts().get(part).and_then(|part| part.ca_rate)
+}
+
+/// Above half the rate a cell's exact poles are those of its alias: stable, and out of tune.
+fn below_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Result<(), Error> {
+    if f <= 0.5 * rate.hertz() {
+        return Ok(());
+    }
+    Err(Error::Refused {
+        module: network.mat_name(mat),
+        message: format!(
+            "it swings at {f:.0} Hz, above half the rate of {:.0} Hz: take a higher rate, or a lower f or K",
+            rate.hertz()
+        ),
+    })
 }
 
 /// The cell of a discrete network at another rate: by its poles where they are a pitch and a decay, by

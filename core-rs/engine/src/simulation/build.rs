@@ -11,7 +11,7 @@ use crate::gesture::voice::{Voice, VoiceScript};
 use crate::network::{Error, MatKind, Network};
 use crate::plan::{Plan, backward_steps};
 use crate::state::Body;
-use crate::timeline::{Drive, DriveKind, Timeline};
+use crate::timeline::{Drive, DriveKind, Timeline, frame};
 
 /// How a simulation is to run.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,8 @@ impl Simulation {
             ergons: 0,
             gates: vec![0.0; timeline.gates.len()],
             gates_next: vec![0.0; timeline.gates.len()],
-            targets: Vec::with_capacity(timeline.drives.len() + scripts.len()),
+            layers: vec![0.0; timeline.keys.len()],
+            targets: Vec::new(),
             laws,
             stream: Stream::new(options.record),
             ledger,
@@ -71,11 +72,13 @@ impl Simulation {
             n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
         };
-        Ok(Self {
+        let mut simulation = Self {
             network,
             script: Arc::new(script),
             state,
-        })
+        };
+        simulation.reserve();
+        Ok(simulation)
     }
 }
 
@@ -107,6 +110,21 @@ fn start(network: &Network, plan: &Plan, timeline: &Timeline, drives: &[Drive]) 
     Body::new(plan, x, d)
 }
 
+/// Links that join a MAT to other parts, each with the MAT at its other end.
+fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
+    let part = &network.mats().part;
+    let mut found = Vec::new();
+    for run in network.runs() {
+        for (end, other) in [(run.a, run.b), (run.b, run.a)] {
+            if let Some(i) = mat.checked_sub(end).filter(|i| *i < run.len) {
+                found.push((run.first + i, other + i));
+            }
+        }
+    }
+    found.retain(|&(_, other)| part[other] != part[mat]);
+    found
+}
+
 /// The voices of all keys: one for the gestures that follow one another, one for each that is laid
 /// over them.
 fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
@@ -124,9 +142,21 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
         let part = network.mats().part[known.struck] as usize;
         let (alone, members) = network.alone(part);
         let inside = |mat: usize| members.binary_search(&mat).ok();
+        for link in timeline.gates.iter().map(|gate| gate.link) {
+            let run = network.run_of(link);
+            if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
+                return Err(Error::Refused {
+                    module: network.link_name(link),
+                    message: "a link inside a key acts all the time: gestures are written for the \
+                              key with all its links"
+                        .to_owned(),
+                });
+            }
+        }
         let drives: Vec<Drive> = timeline
             .drives
             .iter()
+            .filter(|drive| drive.own)
             .filter_map(|drive| {
                 inside(drive.mat).map(|mat| Drive {
                     mat,
@@ -151,13 +181,17 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
                 .total_cmp(&timeline.gestures[j].start)
         });
         for gesture in own.iter().map(|&i| &timeline.gestures[i]) {
-            if let Some(grain) = gesture.grain.filter(|&grain| free.is_past_quarter(grain)) {
+            // No flight lasts longer than the gesture.
+            let most = gesture.last().saturating_sub(gesture.first);
+            let flight = |grain: &f64| frame(*grain, timeline.rate.hertz()).min(most);
+            let is_long = |grain: &f64| free.is_past_quarter(flight(grain));
+            if let Some(grain) = gesture.grain.filter(is_long) {
                 return Err(Error::Refused {
                     module: known.name.clone(),
                     message: format!(
                         "a grain of {:.1} ms is longer than a quarter of the key's own period: between \
                          ergons the key would swing back",
-                        1e3 * grain as f64 * timeline.rate.step()
+                        1e3 * grain
                     ),
                 });
             }
@@ -170,6 +204,7 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
             free,
             gestures: line,
             layer: false,
+            meets: meets(network, known.struck),
         };
         voices.push(Voice::new(&script, body));
         scripts.push(script.clone());

@@ -58,13 +58,15 @@ impl Mutes {
             .filter_map(|(part, since)| since.map(|frame| (part, frame)))
     }
 
-    /// Fade the outputs of muted parts from their last sound sample; keep that of the others.
+    /// Fade the outputs of muted parts from their last sound sample; keep that of the others. A force
+    /// may be non-finite one frame before a position shows it: that frame repeats the one before.
     pub(super) fn fade(&mut self, n: u64, plan: &Plan, out: &mut [f64]) {
         let length = FADE * plan.rate;
         for ((sample, last), since) in out.iter_mut().zip(&mut self.last).zip(&self.outputs) {
             match since {
                 Some(since) => *sample = *last * (1.0 - (n - since) as f64 / length).max(0.0),
-                None => *last = *sample,
+                None if sample.is_finite() => *last = *sample,
+                None => *sample = *last,
             }
         }
     }
@@ -99,7 +101,9 @@ impl Simulation {
         let plan = &mut script.plan;
         let ours: Vec<bool> = plan.part.iter().map(|&own| own as usize == part).collect();
         for (mat, _) in ours.iter().enumerate().filter(|(_, ours)| **ours) {
-            state.body.x[mat] = plan.rest[mat];
+            // A ground beyond all bounds would go off again at once.
+            let ground = Some(plan.rest[mat]).filter(|&x| kernel::sound(x));
+            state.body.x[mat] = ground.unwrap_or(0.0);
             state.body.d[mat] = 0.0;
             (plan.w[mat], plan.kappa[mat], plan.zeta[mat]) = (0.0, 0.0, 0.0);
         }
@@ -122,11 +126,11 @@ impl Simulation {
         }
         plan.runs.retain(|run| !lets_go(run.a, run.b, run.len));
         plan.exact.retain(|run| !lets_go(run.a, run.b, run.len));
-        script
-            .voices
-            .iter_mut()
-            .filter(|voice| ours[voice.struck])
-            .for_each(|voice| voice.gestures.clear());
+        script.drives.retain(|drive| !ours[drive.mat]);
+        let mut stays = script.voices.iter().map(|voice| !ours[voice.struck]);
+        state.voices.retain(|_| stays.next().unwrap_or(true));
+        drop(stays);
+        script.voices.retain(|voice| !ours[voice.struck]);
         for (output, since) in plan.outputs.iter().zip(&mut state.mutes.outputs) {
             let listens = output.terms.iter().any(|term| match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {

@@ -142,6 +142,11 @@ impl Ledger {
         ledger
     }
 
+    /// Room for as many imposed MATs: while it steps it does not allocate.
+    pub(super) fn reserve(&mut self, n_targets: usize) {
+        self.hold.reserve(n_targets);
+    }
+
     /// Before the MAT phase: forces are complete, positions are those of frame n.
     pub(super) fn before(&mut self, plan: &Plan, targets: &[Target], body: &Body) {
         self.d.copy_from_slice(&body.d);

@@ -1,0 +1,175 @@
+//! From what is asked of a key to the ergon that does it.
+
+use super::{Ask, Held, Scene, Voice, VoiceScript};
+use crate::gesture::script::{Ergons, Report, Touch};
+use crate::plan::Plan;
+use crate::simulation::record::{Record, Stream};
+use crate::state::{Body, Target};
+use crate::{kernel, maths};
+
+/// An ergon that strikes, as it is told to report and stream.
+struct Blow {
+    frame: u64,
+    mat: usize,
+    source: u32,
+    force: f64,
+    /// Mass [kg] and velocity [m/s] of a particle; an event's follow from the force.
+    particle: Option<(f64, f64)>,
+}
+
+impl Voice {
+    /// Strike the key so that it does what is asked; returns the force on the free key [N].
+    /// `here` is where it was wanted at this very frame, NaN where nowhere.
+    pub(super) fn answer(
+        &mut self,
+        script: &VoiceScript,
+        scene: &mut Scene<'_>,
+        n: u64,
+        ask: &Ask,
+        here: f64,
+    ) -> f64 {
+        let wanted = self.wanted(script, scene, n, ask);
+        let Some(now) = self.now.as_mut() else {
+            return 0.0;
+        };
+        let index = now.gesture;
+        let gesture = &scene.gestures[index];
+        let (asked, target) = match *ask {
+            Ask::Pass(x) => (x, n + 1),
+            Ask::Aim { to, x } => (x, to),
+        };
+        let source = gesture.source(&mut now.source, target);
+        if target == n + 1 {
+            self.asked = asked;
+        }
+        let over = wanted.abs() > gesture.limit;
+        scene.reports[index].missed += u64::from(over);
+        if let (Ask::Pass(x), Touch::Tracked) = (ask, gesture.touch) {
+            // A tracked step that would need more than the limit leaves the key free.
+            if over {
+                return 0.0;
+            }
+            scene.targets.push(Target {
+                mat: script.struck,
+                x: *x,
+                was: 0.0,
+            });
+            self.held = Some(Held {
+                gesture: index,
+                source,
+                x: *x,
+            });
+            // The free copy goes where the key goes.
+            return needed(&script.free.plan, &self.free, script.free.struck, *x);
+        }
+        let force = match *ask {
+            _ if !over => wanted,
+            Ask::Pass(x) => self.catch_up(script, [here, x], gesture.limit),
+            Ask::Aim { .. } => maths::copysign(gesture.limit, wanted),
+        };
+        if !force.is_finite() || force == 0.0 {
+            return 0.0;
+        }
+        let mut blow = Blow {
+            frame: n,
+            mat: script.struck,
+            source,
+            force,
+            particle: None,
+        };
+        if gesture.ergons == Ergons::Particle {
+            let flight = &mut self.flight;
+            blow.particle = flight.launch(scene.plan, scene.body, script.struck, force);
+        }
+        let strikes_itself = blow.particle.is_some();
+        blow.tell(
+            scene.plan,
+            scene.body,
+            &mut scene.reports[index],
+            scene.stream,
+        );
+        if !strikes_itself {
+            scene.body.push(script.struck, force);
+        }
+        force
+    }
+
+    /// The force within the limit that brings the free key back onto a path that it fell behind [N].
+    ///
+    /// It closes the distance e no faster than half the limit can brake, √(2·½a·|e|): pushing with
+    /// all force until the path is crossed would swing far beyond it, again and again.
+    fn catch_up(&self, script: &VoiceScript, [here, next]: [f64; 2], limit: f64) -> f64 {
+        let (plan, i) = (&script.free.plan, script.free.struck);
+        let here = if here.is_nan() { next } else { here };
+        let away = here - self.free.x[i];
+        // a·T² = limit/M, in metres a step, squared.
+        let closing = (limit * plan.w[i] * away.abs()).sqrt().min(away.abs());
+        let aim = self.free.x[i] + (next - here) + maths::copysign(closing, away);
+        needed(plan, &self.free, i, aim).clamp(-limit, limit)
+    }
+
+    /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
+    pub(crate) fn settle(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
+        if let Some(held) = self.held.take() {
+            let force = needed(scene.plan, scene.body, script.struck, held.x);
+            let blow = Blow {
+                frame: n,
+                mat: script.struck,
+                source: held.source,
+                force,
+                particle: None,
+            };
+            let report = &mut scene.reports[held.gesture];
+            blow.tell(scene.plan, scene.body, report, scene.stream);
+        }
+    }
+
+    /// The force that does what is asked, whatever it takes [N].
+    fn wanted(&mut self, script: &VoiceScript, scene: &Scene<'_>, n: u64, ask: &Ask) -> f64 {
+        let Some(now) = &self.now else { return 0.0 };
+        let free = &script.free;
+        match (*ask, scene.gestures[now.gesture].touch) {
+            (Ask::Pass(x), Touch::Open) => needed(&free.plan, &self.free, free.struck, x),
+            (Ask::Pass(x), Touch::Tracked) => needed(scene.plan, scene.body, script.struck, x),
+            (Ask::Aim { to, x }, touch) => {
+                if touch == Touch::Tracked {
+                    // Aim from where the loaded key is.
+                    for (local, &member) in free.members.iter().enumerate() {
+                        self.free.x[local] = scene.body.x[member];
+                        self.free.d[local] = scene.body.d[member];
+                    }
+                    free.forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
+                }
+                free.aim(&self.free, n, to, x, &mut self.room)
+            }
+        }
+    }
+}
+
+/// The force that brings a MAT to x at the next frame, beside the forces summed so far [N].
+fn needed(plan: &Plan, body: &Body, mat: usize, x: f64) -> f64 {
+    (x - kernel::predict(plan, body, mat)) / plan.w[mat]
+}
+
+impl Blow {
+    /// Into the report and the stream, before the force is added to the sum.
+    fn tell(&self, plan: &Plan, body: &Body, report: &mut Report, stream: &mut Stream) {
+        let t = 1.0 / plan.rate;
+        let (mass, impulse) = (t * t / plan.w[self.mat], self.force * t);
+        report.n_ergons += 1;
+        report.strongest = report.strongest.max(impulse.abs() / mass);
+        report.force_max = report.force_max.max(self.force.abs());
+        if !stream.is_kept() {
+            return;
+        }
+        // Centred velocity without the ergon.
+        let before = body.x[self.mat] - body.d[self.mat];
+        let velocity = (kernel::predict(plan, body, self.mat) - before) * (0.5 * plan.rate);
+        let time = self.frame as f64 * t;
+        let mut record = Record::event(time, self.mat, self.source, mass, velocity, impulse);
+        if let Some((mass, speed)) = self.particle {
+            (record.mass, record.speed) = (mass, speed);
+        }
+        stream.push(record);
+    }
+}

@@ -1,0 +1,160 @@
+use super::*;
+use crate::maths;
+use proptest::prelude::*;
+
+const POWERS: [f64; 4] = [1.0, 1.5, 2.5, 8.0];
+
+fn spring(k: f64, exponent: f64, beta: f64) -> Contact {
+    Contact {
+        k,
+        z: 0.0,
+        exponent,
+        beta,
+        clamp: false,
+    }
+}
+
+/// (V(u) − V(w))/(u − w) of V = K·p₊^(α+1)/(α+1), written for itself.
+fn gradient(k: f64, alpha: f64, u: f64, w: f64) -> f64 {
+    let v = |p: f64| k / (alpha + 1.0) * maths::pow(p.max(0.0), alpha + 1.0);
+    if alpha == 1.0 {
+        // By the sum of the two where both are closed: no digit is lost.
+        return match (u > 0.0, w > 0.0) {
+            (true, true) => 0.5 * k * (u + w),
+            (false, false) => 0.0,
+            _ => (v(u) - v(w)) / (u - w),
+        };
+    }
+    let middle = 0.5 * (u + w);
+    let span = u - w;
+    if span.abs() < 1e-4 * middle {
+        // Simpson over the stretch: the next term is of fourth order in 1e-4.
+        let f = |p: f64| k * maths::pow(p.max(0.0), alpha);
+        (f(u) + 4.0 * f(middle) + f(w)) / 6.0
+    } else if span == 0.0 {
+        0.0
+    } else {
+        (v(u) - v(w)) / span
+    }
+}
+
+/// The root of u + β·gradient(u, w) = p, by halving alone.
+fn bisected(k: f64, alpha: f64, beta: f64, p: f64, w: f64) -> f64 {
+    let side = |u: f64| u + beta * gradient(k, alpha, u, w) > p;
+    let (mut low, mut high) = (p - 1.0, p);
+    while side(low) {
+        low -= 2.0 * (high - low);
+    }
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if side(middle) {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    high
+}
+
+/// A signed length from 1 nm to 10 cm.
+fn length() -> impl Strategy<Value = f64> {
+    (-9.0..-1.0_f64, any::<bool>()).prop_map(|(decade, negative)| {
+        let size = maths::pow(10.0, decade);
+        if negative { -size } else { size }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// The push is the discrete gradient between where the penetration was and where it goes,
+    /// from no stiffness to speak of up to 1e12 N/m, whatever the masses.
+    #[test]
+    fn a_push_solves_its_equation(
+        power in 0..4_usize, k in 0.0..12.0_f64, beta in -12.0..-3.0_f64, p in length(), w in length(),
+    ) {
+        let (alpha, k, beta) = (POWERS[power], maths::pow(10.0, k), maths::pow(10.0, beta));
+        let contact = spring(k, alpha, beta);
+        let u = if alpha == 1.0 { linear(p, w, 0.5 * beta * k) } else { contact.solve(p, w, beta) };
+        let wanted = bisected(k, alpha, beta, p, w);
+        // The quotient of a power law keeps twelve digits where its two ends nearly meet.
+        let digits = if alpha == 1.0 { 1e-13 } else { 1e-11 };
+        prop_assert!(
+            (u - wanted).abs() <= digits * (p.abs() + w.abs() + wanted.abs()),
+            "K {k} power {alpha} β {beta} p {p} w {w}: {u} is not {wanted}"
+        );
+        let push = contact.push(p, w, -1.0);
+        prop_assert!(push >= -digits * (p.abs() + w.abs()) / beta, "it pulls: {push}");
+    }
+}
+
+/// A mass thrown onto the contact by its weight, over and over: kinetic, stored and lifted energy.
+#[test]
+fn energy_is_kept_over_many_bounces_at_any_stiffness() {
+    for alpha in POWERS {
+        for k in [1e3, 1e6, 1e9, 1e12] {
+            let (beta, weight) = (1e-8, 1.0);
+            let contact = spring(k, alpha, beta);
+            let energy = |next: f64, now: f64| {
+                let step = next - now;
+                0.5 * step * step / beta + 0.5 * (contact.potential(next) + contact.potential(now))
+                    - 0.5 * weight * (next + now)
+            };
+            let (mut before, mut now) = (-1e-3, -1e-3);
+            let (start, mut worst, mut bounces) = (energy(now, before), 0.0_f64, 0);
+            let mut deepest = 0.0_f64;
+            for _ in 0..50_000 {
+                let free = 2.0 * now - before + beta * weight;
+                let next = free - beta * contact.push(free, before, now);
+                bounces += u32::from(now <= 0.0 && next > 0.0);
+                deepest = deepest.max(contact.potential(next));
+                (before, now) = (now, next);
+                worst = worst.max((energy(now, before) - start).abs());
+            }
+            assert!(bounces >= 3, "K {k} power {alpha}: {bounces} bounces");
+            let allowed = if alpha == 1.0 { 1e-10 } else { 1e-8 };
+            assert!(
+                worst <= allowed * (start + deepest),
+                "K {k} power {alpha}: {worst} of {start} J"
+            );
+        }
+    }
+}
+
+#[test]
+fn damping_takes_and_a_clamp_never_pulls() {
+    for alpha in POWERS {
+        let mut contact = spring(1e5, alpha, 1e-8);
+        contact.z = 300.0;
+        let leaving = (-1e-3, 1e-6, 5e-7);
+        assert!(
+            contact.push(leaving.0, leaving.1, leaving.2) < 0.0,
+            "Z pulls at the exit"
+        );
+        contact.clamp = true;
+        assert_eq!(contact.push(leaving.0, leaving.1, leaving.2), 0.0);
+    }
+}
+
+/// Two imposed points: β is 0, all three penetrations are known.
+#[test]
+fn an_imposed_meeting_takes_the_gradient_as_it_is() {
+    for alpha in POWERS {
+        let contact = spring(1e5, alpha, 0.0);
+        let wanted = gradient(1e5, alpha, 2e-3, 1e-3);
+        assert!((contact.push(2e-3, 1e-3, 1.5e-3) - wanted).abs() < 1e-9 * wanted);
+        assert_eq!(contact.push(-1e-3, -2e-3, -1.5e-3), 0.0);
+    }
+}
+
+/// Both ends of the bracket round to p, and the residue there is above 0: it must still open.
+#[test]
+fn a_bracket_that_rounding_closed_opens_again() {
+    let (alpha, w, p) = (1.5, 1e-3, -1.0);
+    for part in 1..=64 {
+        let push = f64::from(part) / 32.0 * f64::EPSILON / 4.0;
+        let k = push * (w - p) * (alpha + 1.0) / maths::pow(w, alpha + 1.0);
+        let u = spring(k, alpha, 1.0).solve(p, w, 1.0);
+        assert!((u - p).abs() <= 2.0 * f64::EPSILON, "{part}: {u}");
+    }
+}

@@ -1,0 +1,76 @@
+use super::*;
+use crate::network::Network;
+use crate::units::Rate;
+
+fn scene(n: usize) -> (Network, Body) {
+    let mut network = Network::new();
+    network.part("p", None);
+    for i in 0..n {
+        network.mas(&format!("m{i}"), 1.0, 0.0, 0.0).unwrap();
+    }
+    let plan = Plan::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
+    // Of very different sizes, so that any other order shows in the last bits.
+    let x: Vec<f64> = (0..n)
+        .map(|i| (1.0 + i as f64) / 3.0 * [1.0, -1e-9, 1e7, -1e-3][i % 4])
+        .collect();
+    let still = vec![0.0; n];
+    (network, Body::new(&plan, x, still))
+}
+
+/// The tree is part of what a sample is: eight lanes, then ((0+4)+(2+6))+((1+5)+(3+7)).
+#[test]
+fn a_sum_is_a_fixed_tree() {
+    for n in [2, 7, 8, 9, 19, 64] {
+        let (_, body) = scene(n);
+        let lane = |k: usize| body.x.iter().skip(k).step_by(8).fold(0.0, |sum, x| sum + x);
+        let wanted = ((lane(0) + lane(4)) + (lane(2) + lane(6)))
+            + ((lane(1) + lane(5)) + (lane(3) + lane(7)));
+        assert_eq!(sum(&body.x).to_bits(), wanted.to_bits(), "{n}");
+    }
+    assert_eq!(sum(&[]), 0.0);
+    assert_eq!(
+        sum(&[-0.0]).to_bits(),
+        (-0.0_f64).to_bits(),
+        "one is itself"
+    );
+}
+
+#[test]
+fn terms_have_their_signs_and_weights() {
+    let mut network = Network::new();
+    network.part("p", None);
+    let tie = crate::network::Tie::Physical { k: 7.0, z: 0.1 };
+    let a = network.cel("a", 1.0, tie, 0.25, 0.5, 0.0).unwrap();
+    let b = network.mas("b", 1.0, 2.0, 0.0).unwrap();
+    let link = network.spring("l", a, b, 3.0, 0.0, 0.0).unwrap();
+    let (len, first) = (1, a);
+    network
+        .listen(
+            "all",
+            vec![
+                Term::Position {
+                    first,
+                    len: 2,
+                    weight: 10.0,
+                },
+                Term::Force {
+                    first: link,
+                    len,
+                    weight: 100.0,
+                },
+                Term::Ground {
+                    first,
+                    len,
+                    weight: 1000.0,
+                },
+            ],
+        )
+        .unwrap();
+    let plan = Plan::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
+    let mut body = Body::new(&plan, vec![0.5, 2.0], vec![0.0; 2]);
+    body.link[link] = 4.5;
+    let mut frame = [f64::NAN];
+    tap(&plan, &body, &mut frame);
+    // Positions 2.5; the link pulls b by −4.5; the ground is pushed by 7·(0.5 − 0.25).
+    assert_eq!(frame, [25.0 - 450.0 + 1750.0]);
+}

@@ -1,0 +1,146 @@
+use super::*;
+use crate::generator::{self, Ends};
+
+fn string(network: &mut Network, name: &str, masses: usize) -> usize {
+    let topology = generator::string(masses, Ends::Fixed, 0.0).unwrap();
+    network
+        .mesh(name, &topology, 1e-2, 110.0, Some(2.0), 0.0)
+        .unwrap()
+}
+
+#[test]
+fn names_are_those_the_composer_wrote() {
+    let mut network = Network::new();
+    network.part("bell", None);
+    let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
+    network.part("harp", None);
+    let string = string(&mut network, "string", 5);
+    // A generator that is the whole part bears its name.
+    network.part("sky", None);
+    let alone = self::string(&mut network, "", 4);
+    let link = network.spring("", m, alone, 1.0, 0.0, 0.0).unwrap();
+    assert_eq!(network.mat_name(m), "bell.m");
+    assert_eq!(network.mat_name(string + 3), "harp.string.3");
+    assert_eq!(network.mat_name(string + 5), "harp.string.end.0");
+    assert_eq!(network.mat_name(alone + 1), "sky.1");
+    assert_eq!(network.link_name(0), "harp.string.link.0");
+    assert_eq!(network.link_name(link), "sky");
+    assert_eq!(network.mat_name(10_000), "#10000");
+    assert_eq!(network.link_name(10_000), "#10000");
+    assert_eq!(
+        (network.count(string), network.centre(string)),
+        (5, string + 2)
+    );
+    assert_eq!((network.count(m), network.centre(m)), (1, m));
+    assert_eq!(network.count(10_000), 0);
+    assert_eq!(
+        network.run_of(link).map(|run| (run.first, run.len)),
+        Some((link, 1))
+    );
+    assert!(network.run_of(link + 1).is_none());
+}
+
+#[test]
+fn a_part_goes_on_where_it_was_left() {
+    let mut network = Network::new();
+    for (part, module) in [("a", "m"), ("b", "m"), ("a", "n")] {
+        network.part(part, None);
+        network.mas(module, 1.0, 0.0, 0.0).unwrap();
+    }
+    assert_eq!(network.mats().part, [0, 1, 0]);
+    assert_eq!(network.mat_name(2), "a.n");
+}
+
+/// Without a part there is one that bears no name, so that every MAT has its own.
+#[test]
+fn a_module_without_a_part_has_one_without_a_name() {
+    let mut network = Network::new();
+    assert!(network.parts().is_empty());
+    network.mas("m", 1.0, 0.0, 0.0).unwrap();
+    assert_eq!(
+        (network.parts().len(), network.mat_name(0).as_str()),
+        (1, "m")
+    );
+    assert_eq!(network.alone(0).0.n_mat(), 1);
+}
+
+#[test]
+fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
+    let rate = Rate::new(44_100.0).unwrap();
+    let mut network = Network::new();
+    network.part("other", None);
+    network.mas("m", 3.0, 0.0, 0.0).unwrap();
+    network.part("key", Some(rate));
+    let first = string(&mut network, "s", 4);
+    let inner = network
+        .spring("in", first, first + 2, 0.1, 0.2, 0.3)
+        .unwrap();
+    network.spring("out", 0, first, 1.0, 0.0, 0.0).unwrap();
+    network.part("join", None);
+    network
+        .spring("by", first + 1, first + 3, 5.0, 0.0, 0.0)
+        .unwrap();
+    let (alone, members) = network.alone(1);
+    assert_eq!(members, (1..=6).collect::<Vec<_>>());
+    // Five of the string, `in` and `by`; `out` leads out.
+    assert_eq!((alone.n_mat(), alone.n_lia()), (6, 7));
+    let rules: Vec<_> = alone
+        .runs()
+        .iter()
+        .map(|run| alone.parts()[run.part].ca_rate)
+        .collect();
+    assert_eq!(rules[..6], [Some(rate); 6]);
+    assert_eq!(rules[6], None, "a physical link stays one");
+    let kept = &alone.runs()[5];
+    assert_eq!((kept.k, kept.z, kept.rest), (0.1, 0.2, 0.3));
+    assert_eq!((kept.a, kept.b), (0, 2));
+    assert_eq!(network.link_name(inner), "key.in");
+    let degrees: Vec<u32> = (0..6).map(|i| alone.degree(i)).collect();
+    assert_eq!(degrees, [3, 3, 3, 3, 1, 1]);
+}
+
+#[test]
+fn bad_numbers_and_ends_are_refused() {
+    let mut network = Network::new();
+    network.part("p", None);
+    let a = network.mas("a", 1.0, 0.0, 0.0).unwrap();
+    let b = network.sol("b", 0.0).unwrap();
+    for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+        assert!(network.mas("x", bad, 0.0, 0.0).is_err());
+    }
+    for bad in [f64::NAN, f64::NEG_INFINITY] {
+        assert!(network.mas("x", 1.0, bad, 0.0).is_err());
+        assert!(network.start(a, bad, 0.0).is_err() && network.start(a, 0.0, bad).is_err());
+        assert!(network.spring("x", a, b, bad, 0.0, 0.0).is_err());
+        assert!(network.spring("x", a, b, 1.0, 0.0, bad).is_err());
+    }
+    assert!(network.spring("x", a, a, 1.0, 0.0, 0.0).is_err());
+    assert!(network.spring("x", a, 2, 1.0, 0.0, 0.0).is_err());
+    assert_eq!(
+        (network.n_mat(), network.n_lia()),
+        (2, 0),
+        "nothing of it stays"
+    );
+}
+
+#[test]
+fn an_output_listens_to_what_is_there() {
+    let mut network = Network::new();
+    network.mas("a", 1.0, 0.0, 0.0).unwrap();
+    let term = |first, len, weight| vec![Term::Position { first, len, weight }];
+    assert!(network.listen("o", term(0, 1, 1.0)).is_ok());
+    assert!(network.listen("o", vec![]).is_ok(), "silence");
+    for (first, len) in [(0, 2), (1, 1), (usize::MAX, 1), (1, usize::MAX)] {
+        assert!(
+            network.listen("o", term(first, len, 1.0)).is_err(),
+            "{first} {len}"
+        );
+    }
+    assert!(network.listen("o", term(0, 1, f64::NAN)).is_err());
+    let (first, len, weight) = (0, 1, 1.0);
+    assert!(
+        network
+            .listen("o", vec![Term::Force { first, len, weight }])
+            .is_err()
+    );
+}

@@ -1,0 +1,303 @@
+use super::*;
+use crate::law::{Law, LawText};
+use crate::network::{Contact, Side, Tie};
+
+const HERTZ: f64 = 44_100.0;
+
+fn rate() -> Rate {
+    Rate::new(HERTZ).unwrap()
+}
+
+/// A part under `ca`: the numbers are the algorithmic M, K, Z themselves.
+fn discrete() -> Network {
+    let mut network = Network::new();
+    network.part("p", Some(rate()));
+    network
+}
+
+fn certify(network: &Network) -> Result<Certificate, Error> {
+    Plan::new(network, rate())?.certify(network)
+}
+
+fn unstable(network: &Network) -> (String, f64, u32) {
+    match certify(network) {
+        Err(Error::Unstable {
+            module,
+            lambda,
+            oversampling,
+        }) => (module, lambda, oversampling),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// One mass on one link to a fixed point: λ is (K + 2Z)/M.
+fn one(k: f64, z: f64) -> Network {
+    let mut network = discrete();
+    let m = network.mas("m", 1.0, 0.0, 0.0).unwrap();
+    let s = network.sol("s", 0.0).unwrap();
+    network.spring("l", s, m, k, z, 0.0).unwrap();
+    network
+}
+
+/// n masses in a row, both ends free: λmax is 4K·cos²(π/2n).
+fn row(n: usize, k: f64) -> Network {
+    let mut network = discrete();
+    for i in 0..n {
+        network.mas(&format!("m{i}"), 1.0, 0.0, 0.0).unwrap();
+    }
+    for i in 1..n {
+        network
+            .spring(&format!("l{i}"), i - 1, i, k, 0.0, 0.0)
+            .unwrap();
+    }
+    network
+}
+
+#[test]
+fn the_border_of_one_mass_is_four() {
+    for (k, z) in [(4.0, 0.0), (2.0, 1.0), (0.0, 2.0)] {
+        let below = certify(&one(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
+        assert_eq!((below.word, below.oversampling()), (Word::Proved, 1));
+        assert!(below.lambda_max < 4.0 && below.lambda_max > 4.0 - 1e-10);
+        for factor in [1.0 + 1e-12, 1.1] {
+            let (module, lambda, oversampling) = unstable(&one(k * factor, z * factor));
+            assert_eq!((module.as_str(), oversampling), ("p.m", 2));
+            assert!(lambda > 4.0);
+        }
+    }
+}
+
+/// The sums at the ends say 4K and more; the truth is a little less.
+#[test]
+fn where_sums_are_too_coarse_the_eigenvalue_decides() {
+    let n = 40;
+    let cos = crate::maths::cos(std::f64::consts::PI / (2 * n) as f64);
+    let border = 1.0 / (cos * cos);
+    let sums = certify(&row(n, 1.0 - 1e-12)).unwrap();
+    assert_eq!(sums.means, Means::Gershgorin);
+    let below = certify(&row(n, border * (1.0 - 1e-9))).unwrap();
+    assert_ne!(below.means, Means::Gershgorin);
+    assert!((below.lambda_max - 4.0).abs() < 1e-8 && below.lambda_max < 4.0);
+    let (module, lambda, _) = unstable(&row(n, border * (1.0 + 1e-9)));
+    assert!((4.0..4.0 + 1e-7).contains(&lambda));
+    // Its mode alternates, widest in the middle.
+    assert!(["p.m19", "p.m20"].contains(&module.as_str()), "{module}");
+}
+
+#[test]
+fn the_module_named_is_the_one_that_would_move() {
+    let mut network = discrete();
+    for i in 0..30 {
+        let tie = Tie::Physical { k: 1.0, z: 0.1 };
+        network
+            .cel(&format!("c{i}"), 1.0, tie, 0.0, 0.0, 0.0)
+            .unwrap();
+    }
+    network.part("q", Some(rate()));
+    let heavy = network.mas("heavy", 100.0, 0.0, 0.0).unwrap();
+    let light = network.mas("light", 0.1, 0.0, 0.0).unwrap();
+    network.spring("l", heavy, light, 0.5, 0.0, 0.0).unwrap();
+    let (module, lambda, oversampling) = unstable(&network);
+    assert_eq!((module.as_str(), oversampling), ("q.light", 2));
+    // K(1/M₁ + 1/M₂)
+    assert!((lambda - 0.5 * (0.01 + 10.0)).abs() < 1e-9, "{lambda}");
+}
+
+/// The factor of the rate that is asked for is the least that suffices.
+#[test]
+fn oversampling_suffices_and_less_does_not() {
+    for k in [4.5, 15.9, 16.1, 35.0, 37.0] {
+        let mut network = Network::new();
+        network.part("p", None);
+        let (m, t) = (1e-3, rate().step());
+        let mass = network.mas("m", m, 0.0, 0.0).unwrap();
+        let fixed = network.sol("s", 0.0).unwrap();
+        network
+            .spring("l", mass, fixed, k * m / (t * t), 0.0, 0.0)
+            .unwrap();
+        let (_, _, factor) = unstable(&network);
+        let at = |factor: u32| {
+            let rate = Rate::new(HERTZ * f64::from(factor)).unwrap();
+            Plan::new(&network, rate).unwrap().certify(&network)
+        };
+        assert!(
+            at(factor).is_ok() && at(factor - 1).is_err(),
+            "{k}: {factor}"
+        );
+    }
+}
+
+fn but(contact: Contact) -> But {
+    But {
+        k: 1.0,
+        z: 0.0,
+        gap: 0.0,
+        side: Side::Below,
+        contact,
+        restitution: 1.0,
+        steps: 2,
+        exponent: 1.0,
+        clamp: false,
+    }
+}
+
+/// Contacts count as closed, laws by their slope at rest; an exact contact is stable by itself.
+#[test]
+fn non_linear_links_are_guarded() {
+    let scene = |join: &dyn Fn(&mut Network)| {
+        let mut network = discrete();
+        network.mas("m", 1.0, 0.0, 0.0).unwrap();
+        network.sol("s", 0.0).unwrap();
+        join(&mut network);
+        certify(&network).map(|it| (it.word, it.lambda_max))
+    };
+    let plain = |k: f64| But {
+        k,
+        ..but(Contact::Plain)
+    };
+    let link = |but: But| move |network: &mut Network| _ = network.but("l", 0, 1, but).unwrap();
+    assert_eq!(scene(&link(plain(3.0))), Ok((Word::Guarded, 3.0)));
+    assert!(scene(&link(plain(4.001))).is_err());
+    let exact = But {
+        k: 1e12,
+        ..but(Contact::Exact)
+    };
+    assert_eq!(scene(&link(exact)), Ok((Word::Guarded, 0.0)));
+    let law = |k: f64| {
+        let law = Law::hardening(k, 1e6, 0.0).unwrap();
+        move |network: &mut Network| _ = network.lnl("l", 0, 1, Arc::new(law.clone()), 0.0).unwrap()
+    };
+    assert_eq!(scene(&law(3.5)).map(|it| it.0), Ok(Word::Guarded));
+    assert!(scene(&law(4.5)).is_err());
+    let damping = LawText {
+        damping: Some("1.9*v"),
+        ..LawText::default()
+    };
+    let damping = Arc::new(Law::new(&damping).unwrap());
+    let damped = scene(&|network| _ = network.lnl("l", 0, 1, damping.clone(), 0.0).unwrap());
+    assert!((damped.unwrap().1 - 3.8).abs() < 1e-6);
+}
+
+#[test]
+fn nothing_is_stable() {
+    assert_eq!(certify(&Network::new()).unwrap().lambda_max, 0.0);
+    let mut network = discrete();
+    network.sol("s", 1.0).unwrap();
+    assert_eq!(certify(&network).unwrap().means, Means::Gershgorin);
+}
+
+#[test]
+fn a_magic_contact_is_refused_where_it_would_not_be_exact() {
+    // a: 0 MAS, 1 MAS, 2 SOL, 3 SOL, 4 CEL
+    let refused = |a: usize, b: usize, more: &dyn Fn(&mut Network)| {
+        let mut network = Network::new();
+        network.part("p", None);
+        network.mas("m", 1.0, 0.0, 0.0).unwrap();
+        network.mas("n", 2.0, 0.0, 0.0).unwrap();
+        network.sol("s", 0.0).unwrap();
+        network.sol("t", 0.0).unwrap();
+        let tie = Tie::Physical { k: 1.0, z: 0.0 };
+        network.cel("c", 1.0, tie, 0.0, 0.0, 0.0).unwrap();
+        network.but("magic", a, b, but(Contact::Magic)).unwrap();
+        more(&mut network);
+        match Plan::new(&network, rate()) {
+            Ok(_) => None,
+            Err(Error::Refused { module, message }) => {
+                assert_eq!(module, "p.magic");
+                Some(message)
+            }
+            Err(other) => panic!("{other}"),
+        }
+    };
+    assert_eq!(refused(0, 1, &|_| {}), None);
+    assert_eq!(refused(0, 2, &|_| {}), None);
+    // A fixed point may bear other links.
+    let other = |network: &mut Network| _ = network.spring("o", 1, 2, 1.0, 0.0, 0.0).unwrap();
+    assert_eq!(refused(0, 2, &other), None);
+    assert!(refused(0, 1, &other).unwrap().contains("p.n"));
+    assert!(refused(0, 4, &|_| {}).unwrap().contains("p.c"));
+    assert!(
+        refused(2, 3, &|_| {})
+            .unwrap()
+            .contains("an end that moves")
+    );
+}
+
+#[test]
+fn a_magic_contact_refuses_what_breaks_its_promise() {
+    let mut network = discrete();
+    network.mas("m", 1.0, 0.0, 0.0).unwrap();
+    network.sol("s", 0.0).unwrap();
+    let magic = but(Contact::Magic);
+    let bad = [
+        But {
+            restitution: 0.0,
+            ..magic
+        },
+        But {
+            restitution: 1.1,
+            ..magic
+        },
+        But {
+            restitution: f64::NAN,
+            ..magic
+        },
+        But { steps: 1, ..magic },
+        But {
+            steps: 10_001,
+            ..magic
+        },
+        But {
+            exponent: 1.5,
+            ..magic
+        },
+        But {
+            clamp: true,
+            restitution: 0.9,
+            ..magic
+        },
+    ];
+    for but in bad {
+        assert!(network.but("l", 0, 1, but).is_err(), "{but:?}");
+    }
+    let clamped = But {
+        clamp: true,
+        ..magic
+    };
+    assert!(network.but("l", 0, 1, clamped).is_ok());
+}
+
+/// Its exact poles would be stable ones: those of another pitch.
+#[test]
+fn a_cell_above_half_the_rate_is_refused() {
+    let plan = |ca: Option<Rate>, tie: Tie, hertz: f64| {
+        let mut network = Network::new();
+        network.part("p", ca);
+        network.cel("m", 1e-2, tie, 0.0, 0.0, 0.0).unwrap();
+        Plan::new(&network, Rate::new(hertz).unwrap()).map(drop)
+    };
+    let tuned = Tie::Tuned {
+        f: 5_000.0,
+        t60: Some(1.0),
+    };
+    let (m, omega) = (1e-2, std::f64::consts::TAU * 5_000.0);
+    let stiff = Tie::Physical {
+        k: m * omega * omega,
+        z: 0.0,
+    };
+    let ca = Some(rate());
+    for (ca, tie) in [(None, tuned), (None, stiff), (ca, tuned)] {
+        assert!(plan(ca, tie, 10_010.0).is_ok());
+        let error = plan(ca, tie, 9_990.0).unwrap_err().to_string();
+        assert!(
+            error.contains("p.m") && error.contains("5000 Hz"),
+            "{error}"
+        );
+    }
+    // Beyond critical damping there is no pitch to miss.
+    let creeping = Tie::Physical {
+        k: m * omega * omega,
+        z: 3.0 * m * omega,
+    };
+    assert!(plan(None, creeping, 1_000.0).is_ok());
+}

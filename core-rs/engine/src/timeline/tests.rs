@@ -1,0 +1,286 @@
+use super::gate::FADE;
+use super::*;
+use crate::network::{But, Contact, Side, Tie};
+
+/// a – b by link 0; c is tied and alone; d fixed.
+fn network() -> Network {
+    let mut network = Network::new();
+    network.part("p", None);
+    network.mas("a", 1e-2, 0.0, 0.0).unwrap();
+    network.mas("b", 1e-2, 0.0, 0.0).unwrap();
+    let tie = Tie::Tuned {
+        f: 440.0,
+        t60: Some(1.0),
+    };
+    network.cel("c", 1e-2, tie, 0.0, 0.0, 0.0).unwrap();
+    network.sol("d", 0.0).unwrap();
+    network.spring("l", 0, 1, 1.0, 0.0, 0.0).unwrap();
+    network
+}
+
+fn timeline(hertz: f64) -> Timeline {
+    Timeline::new(Rate::new(hertz).unwrap())
+}
+
+#[test]
+fn fades_lie_on_the_grid_and_never_jump() {
+    for hertz in [8_000.0, 44_100.0, 48_000.0, 192_000.0] {
+        for (start, stop) in [
+            (0.0, None),
+            (0.0, Some(0.3)),
+            (0.1, None),
+            (0.1234, Some(0.3)),
+            // Falls before it has risen.
+            (0.1, Some(0.105)),
+            (-1.0, Some(1e-3)),
+        ] {
+            let mut timeline = timeline(hertz);
+            timeline.couple(&network(), 0, start, stop).unwrap();
+            let gate = timeline.gates[0];
+            assert_eq!(gate.fade % GRID, 0);
+            let fade = gate.fade as f64;
+            assert!((FADE * hertz..FADE * hertz + GRID as f64).contains(&fade));
+            for (frame, t) in [(gate.start, Some(start)), (gate.stop, stop)] {
+                let (Some(frame), Some(t)) = (frame, t) else {
+                    continue;
+                };
+                assert_eq!(frame % GRID, 0);
+                let wait = frame as f64 - t.max(0.0) * hertz;
+                assert!((-0.5..GRID as f64).contains(&wait), "{hertz} {t}: {wait}");
+            }
+            let open: Vec<f64> = (0..(0.4 * hertz) as u64).map(|n| gate.open(n)).collect();
+            assert!(open.iter().all(|open| (0.0..=1.0).contains(open)));
+            assert_eq!(open[0], if start <= 0.0 { 1.0 } else { 0.0 });
+            assert_eq!(open[open.len() - 1], if stop.is_none() { 1.0 } else { 0.0 });
+            // C1: 3u² − 2u³ bends by at most 6/fade² a frame, twice that where two fades meet.
+            for three in open.windows(3) {
+                let bend = three[2] - 2.0 * three[1] + three[0];
+                assert!(
+                    bend.abs() <= 12.0 / (fade * fade) + 1e-15,
+                    "{hertz} {start}: {bend}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_coupling_that_is_none_is_refused() {
+    let mut network = network();
+    let topology = crate::generator::string(5, crate::generator::Ends::Fixed, 0.0).unwrap();
+    let inner = network.n_lia() + 1;
+    network
+        .mesh("s", &topology, 1e-2, 100.0, None, 0.0)
+        .unwrap();
+    let mut timeline = timeline(44_100.0);
+    for (start, stop) in [
+        (0.2, Some(0.1)),
+        (0.2, Some(0.2)),
+        (-2.0, Some(-1.0)),
+        (0.0, Some(0.0)),
+        (f64::NAN, None),
+        (0.0, Some(f64::NAN)),
+        (f64::INFINITY, None),
+    ] {
+        assert!(
+            timeline.couple(&network, 0, start, stop).is_err(),
+            "{start} {stop:?}"
+        );
+    }
+    assert!(
+        timeline
+            .couple(&network, network.n_lia(), 0.0, None)
+            .is_err()
+    );
+    assert!(
+        timeline.couple(&network, inner, 0.0, None).is_err(),
+        "one of a generator's"
+    );
+    assert!(timeline.couple(&network, 0, 0.0, Some(1.0)).is_ok());
+    assert!(timeline.couple(&network, 0, 2.0, None).is_err(), "twice");
+}
+
+/// What begins beyond all time never begins: no frame wraps round.
+#[test]
+fn the_end_of_time_is_no_beginning() {
+    let mut timeline = timeline(192_000.0);
+    timeline.couple(&network(), 0, 1e300, None).unwrap();
+    assert_eq!(timeline.gates[0].open(1 << 40), 0.0);
+    timeline.strike(&network(), 0, 1e300, 1.0, 0).unwrap();
+    timeline.ergon(&network(), 0, 1e300, 1e-3, 1.0, 0).unwrap();
+    assert!(timeline.pushes.iter().all(|push| push.frame > 1 << 40));
+    assert_eq!(frame(f64::INFINITY, 8_000.0), 1 << 53);
+    assert_eq!((frame(-3.0, 8_000.0), frame(f64::NAN, 8_000.0)), (0, 0));
+}
+
+#[test]
+fn an_instant_falls_on_the_nearest_frame() {
+    for (t, n) in [
+        (0.0, 0),
+        (0.4e-3, 0),
+        (0.5e-3, 1),
+        (0.6e-3, 1),
+        (1.5e-3, 2),
+        (2.0, 2000),
+    ] {
+        assert_eq!(frame(t, 1_000.0), n, "{t}");
+    }
+}
+
+/// Impulse and, off the grid, its first moment: Σ F·T = p, Σ F·T·n = p·t·rate.
+#[test]
+fn a_strike_keeps_its_impulse_and_its_instant() {
+    let network = network();
+    for at in [0.0, 0.25, 0.5, 7.999_9] {
+        let mut timeline = timeline(1_000.0);
+        timeline.strike(&network, 0, at * 1e-3, 2e-3, 9).unwrap();
+        let sum = |of: &dyn Fn(&Push) -> f64| timeline.pushes.iter().map(of).sum::<f64>();
+        assert!((sum(&|push| push.force) * 1e-3 - 2e-3).abs() < 1e-15);
+        let moment = sum(&|push| push.force * push.frame as f64) * 1e-3;
+        assert!((moment - 2e-3 * at).abs() < 1e-14, "{at}");
+        // One record each, however it is split.
+        assert_eq!(
+            timeline
+                .pushes
+                .iter()
+                .filter(|push| push.impulse != 0.0)
+                .count(),
+            1
+        );
+    }
+}
+
+#[test]
+fn on_a_key_and_under_ca_a_strike_is_one_step() {
+    let mut network = network();
+    network.part("ca", Some(Rate::new(44_100.0).unwrap()));
+    let discrete = network.mas("m", 1.0, 0.0, 0.0).unwrap();
+    let mut timeline = timeline(1_000.0);
+    timeline.strike(&network, discrete, 0.4e-3, 1.0, 0).unwrap();
+    timeline.key("k", 2);
+    timeline.strike(&network, 2, 0.6e-3, 1.0, 0).unwrap();
+    let seen: Vec<_> = timeline
+        .pushes
+        .iter()
+        .map(|push| (push.frame, push.force))
+        .collect();
+    assert_eq!(seen, [(0, 1_000.0), (1, 1_000.0)]);
+}
+
+#[test]
+fn a_strike_that_is_none_is_refused() {
+    let network = network();
+    let mut timeline = timeline(44_100.0);
+    for at in [-1e-9, f64::NAN, f64::INFINITY] {
+        assert!(matches!(
+            timeline.strike(&network, 0, at, 1.0, 0),
+            Err(StrikeError::Before(_))
+        ));
+        assert!(timeline.ergon(&network, 0, at, 1.0, 1.0, 0).is_err());
+    }
+    assert!(timeline.strike(&network, 0, 0.0, f64::NAN, 0).is_err());
+    for (mass, speed) in [(0.0, 1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
+        assert!(timeline.ergon(&network, 0, 0.0, mass, speed, 0).is_err());
+    }
+    let fixed = StrikeError::Fixed("p.d".to_owned());
+    assert_eq!(
+        timeline.strike(&network, 3, 0.0, 1.0, 0),
+        Err(fixed.clone())
+    );
+    assert_eq!(timeline.ergon(&network, 3, 0.0, 1.0, 1.0, 0), Err(fixed));
+    assert!(
+        timeline
+            .drive(3, DriveKind::Position, Source::Constant(f64::NAN), true)
+            .is_err()
+    );
+    assert!(timeline.pushes.is_empty() && timeline.ergons.is_empty() && timeline.drives.is_empty());
+}
+
+/// Before it fills the memory, and also where no strike would be heard.
+#[test]
+fn an_endless_rain_is_refused_at_once() {
+    let network = network();
+    let mut timeline = timeline(44_100.0);
+    let rain = Rain {
+        rate: 1.0,
+        start: 0.0,
+        stop: 1.0,
+        impulse: (0.0, 0.0),
+        source: 0,
+    };
+    let chance = |member| Chance::new(1, "strikes", "r", member, 0);
+    for bad in [
+        Rain {
+            rate: f64::INFINITY,
+            ..rain
+        },
+        Rain {
+            rate: f64::NAN,
+            ..rain
+        },
+        Rain { rate: 1e9, ..rain },
+        Rain {
+            stop: f64::INFINITY,
+            ..rain
+        },
+        Rain {
+            start: f64::NEG_INFINITY,
+            ..rain
+        },
+    ] {
+        assert!(
+            timeline.rain(&network, &[0, 1], &bad, chance).is_err(),
+            "{bad:?}"
+        );
+    }
+    assert_eq!(
+        timeline.rain(&network, &[0], &Rain { stop: -1.0, ..rain }, chance),
+        Ok(0)
+    );
+    assert!(
+        timeline
+            .rain(
+                &network,
+                &[0],
+                &Rain {
+                    rate: 500.0,
+                    ..rain
+                },
+                chance
+            )
+            .unwrap()
+            > 300
+    );
+}
+
+/// The gated contact of a simulation follows the gate: see `simulation::tests`.
+#[test]
+fn a_gate_finds_contacts_of_every_kind() {
+    for contact in [Contact::Plain, Contact::Exact] {
+        let mut network = network();
+        let but = But {
+            k: 1e3,
+            z: 0.0,
+            gap: 0.0,
+            side: Side::Below,
+            contact,
+            restitution: 1.0,
+            steps: 2,
+            exponent: 1.0,
+            clamp: false,
+        };
+        let link = network.but("b", 0, 2, but).unwrap();
+        assert!(timeline(44_100.0).couple(&network, link, 0.1, None).is_ok());
+    }
+}
+
+#[test]
+fn a_mat_goes_one_way() {
+    let mut timeline = timeline(44_100.0);
+    let mut drive = |kind, value| timeline.drive(0, kind, Source::Constant(value), true);
+    assert_eq!(drive(DriveKind::Position, 0.0), Ok(()));
+    assert_eq!(drive(DriveKind::Position, 0.0), Err(StrikeError::Driven(0)));
+    // Forces add.
+    assert_eq!(drive(DriveKind::Force, 1.0), Ok(()));
+    assert_eq!(drive(DriveKind::Force, 1.0), Ok(()));
+}

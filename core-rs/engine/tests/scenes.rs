@@ -1,0 +1,12 @@
+//! Whole scenes: what must hold whatever is in them.
+
+#[path = "scenes/blocks.rs"]
+mod blocks;
+#[path = "scenes/faults.rs"]
+mod faults;
+#[path = "scenes/hands.rs"]
+mod hands;
+#[path = "scenes/ledger.rs"]
+mod ledger;
+#[path = "scenes/scene.rs"]
+mod scene;

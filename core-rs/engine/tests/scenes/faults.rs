@@ -1,0 +1,235 @@
+//! A part that goes beyond all bounds: named and stopped, or put to silence while all others play.
+
+use std::sync::Arc;
+
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
+use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::law::{Law, LawText};
+use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::timeline::{DriveKind, Source, Timeline};
+use ergon_engine::units::Rate;
+
+use super::scene::hand;
+
+const HERTZ: f64 = 44_100.0;
+const OPTIONS: Options = Options {
+    ledger: true,
+    record: true,
+    on_fault: OnFault::Mute,
+};
+
+/// A healthy bell, and a part `sick` whose mass `m` passes 10 km at 0.1 s.
+fn scene() -> (Network, Timeline, usize) {
+    let mut network = Network::new();
+    network.part("bell", None);
+    let tie = Tie::Tuned {
+        f: 440.0,
+        t60: Some(1.0),
+    };
+    let bell = network.cel("m", 1e-2, tie, 0.0, 1e-3, 0.0).unwrap();
+    network.part("sick", None);
+    let mass = network.mas("m", 1.0, 0.0, 1e5).unwrap();
+    for (name, first) in [("bell", bell), ("sick", mass)] {
+        let (len, weight) = (1, 1.0);
+        network
+            .listen(name, vec![Term::Position { first, len, weight }])
+            .unwrap();
+    }
+    let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
+    (network, timeline, mass)
+}
+
+fn play(simulation: &mut Simulation, n_frames: usize) -> Vec<[f64; 2]> {
+    let mut out = vec![0.0; 2 * n_frames];
+    simulation.process(&mut out).unwrap();
+    out.chunks(2).map(|frame| [frame[0], frame[1]]).collect()
+}
+
+fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
+    let written = Written {
+        t: &t,
+        x: &[0.0, 1e-3],
+        way: &[Way::Path(Curve::Smooth); 2],
+        sources: &[],
+    };
+    let manner = Manner {
+        touch,
+        ergons: Ergons::Event,
+        grain: None,
+        join: 0.02,
+        limit: Some(1e3),
+        layer: false,
+    };
+    Gesture::written(0, &written, manner, HERTZ).unwrap()
+}
+
+#[test]
+fn a_stopped_run_names_module_part_and_frame() {
+    let (network, timeline, _) = scene();
+    let options = Options {
+        on_fault: OnFault::Stop,
+        ..OPTIONS
+    };
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, options).unwrap();
+    let mut out = vec![0.0; 20_000];
+    let fault = simulation.process(&mut out).unwrap_err();
+    assert_eq!(
+        (fault.module.as_str(), fault.part.as_str()),
+        ("sick.m", "sick")
+    );
+    // The first frame past 10 km.
+    assert!((4410..=4411).contains(&fault.frame), "{}", fault.frame);
+    assert_eq!(simulation.frame(), fault.frame);
+    assert!(fault.to_string().contains("0.100 s"));
+}
+
+#[test]
+fn a_network_without_parts_still_names_its_module() {
+    let mut network = Network::new();
+    network.mas("m", 1.0, 0.0, 1e9).unwrap();
+    let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
+    let options = Options {
+        on_fault: OnFault::Stop,
+        ..OPTIONS
+    };
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, options).unwrap();
+    assert_eq!(simulation.skip(10).unwrap_err().module, "m");
+}
+
+/// The hand on a muted key lets go: while it plays, before it begins, after it has ended.
+#[test]
+fn a_muted_key_forgets_its_gestures() {
+    for touch in [Touch::Open, Touch::Tracked] {
+        for t in [[0.05, 0.2], [0.15, 0.2], [0.02, 0.05]] {
+            let (mut network, mut timeline, _) = scene();
+            network.part("sick", None);
+            let tie = Tie::Tuned {
+                f: 8.0,
+                t60: Some(0.6),
+            };
+            let struck = network.cel("key", 0.08, tie, 0.0, 0.0, 0.0).unwrap();
+            timeline.key("key", struck);
+            timeline.gesture(gesture(touch, t)).unwrap();
+            let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
+            play(&mut simulation, 22_050);
+            assert_eq!(simulation.muted().len(), 1);
+            assert!(simulation.asked()[0].is_nan());
+            let report = simulation.reports()[0];
+            assert_eq!(report.missed, 0);
+            assert!(t[0] < 0.1 || report.n_ergons == 0, "{t:?}: {report:?}");
+        }
+    }
+}
+
+/// Strikes and drives go on in the timeline; on a muted part they do nothing.
+#[test]
+fn nothing_moves_a_muted_part() {
+    let (mut network, mut timeline, mass) = scene();
+    network.part("sick", None);
+    let point = network.sol("point", 0.0).unwrap();
+    network.impose(point);
+    let path = hand().placed(0.09, 1.0, 3.0, false).unwrap();
+    timeline
+        .drive(point, DriveKind::Position, Source::Take(path), true)
+        .unwrap();
+    timeline
+        .drive(mass, DriveKind::Force, Source::Constant(1.0), true)
+        .unwrap();
+    for at in [0.05, 0.15, 0.25] {
+        timeline.strike(&network, mass, at, 1.0, 0).unwrap();
+        timeline.ergon(&network, mass, at, 1e-3, 1e3, 0).unwrap();
+    }
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
+    play(&mut simulation, 6_000);
+    let (muted, still) = (simulation.muted(), simulation.positions()[1..].to_vec());
+    play(&mut simulation, 10_000);
+    assert_eq!(simulation.muted(), muted, "it goes off once");
+    assert_eq!(simulation.positions()[1..], still);
+    let ergons = simulation.take_ergons();
+    assert_eq!(ergons.len(), 2, "those of 0.05 s");
+    assert!(
+        ergons
+            .iter()
+            .all(|it| it.impulse.is_finite() && it.speed.is_finite())
+    );
+    assert!(simulation.energy().unwrap().injected.is_finite());
+}
+
+/// A force is non-finite one frame before the position that it moves.
+#[test]
+fn no_output_is_ever_non_finite() {
+    let (mut network, timeline, mass) = scene();
+    network.part("sick", None);
+    let law = LawText {
+        law: Some("where(d < -100, 1e308*1e308, 0)"),
+        ..LawText::default()
+    };
+    let fixed = network.sol("s", 0.0).unwrap();
+    let law = Arc::new(Law::new(&law).unwrap());
+    let first = network.lnl("l", mass, fixed, law, 0.0).unwrap();
+    let (len, weight) = (1, 1.0);
+    network
+        .listen("f", vec![Term::Force { first, len, weight }])
+        .unwrap();
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
+    let mut out = vec![0.0; 3 * 4_000];
+    simulation.process(&mut out).unwrap();
+    assert_eq!(simulation.muted().len(), 1);
+    assert!(out.iter().all(|sample| sample.is_finite()));
+    assert!(
+        out.chunks(3)
+            .skip(1_000)
+            .all(|frame| frame[1] == 0.0 && frame[2] == 0.0)
+    );
+}
+
+#[test]
+fn a_snapshot_from_before_brings_the_part_back() {
+    let (network, timeline, _) = scene();
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
+    play(&mut simulation, 4_000);
+    let snapshot = simulation.snapshot();
+    let first = play(&mut simulation, 2_000);
+    assert_eq!(simulation.muted(), [("sick".to_owned(), 4_410)]);
+    simulation.restore(&snapshot);
+    assert!(simulation.muted().is_empty());
+    assert_eq!(play(&mut simulation, 2_000), first);
+}
+
+/// Its ground lies beyond all bounds: muting it must come to an end.
+#[test]
+fn a_part_far_away_can_be_muted() {
+    let mut network = Network::new();
+    network.part("far", None);
+    let tie = Tie::Physical { k: 1.0, z: 0.0 };
+    let mass = network.cel("m", 1.0, tie, 2e4, 9.9e3, 1e5).unwrap();
+    network.sol("s", -3e4).unwrap();
+    let (len, weight, first) = (1, 1.0, mass);
+    network
+        .listen("o", vec![Term::Position { first, len, weight }])
+        .unwrap();
+    let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
+    simulation.skip(1_000).unwrap();
+    assert_eq!(simulation.muted(), [("far".to_owned(), 1)]);
+}
+
+/// An imposed point that leaves the stage goes alone: what it is tied to has not moved yet.
+#[test]
+fn an_absurd_drive_mutes_its_own_part_first() {
+    let (mut network, mut timeline, _) = scene();
+    network.part("rail", None);
+    let point = network.sol("point", 0.0).unwrap();
+    network.impose(point);
+    network.spring("l", 0, point, 1.0, 0.0, 0.0).unwrap();
+    let path = hand().placed(0.0, 1e7, 1.0, false).unwrap();
+    timeline
+        .drive(point, DriveKind::Position, Source::Take(path), true)
+        .unwrap();
+    let mut simulation = Simulation::new(Arc::new(network), &timeline, OPTIONS).unwrap();
+    play(&mut simulation, 4_000);
+    let names: Vec<String> = simulation.muted().into_iter().map(|it| it.0).collect();
+    assert_eq!(names, ["rail"]);
+}

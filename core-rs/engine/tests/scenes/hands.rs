@@ -1,0 +1,349 @@
+//! Hands at the edges: gestures at and before 0, at one instant, on stops, beside their periods.
+
+use std::sync::Arc;
+
+use ergon_engine::gesture::profile::Curve::{Hold, Line, Smooth};
+use ergon_engine::gesture::script::{Ergons, Gesture, Report, Touch};
+use ergon_engine::gesture::written::{GestureError, Manner, Way, Way::Path, Written};
+use ergon_engine::network::{But, Contact, Error, Network, Side, Term, Tie};
+use ergon_engine::simulation::{OnFault, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+use super::scene::options;
+
+const OPEN: Manner = Manner {
+    touch: Touch::Open,
+    ergons: Ergons::Event,
+    grain: None,
+    join: 0.02,
+    limit: None,
+    layer: false,
+};
+
+fn tie() -> Tie {
+    Tie::Tuned {
+        f: 8.0,
+        t60: Some(0.6),
+    }
+}
+
+struct Keyboard {
+    network: Network,
+    timeline: Timeline,
+}
+
+type Points<'a> = &'a [(f64, f64, Way)];
+
+impl Keyboard {
+    fn new(hertz: f64) -> Self {
+        let mut network = Network::new();
+        network.part("key", None);
+        let first = network.cel("m", 0.08, tie(), 0.0, 0.0, 0.0).unwrap();
+        let (len, weight) = (1, 1.0);
+        network
+            .listen("m", vec![Term::Position { first, len, weight }])
+            .unwrap();
+        let mut timeline = Timeline::new(Rate::new(hertz).unwrap());
+        timeline.key("key", first);
+        Self { network, timeline }
+    }
+
+    fn try_play(&mut self, points: Points<'_>, manner: Manner) -> Result<usize, GestureError> {
+        let t: Vec<f64> = points.iter().map(|point| point.0).collect();
+        let x: Vec<f64> = points.iter().map(|point| point.1).collect();
+        let way: Vec<Way> = points.iter().map(|point| point.2).collect();
+        let written = Written {
+            t: &t,
+            x: &x,
+            way: &way,
+            sources: &[],
+        };
+        let hertz = self.timeline.rate.hertz();
+        let gesture = Gesture::written(0, &written, manner, hertz)?;
+        self.timeline.gesture(gesture)
+    }
+
+    fn play(&mut self, points: Points<'_>, manner: Manner) {
+        self.try_play(points, manner).unwrap();
+    }
+
+    fn try_hear(&self, seconds: f64) -> Result<(Vec<f64>, Vec<Report>), Error> {
+        let network = Arc::new(self.network.clone());
+        let mut simulation = Simulation::new(network, &self.timeline, options(OnFault::Stop))?;
+        let mut out = vec![0.0; (seconds * self.timeline.rate.hertz()) as usize];
+        simulation.process(&mut out).unwrap();
+        Ok((out, simulation.reports().to_vec()))
+    }
+
+    fn hear(&self, seconds: f64) -> (Vec<f64>, Vec<Report>) {
+        self.try_hear(seconds).unwrap()
+    }
+}
+
+fn smooth(points: &[(f64, f64)]) -> Vec<(f64, f64, Way)> {
+    points.iter().map(|&(t, x)| (t, x, Path(Smooth))).collect()
+}
+
+/// At any rate a written point is met where it lies on a frame.
+#[test]
+fn points_are_met_at_every_rate() {
+    for hertz in [8_000.0, 44_100.0, 192_000.0] {
+        for touch in [Touch::Open, Touch::Tracked] {
+            let mut keys = Keyboard::new(hertz);
+            keys.play(
+                &smooth(&[(0.0, 0.0), (0.1, 5e-3), (0.2, 1e-3)]),
+                Manner { touch, ..OPEN },
+            );
+            let (x, reports) = keys.hear(0.3);
+            for (t, wanted) in [(0.1, 5e-3), (0.2, 1e-3)] {
+                let n = (t * hertz + 0.5) as usize;
+                assert!((x[n] - wanted).abs() < 1e-11, "{hertz} {t}: {}", x[n]);
+            }
+            assert!(reports[0].worst < 1e-11 && !reports[0].first_point_missed);
+        }
+    }
+}
+
+/// A gesture that began before the piece is joined from rest, and met from there on.
+#[test]
+fn a_gesture_from_before_the_piece_is_joined() {
+    let mut keys = Keyboard::new(44_100.0);
+    keys.play(&smooth(&[(-0.05, 2e-3), (0.1, 5e-3)]), OPEN);
+    let (x, reports) = keys.hear(0.15);
+    assert_eq!(x[0], 0.0);
+    assert!((x[4410] - 5e-3).abs() < 1e-12);
+    assert!(reports[0].first_point_missed);
+    // One that ended before the piece never sounds.
+    let mut keys = Keyboard::new(44_100.0);
+    keys.play(&smooth(&[(-0.2, 2e-3), (-0.1, 5e-3)]), OPEN);
+    let (x, reports) = keys.hear(0.1);
+    assert!(x.iter().all(|x| *x == 0.0));
+    assert_eq!(reports[0].n_ergons, 0);
+}
+
+#[test]
+fn of_two_gestures_at_one_instant_the_later_written_plays() {
+    let mut keys = Keyboard::new(44_100.0);
+    keys.play(&smooth(&[(0.05, 0.0), (0.1, 5e-3)]), OPEN);
+    keys.play(&smooth(&[(0.05, 0.0), (0.1, -3e-3)]), OPEN);
+    let (x, reports) = keys.hear(0.15);
+    assert!((x[4410] + 3e-3).abs() < 1e-12);
+    assert_eq!(reports[0].n_ergons, 0);
+}
+
+/// One point, a gesture longer than the piece, none at all.
+#[test]
+fn short_and_long_gestures_do_no_harm() {
+    let mut keys = Keyboard::new(44_100.0);
+    keys.play(&smooth(&[(0.05, 2e-3)]), OPEN);
+    keys.play(&smooth(&[(0.1, 0.0), (1e6, 5e-3)]), OPEN);
+    keys.play(&smooth(&[(1e9, 0.0)]), OPEN);
+    let (x, _) = keys.hear(0.2);
+    assert!((x[2205] - 2e-3).abs() < 1e-12, "joined to its one point");
+    assert!(keys.try_play(&[], OPEN).is_err());
+}
+
+/// Where a hold ends off the grid of frames, the throw still lands on its own frame.
+#[test]
+fn a_throw_right_after_a_hold_lands() {
+    for start in [0.05, 0.05 + 0.3 / 44_100.0, 0.05 + 0.7 / 44_100.0] {
+        let mut keys = Keyboard::new(44_100.0);
+        let (thrown, back) = (start + 0.03, start + 0.05);
+        keys.play(
+            &[
+                (start - 0.02, 0.0, Path(Line)),
+                (start, 0.0, Path(Hold)),
+                (thrown, 4e-3, Way::Throw),
+                (back, 1e-3, Way::Throw),
+                (back + 0.02, 1e-3, Path(Smooth)),
+            ],
+            OPEN,
+        );
+        let (x, reports) = keys.hear(0.15);
+        for (t, wanted) in [(thrown, 4e-3), (back, 1e-3)] {
+            let n = (t * 44_100.0 + 0.5) as usize;
+            assert!((x[n] - wanted).abs() < 1e-12, "{start}: {}", x[n]);
+        }
+        assert!(reports[0].n_ergons > 2);
+    }
+}
+
+/// At half its period a key comes back wherever it was thrown: no force can land it elsewhere.
+#[test]
+fn a_throw_that_cannot_land_is_not_made() {
+    let mut keys = Keyboard::new(8_000.0);
+    let undamped = Tie::Tuned { f: 8.0, t60: None };
+    keys.network = Network::new();
+    keys.network.part("key", None);
+    keys.network
+        .cel("m", 0.08, undamped, 0.0, 0.0, 0.0)
+        .unwrap();
+    let (first, len, weight) = (0, 1, 1.0);
+    keys.network
+        .listen("m", vec![Term::Position { first, len, weight }])
+        .unwrap();
+    keys.play(
+        &[(0.0, 0.0, Way::Throw), (1.0 / 16.0, 5e-3, Way::Throw)],
+        OPEN,
+    );
+    let (x, reports) = keys.hear(0.2);
+    assert!(x.iter().all(|x| *x == 0.0));
+    assert_eq!(reports[0].n_ergons, 0);
+}
+
+#[test]
+fn points_that_are_none_are_refused() {
+    let mut keys = Keyboard::new(44_100.0);
+    for way in [Way::Throw, Path(Smooth)] {
+        for (t, x) in [(0.1, f64::NAN), (f64::NAN, 0.0), (f64::INFINITY, 0.0)] {
+            assert!(
+                keys.try_play(&[(0.0, 0.0, way), (t, x, way)], OPEN)
+                    .is_err()
+            );
+        }
+    }
+    let short = keys.try_play(
+        &[(0.1, 0.0, Way::Throw), (0.100_001, 1e-3, Way::Throw)],
+        OPEN,
+    );
+    assert!(matches!(short, Err(GestureError::Short { index: 1, .. })));
+    let points = smooth(&[(0.0, 0.0), (0.1, 1e-3)]);
+    for bad in [
+        Manner {
+            grain: Some(0.0),
+            ..OPEN
+        },
+        Manner {
+            grain: Some(f64::INFINITY),
+            ..OPEN
+        },
+        Manner { join: -1.0, ..OPEN },
+        Manner {
+            limit: Some(0.0),
+            ..OPEN
+        },
+        Manner {
+            touch: Touch::Tracked,
+            ergons: Ergons::Particle,
+            ..OPEN
+        },
+    ] {
+        assert!(keys.try_play(&points, bad).is_err(), "{bad:?}");
+    }
+    let written = Written {
+        t: &[0.0],
+        x: &[0.0],
+        way: &[Way::Throw],
+        sources: &[],
+    };
+    let elsewhere = Gesture::written(1, &written, OPEN, 44_100.0).unwrap();
+    assert_eq!(
+        keys.timeline.gesture(elsewhere),
+        Err(GestureError::NoKey(1))
+    );
+}
+
+/// The last grain is as long as what is left; the end is met all the same.
+#[test]
+fn a_grain_that_does_not_divide_the_gesture_ends_with_it() {
+    for grain in [0.007, 0.03] {
+        let mut keys = Keyboard::new(44_100.0);
+        keys.play(
+            &smooth(&[(0.0, 0.0), (0.05, 5e-3)]),
+            Manner {
+                grain: Some(grain),
+                ..OPEN
+            },
+        );
+        let (x, reports) = keys.hear(0.1);
+        assert!((x[2205] - 5e-3).abs() < 1e-12, "{grain}");
+        let n_grains = (0.05_f64 / grain).ceil() as u64;
+        assert_eq!(reports[0].n_ergons, n_grains, "{grain}");
+    }
+}
+
+/// Longer than a quarter period, but no flight is: the gesture is over sooner.
+#[test]
+fn a_grain_is_held_against_the_flights_there_are() {
+    let mut keys = Keyboard::new(44_100.0);
+    let long = Manner {
+        grain: Some(1e9),
+        ..OPEN
+    };
+    keys.play(&smooth(&[(0.0, 0.0), (0.02, 5e-3)]), long);
+    assert_eq!(keys.hear(0.1).1[0].n_ergons, 1);
+    keys.play(&smooth(&[(0.2, 0.0), (0.4, 5e-3)]), long);
+    assert!(keys.try_hear(0.1).is_err());
+}
+
+/// The free copy has no gates: it would be held by a link that the key does not feel.
+#[test]
+fn a_coupling_inside_a_key_is_refused() {
+    let mut keys = Keyboard::new(44_100.0);
+    let rail = keys.network.sol("rail", 0.0).unwrap();
+    let inner = keys
+        .network
+        .spring("inner", 0, rail, 1e4, 0.0, 0.0)
+        .unwrap();
+    keys.network.part("bell", None);
+    let bell = keys.network.cel("m", 0.01, tie(), 0.0, 0.0, 0.0).unwrap();
+    let outer = keys
+        .network
+        .spring("outer", 0, bell, 1e4, 0.0, 0.0)
+        .unwrap();
+    keys.timeline
+        .couple(&keys.network, outer, 5.0, None)
+        .unwrap();
+    assert!(keys.try_hear(0.01).is_ok());
+    keys.timeline
+        .couple(&keys.network, inner, 5.0, None)
+        .unwrap();
+    assert!(
+        keys.try_hear(0.01)
+            .unwrap_err()
+            .to_string()
+            .contains("key.inner")
+    );
+}
+
+/// A stop 10 mm away is no part of a key's own period, nor of a gesture laid over another.
+#[test]
+fn an_open_stop_changes_nothing() {
+    let but = But {
+        k: 1e5,
+        z: 0.0,
+        gap: 0.01,
+        side: Side::Below,
+        contact: Contact::Plain,
+        restitution: 1.0,
+        steps: 2,
+        exponent: 1.0,
+        clamp: false,
+    };
+    let hear = |stop: bool| {
+        let mut keys = Keyboard::new(44_100.0);
+        if stop {
+            let rail = keys.network.sol("rail", 0.0).unwrap();
+            keys.network.but("stop", 0, rail, but).unwrap();
+        }
+        let grain = Manner {
+            grain: Some(0.01),
+            ..OPEN
+        };
+        keys.play(&smooth(&[(0.0, 0.0), (0.1, 5e-3)]), grain);
+        let layer = Manner {
+            layer: true,
+            ..OPEN
+        };
+        keys.play(&smooth(&[(0.03, 0.0), (0.05, 1e-3), (0.07, 0.0)]), layer);
+        keys.hear(0.1).0
+    };
+    let (with, without) = (hear(true), hear(false));
+    let worst = with
+        .iter()
+        .zip(&without)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
+    assert!(worst < 1e-12, "{worst}");
+}

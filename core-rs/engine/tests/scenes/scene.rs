@@ -1,0 +1,310 @@
+//! Small scenes drawn by chance: every kind of link, gesture, strike, coupling and drive.
+
+use std::sync::Arc;
+
+use ergon_engine::chance::Chance;
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
+use ergon_engine::gesture::take::{Care, Take};
+use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::law::{Law, LawText};
+use ergon_engine::maths;
+use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::timeline::{DriveKind, Rain, Source, Timeline};
+use ergon_engine::units::Rate;
+
+/// How long a scene is heard [s].
+pub(crate) const LENGTH: f64 = 0.2;
+
+/// Every kind of link that joins two MATs here.
+pub(crate) const LINKS: usize = 9;
+
+pub(crate) struct Scene {
+    pub(crate) network: Network,
+    pub(crate) timeline: Timeline,
+    chance: Chance,
+}
+
+pub(crate) fn options(on_fault: OnFault) -> Options {
+    Options {
+        ledger: true,
+        record: false,
+        on_fault,
+    }
+}
+
+/// A hand's movement: 0 to 3 mm and back, over 0.12 s.
+pub(crate) fn hand() -> Take {
+    let t: Vec<f64> = (0..=24).map(|i| f64::from(i) * 5e-3).collect();
+    let x: Vec<f64> = t
+        .iter()
+        .map(|t| 1.5e-3 * (1.0 - maths::cos(52.0 * t)))
+        .collect();
+    Take::new(&t, &x, Care::default()).unwrap()
+}
+
+impl Scene {
+    pub(crate) fn new(hertz: f64, seed: u64) -> Self {
+        let mut network = Network::new();
+        network.part("scene", None);
+        Self {
+            network,
+            timeline: Timeline::new(Rate::new(hertz).unwrap()),
+            chance: Chance::new(i128::from(seed), "scene", "scene", 0, 0),
+        }
+    }
+
+    /// A scene with some of everything.
+    pub(crate) fn random(seed: u64) -> Self {
+        let hertz = [8_000.0, 22_050.0, 44_100.0, 192_000.0][(seed % 4) as usize];
+        let mut scene = Self::new(hertz, seed);
+        let bells: Vec<usize> = (0..2 + scene.pick(3)).map(|i| scene.bell(i)).collect();
+        for pair in bells.windows(2) {
+            let kind = scene.pick(LINKS);
+            let link = scene.link(kind, pair[0], pair[1]);
+            if scene.pick(3) == 0 {
+                let (start, stop) = (scene.draw(-0.05, 0.1), scene.draw(0.11, 0.2));
+                let network = &scene.network;
+                scene
+                    .timeline
+                    .couple(network, link, start, Some(stop))
+                    .unwrap();
+            }
+        }
+        scene.moved_point(bells[0]);
+        let key = scene.key();
+        scene.strikes(&bells);
+        for _ in 0..1 + scene.pick(4) {
+            scene.gesture(key);
+        }
+        scene
+    }
+
+    pub(crate) fn simulation(&self, options: Options) -> Simulation {
+        Simulation::new(Arc::new(self.network.clone()), &self.timeline, options).unwrap()
+    }
+
+    pub(crate) fn n_frames(&self) -> usize {
+        (LENGTH * self.timeline.rate.hertz()) as usize
+    }
+
+    pub(crate) fn draw(&mut self, low: f64, high: f64) -> f64 {
+        self.chance.uniform(low, high)
+    }
+
+    pub(crate) fn pick(&mut self, n: usize) -> usize {
+        (self.chance.uniform(0.0, n as f64) as usize).min(n - 1)
+    }
+
+    pub(crate) fn bell(&mut self, i: usize) -> usize {
+        let tie = Tie::Tuned {
+            f: self.draw(100.0, 1500.0),
+            t60: Some(self.draw(0.1, 1.0)),
+        };
+        let (m, x0) = (self.draw(5e-3, 5e-2), self.draw(-1e-4, 1e-4));
+        let bell = self.network.cel(&format!("bell{i}"), m, tie, 0.0, x0, 0.0);
+        let first = bell.unwrap();
+        let (len, weight) = (1, 1.0);
+        let heard = vec![Term::Position { first, len, weight }];
+        self.network.listen(&format!("bell{i}"), heard).unwrap();
+        first
+    }
+
+    /// A link of one of the [`LINKS`] kinds.
+    pub(crate) fn link(&mut self, kind: usize, a: usize, b: usize) -> usize {
+        let but = But {
+            k: 2e4,
+            z: 0.0,
+            gap: 1e-5,
+            side: Side::Below,
+            contact: Contact::Plain,
+            restitution: 1.0,
+            steps: 2,
+            exponent: 1.0,
+            clamp: false,
+        };
+        let exact = But {
+            contact: Contact::Exact,
+            k: 1e6,
+            ..but
+        };
+        let law = LawText {
+            law: Some("2e3*d + 1e9*d**3"),
+            damping: Some("0.02*v + 0.1*tanh(5*v)"),
+            ..LawText::default()
+        };
+        let points = [(-1e-3, -3.0), (0.0, 0.0), (1e-4, 0.1), (1e-3, 4.0)];
+        let bent = LawText {
+            points: Some(&points),
+            ..LawText::default()
+        };
+        let name = format!("link{}", self.network.n_lia());
+        let network = &mut self.network;
+        match kind {
+            0 => network.spring(&name, a, b, 3e3, 0.05, 0.0),
+            1 => network.but(&name, a, b, but),
+            2 => network.but(
+                &name,
+                a,
+                b,
+                But {
+                    z: 0.5,
+                    exponent: 1.5,
+                    k: 2e5,
+                    ..but
+                },
+            ),
+            3 => network.but(
+                &name,
+                a,
+                b,
+                But {
+                    z: 0.5,
+                    clamp: true,
+                    side: Side::Above,
+                    ..but
+                },
+            ),
+            4 => network.but(&name, a, b, exact),
+            5 => network.but(
+                &name,
+                a,
+                b,
+                But {
+                    z: 0.5,
+                    clamp: true,
+                    ..exact
+                },
+            ),
+            6 => network.but(
+                &name,
+                a,
+                b,
+                But {
+                    exponent: 2.5,
+                    k: 1e9,
+                    side: Side::Above,
+                    ..exact
+                },
+            ),
+            7 => network.lnl(&name, a, b, Arc::new(Law::new(&law).unwrap()), 1e-4),
+            _ => network.lnl(&name, a, b, Arc::new(Law::new(&bent).unwrap()), 0.0),
+        }
+        .unwrap()
+    }
+
+    /// A point on a take's path, tied to a MAT by a soft spring, and a weight on that MAT.
+    pub(crate) fn moved_point(&mut self, mat: usize) {
+        let point = self.network.mas("point", 1.0, 0.0, 0.0).unwrap();
+        self.network.impose(point);
+        self.network
+            .spring("hold", point, mat, 500.0, 0.02, 0.0)
+            .unwrap();
+        let path = hand().placed(0.03, 0.5, 1.0, false).unwrap();
+        let timeline = &mut self.timeline;
+        timeline
+            .drive(point, DriveKind::Position, Source::Take(path), true)
+            .unwrap();
+        timeline
+            .drive(mat, DriveKind::Force, Source::Constant(-0.05), true)
+            .unwrap();
+    }
+
+    /// A key, plain or with a second mass and a stop inside, that meets the first bell.
+    fn key(&mut self) -> usize {
+        self.network.part("key", None);
+        let tie = Tie::Tuned {
+            f: self.draw(4.0, 10.0),
+            t60: Some(0.6),
+        };
+        let m = self.draw(0.05, 0.1);
+        let struck = self.network.cel("m", m, tie, 0.0, 0.0, 0.0).unwrap();
+        if self.pick(2) == 0 {
+            let inner = self.network.mas("inner", 0.02, 0.0, 0.0).unwrap();
+            self.network
+                .spring("felt", struck, inner, 4e3, 2.0, 0.0)
+                .unwrap();
+            let rail = self.network.mas("rail", 1.0, 0.02, 0.0).unwrap();
+            self.network.impose(rail);
+            let stop = self.link(1, inner, rail);
+            assert!(stop > 0);
+            let timeline = &mut self.timeline;
+            timeline
+                .drive(inner, DriveKind::Force, Source::Constant(-0.2), true)
+                .unwrap();
+            timeline
+                .drive(rail, DriveKind::Position, Source::Constant(0.02), true)
+                .unwrap();
+        }
+        let kind = self.pick(LINKS);
+        self.network.part("joint", None);
+        self.link(kind, struck, 0);
+        self.timeline.key("key", struck)
+    }
+
+    fn strikes(&mut self, bells: &[usize]) {
+        for (i, &bell) in bells.iter().enumerate() {
+            let (at, speed) = (self.draw(0.0, 0.15), self.draw(-300.0, 300.0));
+            let network = &self.network;
+            let timeline = &mut self.timeline;
+            timeline
+                .strike(network, bell, at, speed * 1e-7, i as u32)
+                .unwrap();
+            timeline
+                .ergon(network, bell, at + 0.01, 1e-7, speed, i as u32)
+                .unwrap();
+        }
+        let rain = Rain {
+            rate: 40.0,
+            start: 0.0,
+            stop: 0.15,
+            impulse: (-1e-5, 1e-5),
+            source: 7,
+        };
+        let chance = |member| Chance::new(3, "strikes", "rain", member, 0);
+        self.timeline
+            .rain(&self.network, bells, &rain, chance)
+            .unwrap();
+    }
+
+    fn gesture(&mut self, key: usize) {
+        let mut t = vec![self.draw(-0.01, 0.12)];
+        let mut x = vec![self.draw(-1e-3, 1e-3)];
+        let mut way = vec![Way::Path(Curve::Smooth)];
+        for _ in 0..self.pick(4) {
+            t.push(t[t.len() - 1] + self.draw(4e-3, 4e-2));
+            let (last, next) = (x[x.len() - 1], self.draw(-3e-3, 3e-3));
+            let (kind, at) = match self.pick(5) {
+                0 => (Way::Throw, next),
+                1 => (Way::Path(Curve::Line), next),
+                2 => (Way::Path(Curve::Hold), last),
+                _ => (Way::Path(Curve::Smooth), next),
+            };
+            way.push(kind);
+            x.push(at);
+        }
+        let written = Written {
+            t: &t,
+            x: &x,
+            way: &way,
+            sources: &[],
+        };
+        let (touch, ergons) = [
+            (Touch::Open, Ergons::Event),
+            (Touch::Open, Ergons::Particle),
+            (Touch::Tracked, Ergons::Event),
+        ][self.pick(3)];
+        let manner = Manner {
+            touch,
+            ergons,
+            grain: (self.pick(3) == 0).then(|| self.draw(1e-4, 5e-3)),
+            join: [0.0, 2e-3, 0.02][self.pick(3)],
+            limit: (self.pick(4) == 0).then_some(20.0),
+            layer: touch == Touch::Open && self.pick(3) == 0,
+        };
+        let hertz = self.timeline.rate.hertz();
+        let gesture = Gesture::written(key, &written, manner, hertz).unwrap();
+        self.timeline.gesture(gesture).unwrap();
+    }
+}
