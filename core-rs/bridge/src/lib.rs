@@ -16,6 +16,7 @@ mod pcm;
 mod simulation;
 mod take;
 mod timeline;
+mod words;
 
 use pyo3::prelude::*;
 

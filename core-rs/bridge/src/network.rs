@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use ergon_engine::generator;
-use ergon_engine::generator::{Ends, Shape};
-use ergon_engine::network::{self, But, Contact, Side, Term, Tie};
+use ergon_engine::generator::{self, BankForm, GeneratorError, Topology};
+use ergon_engine::network::{self, But, Term, Tie};
 use ergon_engine::plan::{Means, Plan, Word};
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, hertz, refused, word};
 use crate::law::Law;
+use crate::words;
 
 /// (first, count, weight) of modules in an output.
 type Ranges = Vec<(usize, usize, f64)>;
@@ -113,23 +113,9 @@ impl Network {
         stiffness: f64,
         hardening: f64,
     ) -> PyResult<usize> {
-        let ends = word(
-            py,
-            "ends",
-            ends,
-            &[
-                ("fixed", Ends::Fixed),
-                ("free", Ends::Free),
-                ("left", Ends::Left),
-            ],
-        )?;
-        py.detach(|| {
-            let topology =
-                generator::string(masses, ends, stiffness).map_err(|error| error.to_string())?;
-            Ok(self.0.mesh(name, &topology, M, f, t60, hardening))
-        })
-        .map_err(|message: String| refused(py, name, &message))?
-        .map_err(|error| from_engine(py, error))
+        let ends = word(py, "ends", ends, &words::ENDS)?;
+        let topology = py.detach(|| generator::string(masses, ends, stiffness));
+        self.mesh(py, name, topology, [M, f, hardening], t60)
     }
 
     /// A mesh, tuned so that its lowest non-rigid mode is f.
@@ -147,28 +133,10 @@ impl Network {
         rim: &str,
         hardening: f64,
     ) -> PyResult<usize> {
-        let shape = word(
-            py,
-            "shape",
-            shape,
-            &[("hex", Shape::Hex), ("square", Shape::Square)],
-        )?;
-        let rim = word(
-            py,
-            "rim",
-            rim,
-            &[
-                ("free", generator::Rim::Free),
-                ("fixed", generator::Rim::Fixed),
-            ],
-        )?;
-        py.detach(|| {
-            let topology =
-                generator::plate(shape, radius, rim).map_err(|error| error.to_string())?;
-            Ok(self.0.mesh(name, &topology, M, f, t60, hardening))
-        })
-        .map_err(|message: String| refused(py, name, &message))?
-        .map_err(|error| from_engine(py, error))
+        let shape = word(py, "shape", shape, &words::SHAPES)?;
+        let rim = word(py, "rim", rim, &words::RIMS)?;
+        let topology = py.detach(|| generator::plate(shape, radius, rim));
+        self.mesh(py, name, topology, [M, f, hardening], t60)
     }
 
     /// Many CELs with frequencies over a range.
@@ -186,29 +154,13 @@ impl Network {
         place: &str,
         seed: i128,
     ) -> PyResult<usize> {
-        let spread = word(
-            py,
-            "spread",
-            spread,
-            &[
-                ("even", generator::Spread::Even),
-                ("random", generator::Spread::Random),
-            ],
-        )?;
-        let place = word(
-            py,
-            "place",
-            place,
-            &[
-                ("line", generator::Place::Line),
-                ("spiral", generator::Place::Spiral),
-            ],
-        )?;
+        let spread = word(py, "spread", spread, &words::SPREADS)?;
+        let place = word(py, "place", place, &words::PLACES)?;
         py.detach(|| {
             self.0.bank(
                 name,
                 M,
-                &generator::BankForm {
+                &BankForm {
                     count,
                     f,
                     t60,
@@ -235,8 +187,9 @@ impl Network {
     #[allow(non_snake_case)]
     fn start(&mut self, py: Python<'_>, index: usize, X0: f64, V0: f64) -> PyResult<()> {
         self.there(py, index)?;
-        self.0.start(index, X0, V0);
-        Ok(())
+        self.0
+            .start(index, X0, V0)
+            .map_err(|error| from_engine(py, error))
     }
 
     /// Where the MAT lies on the bench [m].
@@ -283,18 +236,8 @@ impl Network {
         clamp: bool,
         steps: u32,
     ) -> PyResult<usize> {
-        let side = word(
-            py,
-            "side",
-            side,
-            &[("below", Side::Below), ("above", Side::Above)],
-        )?;
-        let kinds = [
-            ("plain", Contact::Plain),
-            ("exact", Contact::Exact),
-            ("magic", Contact::Magic),
-        ];
-        let contact = word(py, "contact", contact, &kinds)?;
+        let side = word(py, "side", side, &words::SIDES)?;
+        let contact = word(py, "contact", contact, &words::CONTACTS)?;
         let but = But {
             k: K,
             z: Z,
@@ -388,6 +331,7 @@ impl Network {
             lambda_max: certificate.lambda_max,
             method: match certificate.means {
                 Means::Gershgorin => "gershgorin",
+                Means::Dense => "dense",
                 Means::Lanczos => "lanczos",
             },
             word: match certificate.word {
@@ -400,6 +344,20 @@ impl Network {
 }
 
 impl Network {
+    fn mesh(
+        &mut self,
+        py: Python<'_>,
+        name: &str,
+        topology: Result<Topology, GeneratorError>,
+        [mass, f, hardening]: [f64; 3],
+        t60: Option<f64>,
+    ) -> PyResult<usize> {
+        let topology =
+            topology.map_err(|error| from_engine(py, self.0.refused(name, &error.to_string())))?;
+        py.detach(|| self.0.mesh(name, &topology, mass, f, t60, hardening))
+            .map_err(|error| from_engine(py, error))
+    }
+
     fn there(&self, py: Python<'_>, index: usize) -> PyResult<()> {
         if index < self.0.n_mat() {
             return Ok(());

@@ -1,13 +1,15 @@
 //! Simulations: what moves.
 
-use ergon_engine::simulation::{self, OnFault};
+use ergon_engine::simulation;
 use numpy::{IntoPyArray, PyArray1, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::{from_engine, from_fault, refused, word};
+use crate::frames::rows_mut;
 use crate::network::Network;
 use crate::timeline::Timeline;
+use crate::words;
 
 /// A moment of a simulation, to come back to.
 #[pyclass(frozen, module = "ergon._core")]
@@ -38,12 +40,7 @@ impl Simulation {
                 "it was made for another state of the network",
             ));
         }
-        let on_fault = word(
-            py,
-            "on_fault",
-            on_fault,
-            &[("stop", OnFault::Stop), ("mute", OnFault::Mute)],
-        )?;
+        let on_fault = word(py, "on_fault", on_fault, &words::ON_FAULT)?;
         let options = simulation::Options {
             ledger,
             record,
@@ -73,15 +70,8 @@ impl Simulation {
 
     /// Fill out (n_frames, n_out) with the next frames.
     fn process(&mut self, py: Python<'_>, mut out: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
-        let [n_frames, n_out] = [out.shape()[0], out.shape()[1]];
-        if n_out != self.0.n_out() {
-            return Err(refused(
-                py,
-                "out",
-                &format!("{n_out} columns for {} outputs", self.0.n_out()),
-            ));
-        }
-        let samples = out.as_slice_mut()?;
+        let (n_frames, n_out) = (out.shape()[0], self.0.n_out());
+        let samples = rows_mut(&mut out, "out", n_out)?;
         py.detach(|| {
             if n_out == 0 {
                 self.0.skip(n_frames as u64)
@@ -145,6 +135,8 @@ impl Simulation {
                 stop: report.stop,
                 worst: report.worst,
                 worst_at: report.worst_at,
+                pushed_by: report.pushed_by.map(|mat| self.0.mat_name(mat)),
+                compared: report.compared,
                 rms: report.rms(),
                 low: report.low,
                 high: report.high,
@@ -188,6 +180,8 @@ pub(crate) struct Report {
     stop: f64,
     worst: f64,
     worst_at: f64,
+    pushed_by: Option<String>,
+    compared: u64,
     rms: f64,
     low: f64,
     high: f64,

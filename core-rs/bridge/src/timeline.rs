@@ -3,16 +3,16 @@
 use std::sync::Arc;
 
 use ergon_engine::chance::Chance;
-use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
+use ergon_engine::gesture::script::Gesture;
 use ergon_engine::gesture::written::{Manner, Way, Written};
 use ergon_engine::network;
-use ergon_engine::timeline::{self, DriveKind, Rain, Source};
+use ergon_engine::timeline::{self, Rain, Source};
 use pyo3::prelude::*;
 
-use crate::error::{hertz, refused, word};
+use crate::error::{from_engine, hertz, refused, word};
 use crate::network::Network;
 use crate::take::Take;
+use crate::words;
 
 /// What will happen, by sample index.
 #[pyclass(module = "ergon._core")]
@@ -59,7 +59,7 @@ impl Timeline {
         let manner = manner(py, touch, ergons, grain, join, force_limit, layer)?;
         let way = curve
             .iter()
-            .map(|curve| word(py, "curve", curve, &WAYS))
+            .map(|curve| word(py, "curve", curve, &words::WAYS))
             .collect::<PyResult<Vec<Way>>>()?;
         let written = Written {
             t: &t,
@@ -67,10 +67,9 @@ impl Timeline {
             way: &way,
             sources: &sources,
         };
-        let gesture = Gesture::written(key, &written, manner, self.inner.rate.hertz());
-        Ok(self
-            .inner
-            .gesture(gesture.map_err(|error| refused(py, "gesture", &error.to_string()))?))
+        Gesture::written(key, &written, manner, self.inner.rate.hertz())
+            .and_then(|gesture| self.inner.gesture(gesture))
+            .map_err(|error| refused(py, "gesture", &error.to_string()))
     }
 
     /// Lowest and highest position of a gesture's written points and paths [m].
@@ -106,9 +105,9 @@ impl Timeline {
             .0
             .placed(at, scale, stretch, reverse)
             .map_err(|error| refuse(error.to_string()))?;
-        let gesture = Gesture::taken(key, path, until, source, manner, self.inner.rate.hertz())
-            .map_err(|error| refuse(error.to_string()))?;
-        Ok(self.inner.gesture(gesture))
+        Gesture::taken(key, path, until, source, manner, self.inner.rate.hertz())
+            .and_then(|gesture| self.inner.gesture(gesture))
+            .map_err(|error| refuse(error.to_string()))
     }
 
     /// An ergon meets a MAT: with an impulse, or a mass and speed.
@@ -129,7 +128,10 @@ impl Timeline {
             (Some(impulse), None, None) => {
                 self.inner.strike(&self.network, mat, at, impulse, source)
             }
-            (None, Some(mass), Some(speed)) => self.inner.ergon(mat, at, mass, speed, source),
+            (None, Some(mass), Some(speed)) => {
+                self.inner
+                    .ergon(&self.network, mat, at, mass, speed, source)
+            }
             _ => {
                 return Err(refused(
                     py,
@@ -173,12 +175,20 @@ impl Timeline {
 
     /// The LIA acts only from `start` to `stop`.
     #[pyo3(signature = (link, start, stop=None))]
-    fn couple(&mut self, link: usize, start: f64, stop: Option<f64>) {
-        self.inner.couple(link, start, stop);
+    fn couple(
+        &mut self,
+        py: Python<'_>,
+        link: usize,
+        start: f64,
+        stop: Option<f64>,
+    ) -> PyResult<()> {
+        self.inner
+            .couple(&self.network, link, start, stop)
+            .map_err(|error| from_engine(py, error))
     }
 
     /// ENX / ENF: a constant, or a take from `at`.
-    #[pyo3(signature = (mat, kind, *, constant=None, take=None, at=0.0, scale=1.0))]
+    #[pyo3(signature = (mat, kind, *, constant=None, take=None, at=0.0, scale=1.0, own=true))]
     #[allow(clippy::too_many_arguments)]
     fn drive(
         &mut self,
@@ -189,17 +199,10 @@ impl Timeline {
         take: Option<&Take>,
         at: f64,
         scale: f64,
+        own: bool,
     ) -> PyResult<()> {
         self.there(py, "drive", mat)?;
-        let kind = word(
-            py,
-            "kind",
-            kind,
-            &[
-                ("position", DriveKind::Position),
-                ("force", DriveKind::Force),
-            ],
-        )?;
+        let kind = word(py, "kind", kind, &words::DRIVES)?;
         let source = match (constant, take) {
             (Some(constant), None) => Source::Constant(constant),
             (None, Some(take)) => {
@@ -208,8 +211,9 @@ impl Timeline {
             }
             _ => return Err(refused(py, "drive", "a drive has a constant or a take")),
         };
-        self.inner.drive(mat, kind, source);
-        Ok(())
+        self.inner
+            .drive(mat, kind, source, own)
+            .map_err(|error| refused(py, "drive", &error.to_string()))
     }
 }
 
@@ -230,13 +234,6 @@ impl Timeline {
     }
 }
 
-const WAYS: [(&str, Way); 4] = [
-    ("smooth", Way::Path(Curve::Smooth)),
-    ("line", Way::Path(Curve::Line)),
-    ("hold", Way::Path(Curve::Hold)),
-    ("throw", Way::Throw),
-];
-
 fn manner(
     py: Python<'_>,
     touch: &str,
@@ -246,18 +243,8 @@ fn manner(
     limit: Option<f64>,
     layer: bool,
 ) -> PyResult<Manner> {
-    let touch = word(
-        py,
-        "touch",
-        touch,
-        &[("open", Touch::Open), ("tracked", Touch::Tracked)],
-    )?;
-    let ergons = word(
-        py,
-        "ergons",
-        ergons,
-        &[("event", Ergons::Event), ("particle", Ergons::Particle)],
-    )?;
+    let touch = word(py, "touch", touch, &words::TOUCHES)?;
+    let ergons = word(py, "ergons", ergons, &words::ERGONS)?;
     Ok(Manner {
         touch,
         ergons,

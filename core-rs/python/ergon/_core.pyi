@@ -206,7 +206,7 @@ class Certificate:
     """λmax(M⁻¹(K+2Z)) < 4 (Jury; every BUT closed, every LNL at its slope at rest)."""
 
     lambda_max: float
-    method: Literal["gershgorin", "lanczos"]
+    method: Literal["gershgorin", "dense", "lanczos"]
     word: Literal["proved", "guarded"]
     oversampling: int  # ceil(sqrt(λmax/4)): 1 when stable
 
@@ -315,9 +315,10 @@ class Timeline:
         take: Take | None = None,
         at: float = 0.0,
         scale: float = 1.0,
+        own: bool = True,
     ) -> None:
         """ENX / ENF: a constant, or a take from `at` [s] (before it its first value, after it its
-        last)."""
+        last). `own`: as a module of the MAT's own part, which a free key feels too."""
 
 # --- what moves ---------------------------------------------------------------------------------
 
@@ -331,6 +332,8 @@ class Report:
     stop: float
     worst: float  # largest |done - asked| on the loaded key [m], and when [s]
     worst_at: float
+    pushed_by: str | None  # the MAT of another part that pushed most then
+    compared: int  # frames compared
     rms: float  # [m]
     low: float  # excursion of the free key from the gesture's start to the next one's [m]
     high: float

@@ -1,0 +1,42 @@
+//! Words of the Python side and what they stand for in the engine.
+
+use ergon_engine::generator::{Ends, Place, Rim, Shape, Spread};
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Touch};
+use ergon_engine::gesture::written::Way;
+use ergon_engine::network::{Contact, Side};
+use ergon_engine::simulation::OnFault;
+use ergon_engine::timeline::DriveKind;
+
+/// A table of words.
+pub(crate) type Words<T, const N: usize> = [(&'static str, T); N];
+
+pub(crate) const ENDS: Words<Ends, 3> = [
+    ("fixed", Ends::Fixed),
+    ("free", Ends::Free),
+    ("left", Ends::Left),
+];
+pub(crate) const SHAPES: Words<Shape, 2> = [("hex", Shape::Hex), ("square", Shape::Square)];
+pub(crate) const RIMS: Words<Rim, 2> = [("free", Rim::Free), ("fixed", Rim::Fixed)];
+pub(crate) const SPREADS: Words<Spread, 2> = [("even", Spread::Even), ("random", Spread::Random)];
+pub(crate) const PLACES: Words<Place, 2> = [("line", Place::Line), ("spiral", Place::Spiral)];
+pub(crate) const SIDES: Words<Side, 2> = [("below", Side::Below), ("above", Side::Above)];
+pub(crate) const CONTACTS: Words<Contact, 3> = [
+    ("plain", Contact::Plain),
+    ("exact", Contact::Exact),
+    ("magic", Contact::Magic),
+];
+pub(crate) const WAYS: Words<Way, 4> = [
+    ("smooth", Way::Path(Curve::Smooth)),
+    ("line", Way::Path(Curve::Line)),
+    ("hold", Way::Path(Curve::Hold)),
+    ("throw", Way::Throw),
+];
+pub(crate) const TOUCHES: Words<Touch, 2> = [("open", Touch::Open), ("tracked", Touch::Tracked)];
+pub(crate) const ERGONS: Words<Ergons, 2> =
+    [("event", Ergons::Event), ("particle", Ergons::Particle)];
+pub(crate) const DRIVES: Words<DriveKind, 2> = [
+    ("position", DriveKind::Position),
+    ("force", DriveKind::Force),
+];
+pub(crate) const ON_FAULT: Words<OnFault, 2> = [("stop", OnFault::Stop), ("mute", OnFault::Mute)];
