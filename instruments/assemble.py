@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ergon import _core
 from ergon.instruments.kinds import HOLDERS, LINKS, Start
+from ergon.instruments.members import members
 from ergon.instruments.model import Module, Target
 
 _Fields = Mapping[str, Any]
@@ -100,16 +101,9 @@ def _members(assembly: Assembly, first: int, given: Any) -> dict[int, float]:
 
 
 def _range(assembly: Assembly, first: int, count: int, start: Start) -> range:
-    word = str(start.at)
-    if word == "all":
-        return range(first, first + count)
-    if word == "centre":
-        centre = assembly.network.centre(first)
-        return range(centre, centre + 1)
-    if word == "last":
-        return range(first + count - 1, first + count)
-    low, _, high = word.partition("..")
-    return range(first + int(low), first + int(high or low) + 1)
+    low, size = members(str(start.at), count, "")
+    low = assembly.network.centre(first) if low == "centre" else first + low
+    return range(low, low + size)
 
 
 # --- a lever ------------------------------------------------------------------------------------
@@ -124,15 +118,26 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
         return fields
     seen = dict(fields)
     for name in _LENGTHS:
-        if isinstance(seen.get(name), float):
-            seen[name] *= reach
+        if name in seen:
+            seen[name] = _stretched(seen[name], reach)
     for name in _PER_LENGTH_SQUARED:
         if seen.get(name) is not None:
             seen[name] /= reach * reach
+    if seen.get("hardening"):
+        seen["hardening"] /= reach**4  # q·(x/s)³/s
     if seen.get("exponent", 1.0) != 1.0:
         # K·(p/s)^α/s: the first power is in the square above.
         seen["K"] *= reach / _core.pow(reach, seen["exponent"])
     return seen
+
+
+def _stretched(value: Any, reach: float) -> Any:
+    """A length, or those of some members of a generator, as the scene sees them."""
+    if isinstance(value, tuple):
+        return tuple(_stretched(one, reach) for one in value)
+    if isinstance(value, Start):
+        return replace(value, value=value.value * reach)
+    return value * reach
 
 
 # --- kinds --------------------------------------------------------------------------------------

@@ -7,25 +7,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from ergon.scores import kinds as k
-from ergon.scores.document import Node, Scalar
-from ergon.scores.errors import TextError
-from ergon.scores.fields import Field, Record, Values
-from ergon.scores.shapes import (
+from ergon.scores.tables import kinds as k
+from ergon.scores.tables.fields import Field, Record, Values
+from ergon.scores.tables.shapes import (
     MISSING,
     Context,
     Either,
     ListOf,
     Name,
+    Pair,
     Reference,
     Shape,
     Text,
     choice,
     wrong_shape,
 )
+from ergon.scores.text.document import Node, Scalar
+from ergon.scores.text.errors import TextError
 
 MAX_MODULES = 2_000_000  # of one generator: some 200 MB of state and parameters
-MAX_RADIUS = 800  # of a PLATE: 3·r·(r+1)+1 masses stay below MAX_MODULES
+MAX_RADIUS = 400  # of a PLATE: half a million masses, whose lowest mode takes ten seconds to find
 MAX_LAW = 2_000  # characters of a law
 MAX_POINTS = 10_000  # of a law given by points
 
@@ -129,15 +130,14 @@ def _but(ca: bool) -> tuple[Field, ...]:
 
 
 def _lnl() -> tuple[Field, ...]:
-    pair = ListOf(k.NUMBER, 2, 2)
     return (
         BETWEEN,
         Field("law", LAW, "force over elongation d [m]"),
         Field("damping", LAW, "force over elongation d and its rate v [m/s]"),
         Field(
             "points",
-            ListOf(pair, 2, MAX_POINTS),
-            "elongations [m] and forces [N], joined by straight lines",
+            ListOf(Pair(k.POSITION, k.PUSH), 2, MAX_POINTS),
+            "elongations and forces, joined by straight lines",
         ),
         Field("rest", k.POSITION, "elongation that counts as d = 0", 0.0),
     )

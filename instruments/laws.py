@@ -9,11 +9,13 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments.model import Module
-from ergon.scores.errors import Collector, quote
-from ergon.scores.shapes import NAME
-from ergon.scores.values import Place
+from ergon.scores.tables.shapes import NAME
+from ergon.scores.text.errors import Collector, quote
+from ergon.scores.text.values import Place
 
 _WORDS = re.compile(r"[^\W\d]\w*")
+# Words of a law that are no constants.
+_KNOWN = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ def resolved(
             fields["damping"] = known.damping
     written = fields["constants"]
     fields["constants"] = {**constants, **written}
-    used = set(_WORDS.findall(f"{fields['law'] or ''} {fields['damping'] or ''}"))
+    used = set(_WORDS.findall(f"{fields['law'] or ''} {fields['damping'] or ''}")) - _KNOWN
     others = [word for word in module.fields if word != "constants"]
     for name in written:
         if name not in used:

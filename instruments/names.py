@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from ergon.instruments.kinds import HOLDERS, LINKS, member_count
+from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
-from ergon.scores.errors import Collector, quote
-from ergon.scores.shapes import Name
+from ergon.scores.tables.shapes import Name
+from ergon.scores.text.errors import Collector, TextError, quote
 
-_MEMBERS = re.compile(r"(.*?)(?:\.(?:(\d{1,9})(?:\.\.(\d{1,9}))?|(all|last|centre)))?")
+_MEMBERS = re.compile(rf"(.*?)(?:\.({PATTERN}))?")
 
 Wanted = Literal["mat", "mats", "link", "links"]
 
@@ -68,8 +69,7 @@ class Scene:
         ):
             self._wrong_family(name, module, wanted, who)
             return None
-        members = match.groups()[1:] if match else (None, None, None)
-        return self._members(name, owner, module, members, wanted, who)
+        return self._members(name, owner, module, match[2] if match else None, wanted, who)
 
     def _find(self, path: str, part: Part | None, prefix: str) -> tuple[Part, str | None] | None:
         """A part and one of its modules (None: none is named)."""
@@ -109,32 +109,26 @@ class Scene:
         name: Name,
         owner: Part,
         module: Module,
-        members: tuple[str | None, ...],
+        some: str | None,
         wanted: Wanted,
         who: str,
     ) -> Target | None:
-        low, high, word = members
         count = member_count(module.kind, module.fields)
         several = wanted in ("mats", "links")
         called = ".".join(filter(None, (owner.name, module.name)))
         first: int | Literal["centre"] = 0
         size = 1
         problem = ""
-        if low is None and word is None:
+        if some is None:
             if count > 1:
                 problem = f"{called} has {count:,} masses; say which: {called}.0, {called}.centre"
         elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL"):
             problem = f"{called} is one {module.kind}; it has no members"
-        elif word is not None:
-            first = "centre" if word == "centre" else count - 1 if word == "last" else 0
-            size = count if word == "all" else 1
-        elif low is not None:
-            first, stop = int(low), int(high if high is not None else low) + 1
-            size = stop - first
-            if size < 1:
-                problem = f"{low}..{high} runs downwards"
-            elif stop > count:
-                problem = f"{called} has members 0 to {count - 1:,}"
+        else:
+            try:
+                first, size = members(some, count, called)
+            except TextError as error:
+                problem = error.message
         if not problem and size > 1 and not several:
             problem = f"one MAT is wanted, not {size:,}"
         if problem:
@@ -150,7 +144,8 @@ class Scene:
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
             names = [f"{head}.{module}" for module in self.parts[head].modules if module]
         message = f"{who}: nothing is called {quote(name)}"
-        self.collector.error("E301", message, name.place, word=str(name), names=names)
+        known = [known for known in names if known]  # a lone generator's module has no name
+        self.collector.error("E301", message, name.place, word=str(name), names=known)
 
     def _is_broken(self, path: str, part: Part | None) -> bool:
         """Whether the name was refused already: one mistake, one report."""

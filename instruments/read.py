@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 from ergon.instruments.kinds import HOLDERS, tables
 from ergon.instruments.model import Instrument, Layout, Module, Output
-from ergon.scores import document
-from ergon.scores import kinds as k
-from ergon.scores.document import Node
-from ergon.scores.fields import Field, Record, Values
-from ergon.scores.shapes import (
+from ergon.scores.tables import kinds as k
+from ergon.scores.tables.fields import Field, Record, Values
+from ergon.scores.tables.shapes import (
     MISSING,
     Context,
     Either,
@@ -25,7 +22,10 @@ from ergon.scores.shapes import (
     choice,
     wrong_shape,
 )
-from ergon.scores.values import Place
+from ergon.scores.text import document
+from ergon.scores.text.document import Node
+from ergon.scores.text.errors import with_article
+from ergon.scores.text.values import Place
 
 MODULES_DOC = "the network: names, each with one kind of module"
 
@@ -162,7 +162,7 @@ def _needs(*names: str) -> Any:
     def check(kind: str, values: Values) -> None:
         if not values.written(*names):
             wanted = " or ".join(names)
-            values.error("E103", f"{values.context.of('')}: a {kind} needs {wanted}")
+            values.error("E103", f"{values.context.of('')}: {with_article(kind)} needs {wanted}")
 
     return check
 
@@ -196,11 +196,6 @@ def _lnl(kind: str, values: Values) -> None:
     if values.written("law") and values.written("points"):
         message = f"{values.context.of('points')}: a law is given too; an LNL has one of them"
         values.error("E111", message, "points")
-    _needs("law", "points", "damping")(kind, values)
-    points = values["points"] or ()
-    if any(b[0] <= a[0] for a, b in pairwise(points)):
-        message = f"{values.context.of('points')}: elongations rise from point to point"
-        values.error("E202", message, "points")
 
 
 _CHECKS: Mapping[str, tuple[Any, ...]] = {

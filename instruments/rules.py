@@ -6,14 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments.kinds import LINKS
+from ergon.instruments.kinds import GENERATORS, LINKS, Start, member_count
 from ergon.instruments.laws import LawText, resolved
+from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
 from ergon.instruments.names import Part, Scene
-from ergon.scores.errors import Collector, quote
-from ergon.scores.fields import Values
-from ergon.scores.shapes import Name
-from ergon.scores.values import Place
+from ergon.scores.tables.fields import Values
+from ergon.scores.tables.shapes import Name
+from ergon.scores.text.errors import Collector, TextError, quote
+from ergon.scores.text.values import Place
 
 
 def modules(
@@ -33,13 +34,26 @@ def modules(
             fields["between"] = _ends(module, part, scene, who)
         elif module.kind in ("ENX", "ENF"):
             _drive(module, part, scene, takes, fields, driven, who)
+        elif module.kind in GENERATORS:
+            _starts(module, who, scene.collector)
         made = replace(module, fields=fields)
-        refused = (n in module.places and fields[n] is None for n in ("law", "damping", "points"))
-        if module.kind == "LNL" and not any(refused):
-            body = bodies.get(module.name)
-            made = resolved(made, laws, who, _locator(module, body), scene.collector)
-        result.append(made)
+        result.append(lawful(made, laws, bodies.get(module.name), who, scene.collector))
     return tuple(result)
+
+
+def lawful(
+    module: Module,
+    laws: Mapping[str, LawText],
+    body: Values | None,
+    who: str,
+    collector: Collector,
+) -> Module:
+    """The module with its law written out and checked, if it is an LNL whose law was read."""
+    fields = module.fields
+    refused = (n in module.places and fields[n] is None for n in ("law", "damping", "points"))
+    if module.kind != "LNL" or any(refused):
+        return module
+    return resolved(module, laws, who, _locator(module, body), collector)
 
 
 def _ends(module: Module, part: Part, scene: Scene, who: str) -> tuple[Target, ...]:
@@ -50,6 +64,20 @@ def _ends(module: Module, part: Part, scene: Scene, who: str) -> tuple[Target, .
         message = f"{who}: a link joins two different points, and both its ends are {ends[0].text}"
         scene.collector.error("E304", message, ends[1].place)
     return ends
+
+
+def _starts(module: Module, who: str, collector: Collector) -> None:
+    """The members of a generator that start elsewhere are members that it has."""
+    count = member_count(module.kind, module.fields)
+    for name in ("X0", "V0"):
+        given = module.fields[name]
+        for start in given if isinstance(given, tuple) else (given,):
+            if isinstance(start, Start):
+                try:
+                    members(str(start.at), count, module.name or "it")
+                except TextError as error:
+                    message = f"{who}: {name}: {error.message}"
+                    collector.error("E304", message, start.at.place)
 
 
 def _point(target: Target) -> tuple[str, str, object]:

@@ -1,0 +1,1 @@
+"""Musical time: bars, beats, tempo, and the seconds that they are."""

@@ -1,0 +1,260 @@
+"""Written gestures: `0mm@0 smooth 6mm@1/8 (0mm@1/4 6mm@1/2)*4`, and tables of `t x [curve]`.
+
+A bare position counts millimetres, a bare time beats; `1/8` is an eighth of a beat. Positions
+become metres. A point's curve is the last curve word written to its left, so every repetition of
+a group plays alike. A point that repeats the one before it (same instant, same position) adds
+nothing and is left out: `(0@0 6@1/8 0@1/4)*4` may name its own beginning.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ergon.scores.gesture.points import (
+    CURVES,
+    POINT,
+    ROW,
+    curve_word,
+    explained_point,
+    explained_row,
+    instant,
+    metres,
+)
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.numbers import MAX_TIME
+from ergon.scores.text.spelling import nearest
+from ergon.scores.text.values import Point, Time
+
+MAX_DEPTH = 8  # groups inside groups: more cannot be read aloud
+MAX_EVENTS = 1_000_000  # points after expansion: some 100 MB
+SAME = 1e-9  # beats, seconds and metres that are rounding, not music
+
+_TOKEN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
+
+
+@dataclass(frozen=True, slots=True)
+class BarCheck:
+    """A `|`: the instant of the point before it should be on a bar."""
+
+    at: Time
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Notation:
+    """A gesture as written: its points in order of time, and its bar checks."""
+
+    points: tuple[Point, ...]
+    bar_checks: tuple[BarCheck, ...] = ()
+
+    @property
+    def length(self) -> Time:
+        """The time of the last point, a final hold included."""
+        return self.points[-1].at
+
+
+class _Event(NamedTuple):
+    """A point (or, where x is None, a bar check) at a time from the start of its group."""
+
+    beats: float
+    seconds: float
+    x: float | None
+    curve: str
+    offset: int
+    length: int
+
+
+class _Group:
+    """An open bracket: what it holds so far, in times from its own start."""
+
+    def __init__(self, offset: int) -> None:
+        self.offset = offset
+        self.events: list[_Event] = []
+        self.beats = 0.0
+        self.seconds = 0.0
+
+    def point(self, match: re.Match[str], curve: str, offset: int) -> None:
+        """Add the point of `match`, refusing one that lies before the last."""
+        word = match.group()
+        x, x_unit, plus, t, part, t_unit = match.groups()
+        x_metres = metres(x, x_unit, offset)
+        beats, seconds = instant(t, part, t_unit, offset + match.start(4))
+        if plus:
+            beats += self.beats
+            seconds += self.seconds
+        self._advance(beats, seconds, offset + match.start(4), len(word) - match.start(4))
+        self.events.append(_Event(beats, seconds, x_metres, curve, offset, len(word)))
+
+    def row(self, match: re.Match[str], default: str, offset: int) -> None:
+        """Add the point of a table row."""
+        t, part, t_unit, x, x_unit, word = match.groups()
+        start = offset + match.start(1)
+        beats, seconds = instant(t, part, t_unit, start)
+        x_metres = metres(x, x_unit, offset + match.start(4))
+        curve = default if word is None else curve_word(word, offset + match.start(6))
+        self._advance(beats, seconds, start, match.end(3) - match.start(1))
+        stop = match.end(5) if word is None else match.end(6)
+        self.events.append(_Event(beats, seconds, x_metres, curve, start, stop - match.start(1)))
+
+    def bar_check(self, offset: int) -> None:
+        self.events.append(_Event(self.beats, self.seconds, None, "", offset, 1))
+
+    def repeat(self, group: "_Group", count: int, offset: int) -> None:
+        """Write out a closed group `count` times, each from the end of the one before."""
+        if len(self.events) + count * len(group.events) > MAX_EVENTS:
+            raise TextError(
+                f"this group makes more than {MAX_EVENTS:,} points", offset=offset, length=1
+            )
+        if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
+            raise TextError("this group would last thirty years", offset=offset, length=1)
+        for i in range(count):
+            beats = self.beats + i * group.beats
+            seconds = self.seconds + i * group.seconds
+            self.events.extend(
+                _Event(beats + e.beats, seconds + e.seconds, e.x, e.curve, e.offset, e.length)
+                for e in group.events
+            )
+        self.beats += count * group.beats
+        self.seconds += count * group.seconds
+
+    def _advance(self, beats: float, seconds: float, offset: int, length: int) -> None:
+        # Beats and seconds compare only once a tempo is known; what is earlier in both is wrong.
+        early = beats < self.beats - SAME or seconds < self.seconds - SAME
+        if early and beats <= self.beats + SAME and seconds <= self.seconds + SAME:
+            raise TextError(
+                "times go backwards: this point lies before the one it follows",
+                offset=offset,
+                length=length,
+            )
+        self.beats, self.seconds = beats, seconds
+
+
+def parse(text: str, curve: str = "smooth") -> Notation:
+    """Read one-line notation; `curve` leads into the points before the first curve word.
+
+    Raises TextError with the characters at fault.
+    """
+    stack = [_Group(0)]
+    pending: tuple[str, int] | None = None  # a curve word that has led nowhere yet
+    for token in _TOKEN.finditer(text):
+        opened, closed, count, bar, word = token.groups()
+        if opened:
+            _need_point(stack, token.start(1), opened)
+            if len(stack) > MAX_DEPTH:
+                raise TextError(f"groups may lie at most {MAX_DEPTH} deep", offset=token.start(1))
+            stack.append(_Group(token.start(1)))
+        elif closed:
+            _no_pending(pending)
+            _close(stack, token, count)
+        elif bar:
+            _need_point(stack, token.start(4), bar)
+            stack[-1].bar_check(token.start(4))
+        elif point := POINT.fullmatch(word):
+            stack[-1].point(point, curve, token.start(5))
+            pending = None
+        else:
+            offset = token.start(5)
+            if "@" in word:
+                raise explained_point(word, offset)
+            _need_point(stack, offset, word)
+            _no_pending(pending)
+            curve = curve_word(word, offset)
+            pending = (word, offset)
+        if len(stack[-1].events) > MAX_EVENTS:
+            raise TextError(f"more than {MAX_EVENTS:,} points", offset=token.start())
+    _no_pending(pending)
+    if len(stack) > 1:
+        raise TextError("this group is not closed: write ( … )*4", offset=stack[-1].offset)
+    return _joined(stack[0].events)
+
+
+def parse_table(text: str, curve: str = "smooth") -> Notation:
+    """Read rows `t x [curve]`; `curve` leads into the rows without a word.
+
+    `#` starts a comment. Raises TextError with the characters at fault.
+    """
+    group = _Group(0)
+    offset = 0
+    for line in text.split("\n"):
+        row = ROW.fullmatch(line.rstrip("\r"))
+        if row is None:
+            raise explained_row(line, offset)
+        if row.group(1) is not None:
+            group.row(row, curve, offset)
+            if len(group.events) > MAX_EVENTS:
+                raise TextError(f"more than {MAX_EVENTS:,} rows", offset=offset)
+        offset += len(line) + 1
+    return _joined(group.events)
+
+
+def _need_point(stack: list[_Group], offset: int, word: str) -> None:
+    if len(stack) == 1 and not stack[0].events:
+        raise TextError(
+            "a notation begins with a point, such as 0mm@0",
+            offset=offset,
+            length=len(word),
+            suggestion=None if word in "(|" or word in CURVES else nearest(word, CURVES),
+        )
+
+
+def _no_pending(pending: tuple[str, int] | None) -> None:
+    if pending is not None:
+        word, offset = pending
+        raise TextError(f"'{word}' leads into no point", offset=offset, length=len(word))
+
+
+def _close(stack: list[_Group], token: re.Match[str], count: str | None) -> None:
+    offset = token.start(2)
+    if len(stack) == 1:
+        raise TextError("')' closes no group", offset=offset)
+    if count is None:
+        raise TextError("a group says how often it plays: ( … )*4", offset=offset)
+    if not re.fullmatch(r"[0-9]{1,9}", count) or int(count) == 0:
+        raise TextError(
+            f"'{count}' is not a number of times: write ( … )*4",
+            offset=token.start(3),
+            length=len(count),
+        )
+    group = stack.pop()
+    if all(event.x is None for event in group.events):
+        raise TextError("this group has no points", offset=group.offset)
+    stack[-1].repeat(group, int(count), group.offset)
+
+
+def _joined(events: list[_Event]) -> Notation:
+    """Check what only neighbours can tell, and leave out points that repeat the one before."""
+    points: list[Point] = []
+    checks: list[BarCheck] = []
+    last: _Event | None = None
+    for event in events:
+        x = event.x
+        at = Time(event.beats, event.seconds)
+        if x is None:
+            checks.append(BarCheck(at, event.offset))
+            continue
+        if last is not None and last.x is not None:
+            still = abs(x - last.x) <= SAME
+            if event.curve == "hold" and not still:
+                raise TextError(
+                    f"'hold' stays at {_millimetres(last.x)}; it cannot go to {_millimetres(x)}",
+                    offset=event.offset,
+                    length=event.length,
+                    suggestion="smooth",
+                )
+            if abs(at[0] - last.beats) <= SAME and abs(at[1] - last.seconds) <= SAME:
+                if still:
+                    continue
+                raise TextError(
+                    "two positions at one instant",
+                    offset=event.offset,
+                    length=event.length,
+                )
+        points.append(Point(at, x, event.curve, event.offset, event.length))
+        last = event
+    if not points:
+        raise TextError("a gesture needs a point, such as 0mm@0")
+    return Notation(tuple(points), tuple(checks))
+
+
+def _millimetres(x: float) -> str:
+    return f"{x * 1e3:g}mm"

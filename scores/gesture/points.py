@@ -1,0 +1,150 @@
+"""One written point: its position, its time, its curve word, and what can be wrong with them."""
+
+import re
+
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.numbers import MAX_TIME, NUMBER, UNIT
+from ergon.scores.text.spelling import nearest
+
+CURVES = ("smooth", "line", "hold", "throw")
+MAX_POSITION = 1e3  # m; a key travels millimetres
+
+# Dividing by a whole number rounds once, so 6mm is the very float 0.006.
+METRE = {"": 1e3, "mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6, "µm": 1e6, "μm": 1e6}
+BEAT = {"": 1.0, "beat": 1.0, "beats": 1.0}
+SECOND = {"s": 1.0, "ms": 1e3}
+
+_POSITION = rf"([+-]?{NUMBER})({UNIT})"
+_TIME = rf"({NUMBER})(?:/({NUMBER}))?({UNIT})"
+POINT = re.compile(rf"{_POSITION}@(\+?){_TIME}")
+ROW = re.compile(rf"\s*+(?:{_TIME}\s++{_POSITION}(?:\s++(\w++))?\s*+)?(?:#.*)?")
+_ONLY_POSITION = re.compile(_POSITION)
+_ONLY_TIME = re.compile(_TIME)
+
+
+def curve_word(word: str, offset: int) -> str:
+    """Return `word` when it names a curve."""
+    if word in CURVES:
+        return word
+    if _ONLY_POSITION.fullmatch(word):
+        raise TextError(f"'{word}' has no time: write {word}@1/4", offset=offset, length=len(word))
+    raise TextError(
+        f"unknown word '{word[:40]}'; curves are {', '.join(CURVES)}",
+        offset=offset,
+        length=len(word),
+        suggestion=nearest(word, CURVES),
+    )
+
+
+def metres(number: str, unit: str, offset: int) -> float:
+    """Return metres; `offset` is where the number begins."""
+    divisor = METRE.get(unit)
+    if divisor is None:
+        raise TextError(
+            f"unit '{unit}' does not measure position (use mm, cm, m, um)",
+            offset=offset + len(number),
+            length=len(unit),
+            code="E203",
+        )
+    x = float(number) / divisor
+    if not abs(x) <= MAX_POSITION:
+        raise TextError(f"position {number[:40]} is too large", offset=offset, length=len(number))
+    return x
+
+
+def instant(number: str, part: str | None, unit: str, offset: int) -> tuple[float, float]:
+    """Return (beats, seconds), one of them 0; `offset` is where the number begins."""
+    t = float(number)
+    length = len(number)
+    if part is not None:
+        length += 1 + len(part)
+        divisor = float(part)
+        if divisor == 0.0:
+            raise TextError("a time divided by zero", offset=offset, length=length)
+        t /= divisor
+    if not t <= MAX_TIME:
+        raise TextError("this time is too large", offset=offset, length=length)
+    if (scale := BEAT.get(unit)) is not None:
+        return t / scale, 0.0
+    if (scale := SECOND.get(unit)) is not None:
+        return 0.0, t / scale
+    if unit in ("bar", "bars"):
+        raise TextError(
+            "a bar's length depends on where the gesture is played: write beats",
+            offset=offset + length,
+            length=len(unit),
+            code="E203",
+        )
+    raise TextError(
+        f"unit '{unit}' does not measure time (use beats without a unit, ms, s)",
+        offset=offset + length,
+        length=len(unit),
+        code="E203",
+    )
+
+
+def explained_point(word: str, offset: int) -> TextError:
+    """Say why `word`, which has an @, is not a point."""
+    position, _, time = word.partition("@")
+    if not position:
+        return TextError(
+            f"a point names its position first: 0mm{word}", offset=offset, length=len(word)
+        )
+    if not _ONLY_POSITION.fullmatch(position):
+        return TextError(
+            f"'{position[:40]}' is not a position such as 6mm", offset=offset, length=len(position)
+        )
+    after = offset + len(position) + 1
+    return _explained_time(time, after, word)
+
+
+def _explained_time(time: str, offset: int, word: str) -> TextError:
+    if not time:
+        return TextError(f"'{word[:40]}' has no time after its @", offset=offset - 1)
+    if time.startswith("-") and _ONLY_TIME.fullmatch(time[1:]):
+        return TextError(
+            "times count from the gesture's start; `do: [shift -1/8]` plays it earlier",
+            offset=offset,
+            length=len(time),
+        )
+    return TextError(
+        f"'{time[:40]}' is not a time such as 1/8, 0.5 or 250ms", offset=offset, length=len(time)
+    )
+
+
+def explained_row(line: str, offset: int) -> TextError:
+    """Say why a table's row is not `t x [curve]`."""
+    words = list(re.finditer(r"\S+", line.partition("#")[0]))
+    if len(words) > 3:
+        extra = words[3]
+        return TextError(
+            "a row has a time, a position and at most a curve word",
+            offset=offset + extra.start(),
+            length=len(extra.group()),
+        )
+    first = words[0]
+    if "@" in first.group():
+        return TextError(
+            "a table's row is `t x`, without @: 1/8 6mm",
+            offset=offset + first.start(),
+            length=len(first.group()),
+        )
+    if not _ONLY_TIME.fullmatch(first.group()):
+        return _explained_time(first.group(), offset + first.start(), first.group())
+    if len(words) == 1:
+        return TextError("this row has a time and no position", offset=offset, length=first.end())
+    second = words[1]
+    if not _ONLY_POSITION.fullmatch(second.group()):
+        return TextError(
+            f"'{second.group()[:40]}' is not a position such as 6mm",
+            offset=offset + second.start(),
+            length=len(second.group()),
+        )
+    third = words[2].group() if len(words) > 2 else ""
+    where = words[-1].start()
+    return TextError(
+        f"unknown word '{third[:40]}'; curves are {', '.join(CURVES)}",
+        offset=offset + where,
+        length=len(words[-1].group()),
+        suggestion=nearest(third, CURVES),
+    )

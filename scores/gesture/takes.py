@@ -1,0 +1,322 @@
+"""Captured movements: CSV with units in its header, WAV, npz, read with bounded memory.
+
+* CSV: a header `t [s],x [mm]`, then rows; `,`, `;` or tab between columns, `#` before comments.
+* WAV: channels are numbered from 1; full scale is `full_scale` metres (1 m unless said).
+* npz: one-dimensional arrays, `t` in seconds and channels in metres, or named `x [mm]`.
+
+CSV and npz files without `t` need a `rate`.
+"""
+
+import lzma
+import math
+import zipfile
+import zlib
+from array import array
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from ergon.scores.gesture.points import METRE, SECOND
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.spelling import nearest
+
+Floats = NDArray[np.float64]
+
+MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accepts
+MAX_BYTES = 1 << 30  # of a CSV or npz file
+MAX_LINE = 65_536  # characters; a thousand channels fit
+MAX_CHANNELS = 1024
+MAX_POSITION = 1e3  # m
+MAX_RATE = 1e6  # Hz
+
+
+_BROKEN_ZIP = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    EOFError,
+    NotImplementedError,  # a compression that Python does not know
+    RuntimeError,  # encrypted
+    ValueError,  # an array's header
+)
+
+
+class Samples(NamedTuple):
+    """Positions `x` [m] at rising instants `t` [s], both (n,)."""
+
+    t: Floats
+    x: Floats
+
+
+class TakeError(TextError):
+    """A file that is not a usable take; `line` (from 1) where a CSV file is wrong."""
+
+    def __init__(
+        self, message: str, path: Path, line: int | None = None, suggestion: str | None = None
+    ) -> None:
+        """Name the file, and the line where there is one."""
+        place = path.name if line is None else f"{path.name}:{line}"
+        super().__init__(f"{place}: {message}", suggestion=suggestion)
+        self.line = line
+
+
+def read(
+    path: Path, channel: str | None = None, *, rate: float | None = None, full_scale: float = 1.0
+) -> Samples:
+    """Read one channel of a captured movement; it may be left out where a file has one.
+
+    `rate` [Hz] times files without instants of their own; `full_scale` [m] is what 1.0 in a WAV
+    file means. Raises TakeError.
+    """
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        known = ", ".join(_READERS)
+        raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {known}", path)
+    if rate is not None and not 0.0 < rate <= MAX_RATE:
+        raise TakeError(f"a rate lies above 0 and up to {MAX_RATE:,.0f} Hz", path)
+    try:
+        if not path.is_file():
+            raise TakeError("there is no such file", path)
+        samples = reader(path, channel, rate, full_scale)
+    except OSError as error:
+        raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
+    if len(samples.x) < 2:
+        raise TakeError("a take needs two samples or more", path)
+    return samples
+
+
+def _read_csv(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
+    _check_size(path)
+    with path.open(encoding="utf-8-sig") as file:
+        try:
+            lines = _lines(file, path)
+            header_line, header = next(lines, (1, ""))
+            separator = next((s for s in (",", ";", "\t") if s in header), ",")
+            names = [name.strip() for name in header.split(separator)]
+            columns = _columns(names, path, header_line)
+            c, x_unit = _chosen(columns, channel, path)
+            timed = "t" in columns
+            t, t_unit = columns.get("t", (c, "s"))
+            _check_rate(timed, rate, path)
+            ts, xs = array("d"), array("d")
+            for number, line in lines:
+                cells = line.split(separator)
+                if len(cells) != len(names):
+                    raise TakeError(
+                        f"{len(cells)} values in a file of {len(names)} columns", path, number
+                    )
+                x = _number(cells[c], path, number)
+                if timed:
+                    instant = _number(cells[t], path, number)
+                    if ts and not instant > ts[-1]:
+                        raise TakeError("times must rise", path, number)
+                    ts.append(instant)
+                if len(xs) == MAX_SAMPLES:
+                    raise TakeError(f"more than {MAX_SAMPLES:,} samples", path, number)
+                xs.append(x)
+        except UnicodeDecodeError:
+            raise TakeError("this is not text in UTF-8", path) from None
+    x_metres = np.frombuffer(xs) / _divisor(x_unit, METRE, "position", path)
+    if timed:
+        seconds = np.frombuffer(ts) / _divisor(t_unit, SECOND, "time", path)
+    else:
+        seconds = np.arange(len(xs)) / (rate or 1.0)
+    return _checked(seconds, x_metres, path)
+
+
+def _lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the lines that say something, numbered from 1."""
+    number = 0
+    while line := file.readline(MAX_LINE):
+        number += 1
+        if len(line) == MAX_LINE:
+            raise TakeError(f"a line of more than {MAX_LINE:,} characters", path, number)
+        if (text := line.strip(" \r\n")) and text[0] != "#":
+            yield number, text
+
+
+def _number(cell: str, path: Path, line: int) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= 1e15 or "_" in cell:  # also refuses nan
+        raise TakeError(f"'{cell.strip()[:40]}' is not a number that can be played", path, line)
+    return value
+
+
+def _columns(names: list[str], path: Path, line: int | None) -> dict[str, tuple[int, str]]:
+    """Name → (column, unit) of headers such as `x [mm]`."""
+    columns: dict[str, tuple[int, str]] = {}
+    for i, name in enumerate(names):
+        word, bracket, unit = name.partition("[")
+        word = word.strip()
+        if not bracket or not unit.endswith("]") or not word:
+            raise TakeError(
+                f"'{name[:40]}' does not say its unit: the header reads t [s],x [mm]", path, line
+            )
+        if word in columns:
+            raise TakeError(f"two columns are called '{word[:40]}'", path, line)
+        columns[word] = (i, unit[:-1].strip())
+    if len(columns) > MAX_CHANNELS:
+        raise TakeError(f"more than {MAX_CHANNELS:,} columns", path, line)
+    return columns
+
+
+def _chosen(
+    columns: dict[str, tuple[int, str]], channel: str | None, path: Path
+) -> tuple[int, str]:
+    """The column and unit of a channel, or of the only one."""
+    channels = [name for name in columns if name != "t"]
+    if channel is None and len(channels) == 1:
+        channel = channels[0]
+    listed = ", ".join(channels[:8])
+    if channel is None:
+        raise TakeError(f"say which channel: one of {listed}" if listed else "no channel", path)
+    if channel not in channels:
+        raise TakeError(
+            f"no channel '{channel[:40]}'; there are {listed}",
+            path,
+            suggestion=nearest(channel, channels),
+        )
+    return columns[channel]
+
+
+def _divisor(unit: str, units: dict[str, float], what: str, path: Path) -> float:
+    if not unit or unit not in units:
+        known = ", ".join(filter(None, units))
+        raise TakeError(f"unit '{unit[:40]}' does not measure {what} (use {known})", path)
+    return units[unit]
+
+
+def _check_size(path: Path) -> None:
+    if path.stat().st_size > MAX_BYTES:
+        raise TakeError("more than 1 GB", path)
+
+
+def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
+    if timed and rate is not None:
+        raise TakeError("the file says its own times; leave out the rate", path)
+    if not timed and rate is None:
+        raise TakeError("no column 't [s]': say the rate of the samples, such as rate: 1kHz", path)
+
+
+def _checked(t: Floats, x: Floats, path: Path) -> Samples:
+    for name, values in (("t", t), ("x", x)):
+        if not (finite := np.isfinite(values)).all():
+            raise TakeError(f"sample {int(finite.argmin()) + 1} of {name} is not finite", path)
+    steps = np.diff(t)
+    if not (rising := steps > 0.0).all():
+        raise TakeError(f"times must rise: sample {int(rising.argmin()) + 2} does not", path)
+    if not (apart := steps > 0.9 / MAX_RATE).all():
+        number = int(apart.argmin()) + 2
+        raise TakeError(f"sample {number} follows the one before in less than a microsecond", path)
+    if x.size and float(np.abs(x).max()) > MAX_POSITION:
+        raise TakeError(f"positions of more than {MAX_POSITION:,.0f} m", path)
+    return Samples(t, x)
+
+
+def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: float) -> Samples:
+    import soundfile  # 80 ms that a score without WAV takes need not spend
+
+    if _is_cut_short(path):
+        raise TakeError("the file is shorter than its header says", path)
+    try:
+        with soundfile.SoundFile(path) as file:
+            _check_rate(True, rate, path)
+            names = {str(i + 1): (i, "m") for i in range(file.channels)}
+            if file.channels > MAX_CHANNELS:
+                raise TakeError(f"more than {MAX_CHANNELS:,} channels", path)
+            if file.frames > MAX_SAMPLES:  # as declared; what is read is bounded below
+                raise TakeError(f"more than {MAX_SAMPLES:,} samples", path)
+            column, _ = _chosen(names, channel, path)
+            size = max(1, (1 << 20) // file.channels)
+            blocks = []
+            n_samples = 0
+            while len(block := file.read(size, dtype="float64", always_2d=True)):
+                n_samples += len(block)
+                if n_samples > MAX_SAMPLES:
+                    raise TakeError(f"more than {MAX_SAMPLES:,} samples", path)
+                blocks.append(block[:, column].copy())
+            x = np.concatenate(blocks) if blocks else np.empty(0)
+            return _checked(np.arange(len(x)) / float(file.samplerate), x * full_scale, path)
+    except soundfile.LibsndfileError as error:
+        raise TakeError(
+            f"this is not a WAV file that can be read ({error.error_string})", path
+        ) from None
+
+
+def _is_cut_short(path: Path) -> bool:
+    """Whether a RIFF file ends before its data do; soundfile reads what there is and is silent."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if file.read(12)[:4] != b"RIFF":
+            return False  # RF64 and others keep their sizes elsewhere
+        while len(header := file.read(8)) == 8:
+            length = int.from_bytes(header[4:], "little")
+            if header[:4] == b"data":
+                # A size that was never filled in: what a program leaves that streams.
+                return length not in (0, 0xFFFFFFFF) and file.tell() + length > size
+            file.seek(length + length % 2, 1)
+    return False
+
+
+def _read_npz(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
+    _check_size(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = [info.filename for info in archive.infolist()]
+            names = [name.removesuffix(".npy") for name in members]
+            bare = {"t": "t [s]"}
+            headers = [
+                n if "[" in n else bare.get(n, f"{n} [m]") for n in names[: MAX_CHANNELS + 1]
+            ]
+            columns = _columns(headers, path, None)
+            column, x_unit = _chosen(columns, channel, path)
+            timed = "t" in columns
+            _check_rate(timed, rate, path)
+            x = _read_npy(archive, members[column], path)
+            x = x / _divisor(x_unit, METRE, "position", path)
+            if not timed:
+                return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
+            at, t_unit = columns["t"]
+            t = _read_npy(archive, members[at], path)
+    except _BROKEN_ZIP as error:
+        if isinstance(error, TakeError):
+            raise
+        raise TakeError(f"this is not an npz file that can be read ({error})", path) from None
+    if len(t) != len(x):
+        raise TakeError(f"{len(t):,} times and {len(x):,} positions", path)
+    return _checked(t / _divisor(t_unit, SECOND, "time", path), x, path)
+
+
+def _read_npy(archive: zipfile.ZipFile, member: str, path: Path) -> Floats:
+    """One array; sizes are judged by the header before anything is allocated."""
+    name = member.removesuffix(".npy")[:40]
+    declared = archive.getinfo(member).file_size
+    with archive.open(member) as file:
+        try:
+            old = npy.read_magic(file) == (1, 0)
+            read_header = npy.read_array_header_1_0 if old else npy.read_array_header_2_0
+            shape, _, dtype = read_header(file)
+        except Exception as error:  # numpy lets the tokenizer's own errors through
+            raise TakeError(f"the header of '{name}' cannot be read", path) from error
+        if dtype.hasobject or dtype.kind not in "fiu" or len(shape) != 1:
+            raise TakeError(f"'{name}' is not a row of numbers", path)
+        if not 0 <= shape[0] <= MAX_SAMPLES:
+            raise TakeError(f"more than {MAX_SAMPLES:,} samples in '{name}'", path)
+        size = shape[0] * dtype.itemsize
+        if size > declared:
+            raise TakeError(f"'{name}' is cut short", path)
+        data = file.read(size)
+    if len(data) != size:
+        raise TakeError(f"'{name}' is cut short", path)
+    return np.frombuffer(data, dtype=dtype).astype(np.float64)
+
+
+_Reader = Callable[[Path, str | None, float | None, float], Samples]
+_READERS: dict[str, _Reader] = {".csv": _read_csv, ".wav": _read_wav, ".npz": _read_npz}

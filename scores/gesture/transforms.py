@@ -1,0 +1,290 @@
+"""`do:` — what happens to a gesture before it is played: scale, stretch, mirror, reverse, …
+
+Transformations act left to right on points whose times count from the gesture's start. Where beats
+and seconds have to be compared (jitter, quantise) a beat lasts as long as it does at the start of
+the occurrence.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import floor
+from typing import NamedTuple, Protocol
+
+from ergon.scores.gesture.points import instant, metres
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.numbers import NUMBER, UNIT
+from ergon.scores.text.spelling import nearest
+from ergon.scores.text.values import Point, Time
+
+NOW = Time()
+LARGEST = 1e4  # of a scale or stretch; a key is not a crane
+# A jittered point keeps a tenth of the way to its neighbour free, so that order survives a rubato.
+JITTER_ROOM = 0.45
+
+_TIME = re.compile(rf"({NUMBER})(?:/({NUMBER}))?({UNIT})")
+_POSITION = re.compile(rf"({NUMBER})({UNIT})")
+_RATIO = re.compile(rf"([+-]?)({NUMBER})(?:/({NUMBER}))?")
+
+
+class Chance(Protocol):
+    """Where draws come from: `ergon._core.Chance`."""
+
+    def uniform(self, low: float, high: float) -> float:
+        """Draw a number between `low` and `high`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """One transformation; which of `amount`, `time` and `x` [m] it uses depends on its word."""
+
+    word: str
+    amount: float = 1.0
+    time: Time = NOW
+    x: float = 0.0
+    offset: int = 0
+    length: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class TakeTransform:
+    """What is left of transformations on a take: x·scale at t·stretch, moved by `shift`."""
+
+    scale: float = 1.0
+    stretch: float = 1.0
+    reverse: bool = False
+    shift: Time = NOW
+
+
+class _Shaped(NamedTuple):
+    points: tuple[Point, ...]
+    note: str | None = None
+
+
+def parse_do(text: str, start: int = 0) -> Transform:
+    """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
+
+    Raises TextError with offsets into the text, `start` characters further on.
+    """
+    words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", text)]
+    if not words:
+        raise TextError(f"a transformation is one of {', '.join(_VERBS)}", offset=start)
+    (word, offset), arguments = words[0], words[1:]
+    verb = _VERBS.get(word)
+    if verb is None:
+        raise TextError(
+            f"unknown transformation '{word[:40]}'; known are {', '.join(_VERBS)}",
+            offset=offset,
+            length=len(word),
+            suggestion=nearest(word, _VERBS),
+        )
+    if len(arguments) != len(verb.arguments):
+        over = arguments[len(verb.arguments)] if len(arguments) > len(verb.arguments) else None
+        where, length = (over[1], len(over[0])) if over else (offset, len(word))
+        raise TextError(f"write it as: {verb.example}", offset=where, length=length)
+    fields: dict[str, float | Time] = {}
+    for (argument, at), (name, read) in zip(arguments, verb.arguments, strict=True):
+        fields[name] = read(argument, at, verb.example)
+    end = words[-1][1] + len(words[-1][0])
+    return Transform(word, offset=offset, length=end - offset, **fields)  # type: ignore[arg-type]
+
+
+def parse_chain(text: str) -> tuple[Transform, ...]:
+    """Read transformations separated by commas: `scale 0.5, mirror`. Raises TextError."""
+    chain = []
+    start = 0
+    for part in text.split(","):
+        chain.append(parse_do(part, start))
+        start += len(part) + 1
+    return tuple(chain)
+
+
+def apply(
+    points: Sequence[Point], transforms: Sequence[Transform], chance: Chance, beat: float = 1.0
+) -> tuple[tuple[Point, ...], tuple[str, ...]]:
+    """Transform `points` left to right; also return sentences about what was lost.
+
+    `beat` is the duration [s] of a beat at the start of the occurrence.
+    """
+    shaped = tuple(points)
+    notes: list[str] = []
+    for transform in transforms:
+        shaped, note = _VERBS[transform.word].act(shaped, transform, chance, beat)
+        if note is not None:
+            notes.append(note)
+    return shaped, tuple(notes)
+
+
+def apply_to_take(transforms: Sequence[Transform]) -> TakeTransform:
+    """Sum up transformations of a take. Raises TextError for those that need written points."""
+    scale, stretch, reverse, shift = 1.0, 1.0, False, Time()
+    for transform in transforms:
+        if transform.word in ("jitter", "quantise"):
+            raise TextError(
+                f"'{transform.word}' moves written points; a take has none",
+                offset=transform.offset,
+                length=transform.length,
+            )
+        amount, time = transform.amount, transform.time
+        scale *= {"scale": amount, "mirror": -1.0}.get(transform.word, 1.0)
+        if transform.word == "stretch":
+            stretch *= amount
+            shift = Time(shift.beats * amount, shift.seconds * amount)
+        reverse ^= transform.word == "reverse"
+        shift = Time(shift.beats + time.beats, shift.seconds + time.seconds)
+    return TakeTransform(scale, stretch, reverse, shift)
+
+
+def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Shaped:
+    return _Shaped(tuple(_moved(p, p.at, p.x * t.amount) for p in points))
+
+
+def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Shaped:
+    return _Shaped(tuple(_moved(p, p.at, 0.0 - p.x) for p in points))
+
+
+def _stretch(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Shaped:
+    s = t.amount
+    return _Shaped(tuple(_moved(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points))
+
+
+def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Shaped:
+    return _Shaped(
+        tuple(
+            _moved(p, Time(p.at.beats + t.time.beats, p.at.seconds + t.time.seconds), p.x)
+            for p in points
+        )
+    )
+
+
+def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Shaped:
+    """Play the way back between the first and the last point's instants.
+
+    The curve that led into point i now leads into point i-1.
+    """
+    first, last = points[0].at, points[-1].at
+    beats, seconds = first.beats + last.beats, first.seconds + last.seconds
+    curves = [points[0].curve, *(p.curve for p in reversed(points[1:]))]
+    return _Shaped(
+        tuple(
+            Point(Time(beats - p.at.beats, seconds - p.at.seconds), p.x, curve, p.offset, p.length)
+            for p, curve in zip(reversed(points), curves, strict=True)
+        )
+    )
+
+
+def _jitter(points: tuple[Point, ...], t: Transform, chance: Chance, beat: float) -> _Shaped:
+    """Move every point but the first by a draw in time, then one in position.
+
+    A point never comes nearer than a tenth of the way to its neighbours: its draw is cut off at
+    JITTER_ROOM of the way there. A hold stays where the point before it went.
+    """
+    reach = t.time.beats * beat + t.time.seconds
+    clock = [p.at.beats * beat + p.at.seconds for p in points]
+    moved = list(points[:1])
+    for i in range(1, len(points)):
+        p = points[i]
+        dt, dx = chance.uniform(-1.0, 1.0) * reach, chance.uniform(-1.0, 1.0) * t.x
+        earliest = -JITTER_ROOM * (clock[i] - clock[i - 1])
+        dt = max(dt, earliest)
+        if i + 1 < len(points):
+            dt = min(dt, JITTER_ROOM * (clock[i + 1] - clock[i]))
+        x = moved[-1].x if p.curve == "hold" else p.x + dx
+        moved.append(_moved(p, Time(p.at.beats, p.at.seconds + dt), x))
+    return _Shaped(tuple(moved))
+
+
+def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _Shaped:
+    """Move points to the nearest multiple of q beats, halves later; merge those that meet.
+
+    What is left of points that meet has the position of the last, reached by the last curve among
+    theirs that is no hold.
+    """
+    q = t.amount
+    kept: list[Point] = []
+    for p in points:
+        at = Time(floor((p.at.beats + p.at.seconds / beat) / q + 0.5) * q, 0.0)
+        curve = p.curve
+        if kept and at.beats <= kept[-1].at.beats:
+            other = kept.pop()
+            at, curve = other.at, other.curve if curve == "hold" else curve
+        kept.append(Point(at, p.x, curve, p.offset, p.length))
+    lost = len(points) - len(kept)
+    if not lost:
+        return _Shaped(tuple(kept))
+    plural = "points fall" if lost > 1 else "point falls"
+    return _Shaped(tuple(kept), f"quantise {q:g}: {lost} {plural} together with the next")
+
+
+def _moved(p: Point, at: Time, x: float) -> Point:
+    return Point(at, x, p.curve, p.offset, p.length)
+
+
+def _ratio(word: str, offset: int, example: str) -> float:
+    match = _RATIO.fullmatch(word)
+    if match is None:
+        raise _misread(word, offset, "a number", example)
+    divisor = 1.0 if match[3] is None else float(match[3])
+    value = float(match[2]) / divisor if divisor else LARGEST * 2
+    if not value <= LARGEST:
+        raise TextError(f"'{word[:40]}' is too large", offset=offset, length=len(word))
+    return -value if match[1] == "-" else value
+
+
+def _positive(word: str, offset: int, example: str) -> float:
+    value = _ratio(word, offset, example)
+    if value <= 0.0:
+        raise TextError("this must be above 0", offset=offset, length=len(word))
+    return value
+
+
+def _span(word: str, offset: int, example: str) -> Time:
+    match = _TIME.fullmatch(word)
+    if match is None:
+        raise _misread(word, offset, "a time", example)
+    return Time(*instant(match[1], match[2], match[3], offset))
+
+
+def _signed_span(word: str, offset: int, example: str) -> Time:
+    sign = word[:1] if word[:1] in ("+", "-") else ""
+    time = _span(word[len(sign) :], offset + len(sign), example)
+    return Time(-time.beats, -time.seconds) if sign == "-" else time
+
+
+def _reach(word: str, offset: int, example: str) -> float:
+    match = _POSITION.fullmatch(word)
+    if match is None:
+        raise _misread(word, offset, "a distance", example)
+    return metres(match[1], match[2], offset)
+
+
+def _misread(word: str, offset: int, what: str, example: str) -> TextError:
+    return TextError(
+        f"'{word[:40]}' is not {what}; write for instance: {example}",
+        offset=offset,
+        length=max(1, len(word)),
+    )
+
+
+_Act = Callable[[tuple[Point, ...], Transform, Chance, float], _Shaped]
+_Read = Callable[[str, int, str], float | Time]
+
+
+class _Verb(NamedTuple):
+    """How a transformation is written, and what it does."""
+
+    example: str
+    arguments: tuple[tuple[str, _Read], ...]
+    act: _Act
+
+
+_VERBS = {
+    "scale": _Verb("scale 0.5", (("amount", _ratio),), _scale),
+    "stretch": _Verb("stretch 2", (("amount", _positive),), _stretch),
+    "mirror": _Verb("mirror", (), _mirror),
+    "reverse": _Verb("reverse", (), _reverse),
+    "jitter": _Verb("jitter 4ms 0.2mm", (("time", _span), ("x", _reach)), _jitter),
+    "shift": _Verb("shift 1/8", (("time", _signed_span),), _shift),
+    "quantise": _Verb("quantise 1/8", (("amount", _positive),), _quantise),
+}
+ARITY = {word: len(verb.arguments) for word, verb in _VERBS.items()}

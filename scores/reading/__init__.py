@@ -1,0 +1,1 @@
+"""From the nodes of a score to a checked piece."""

@@ -1,0 +1,276 @@
+"""From what was read to the objects of a piece, checking what fields mean together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from ergon.instruments.model import Layout, Module, Target
+from ergon.instruments.read import module
+from ergon.scores.clock.positions import Position
+from ergon.scores.gesture import notation
+from ergon.scores.reading.part import manner
+from ergon.scores.reading.piece import (
+    Coupling,
+    Gesture,
+    Key,
+    Master,
+    Mix,
+    Player,
+    RenderSpec,
+    Route,
+    Strikes,
+    TakeFile,
+    TempoEntry,
+)
+from ergon.scores.reading.sections import CALIBRATION, LAYOUT
+from ergon.scores.tables.fields import Values
+from ergon.scores.tables.shapes import MISSING, Context
+from ergon.scores.text.document import Scalar
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.files import Files, is_file
+from ergon.scores.text.values import Place
+
+START = Position()
+_BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}
+
+
+def _one_of(values: Values, *groups: tuple[str, ...]) -> bool:
+    """Whether fields of exactly one group are written; reports two, or none."""
+    written = [group for group in groups if values.written(*group)]
+    if len(written) > 1:
+        a, b = values.written(*written[0])[0], values.written(*written[1])[0]
+        values.error("E111", f"{values.context.of(b)}: {a} is given too; one of them", b)
+    elif not written:
+        wanted = " or ".join(group[0] for group in groups)
+        values.error("E103", f"{values.context.of('')} needs {wanted}")
+    return len(written) == 1
+
+
+def key(values: Values, files: Files) -> Key:
+    """A key; `calib:` gives what is not written here."""
+    if values["calib"] is not None:
+        values = _calibrated(values, files)
+    cel = ("M", "K", "Z", "f", "t60")
+    modules: tuple[Module, ...] = ()
+    if values.written("modules"):
+        if extra := values.written(*cel):
+            message = f"{values.context.of(extra[0])}: its modules are given too; one of them"
+            values.error("E111", message, extra[0])
+        if not values.written("struck"):
+            message = f"{values.context.of('')} does not say which of its modules is struck"
+            values.error("E103", message)
+        written = (values["modules"] or {}).items()
+        modules = tuple(
+            module(name, body.kind, body.given[body.kind])
+            for name, body in written
+            if body is not MISSING
+        )
+    else:
+        if not values.written("M"):
+            values.error("E103", f"{values.context.of('')} has no 'M': its mass, such as 400g")
+        _one_of(values, ("K", "Z"), ("f", "t60"))
+        fields = {name: values[name] for name in (*cel, "rest", "X0", "V0")}
+        places = {name: node.place for name, node in values.nodes.items()}
+        modules = (Module("", "CEL", fields, values.place, places),)
+    travel = values["travel"]
+    if travel is not None and not travel[0] <= values["X0"] <= travel[1]:
+        message = f"{values.context.of('X0')}: the key begins outside its travel"
+        values.error("E202", message, "X0")
+    struck = values["struck"] or ""
+    return Key(values.context.name, modules, struck, travel, values["reach"], values.place)
+
+
+def _calibrated(values: Values, files: Files) -> Values:
+    folder = values.nodes["calib"].document.folder
+    document = files.required(values["calib"], folder, values.place_of("calib"))
+    if document is None or document.root is None:
+        return values
+    context = Context(values.context.collector, "a calibration")
+    measured = CALIBRATION.read(document.root, "", context)
+    if measured is MISSING:
+        return values
+    given, nodes = dict(values.given), dict(values.nodes)
+    own = values.context.place  # a measured value yields only to what the key itself writes
+    for name in ("M", "K", "Z", "travel"):
+        node = values.nodes.get(name)
+        is_own = node is not None and own is not None and _inside(node.place, values)
+        if name in measured.given and not is_own:
+            given[name], nodes[name] = measured.given[name], measured.nodes[name]
+    return Values(values.record, values.node, values.context, given, nodes, values.free)
+
+
+def _inside(place: Place, values: Values) -> bool:
+    """Whether a place lies in the node of these values, not in one that `like` brought."""
+    node = values.node
+    first, last = node.place, node.document.place(max(node.start, node.end - 1))
+    here = (place.line, place.column)
+    return place.file == first.file and (first.line, first.column) <= here <= (
+        last.line,
+        last.column,
+    )
+
+
+def gesture(values: Values) -> Gesture | None:
+    """A gesture with its points; None after a report."""
+    if not _one_of(values, ("notation",), ("points",)):
+        return None
+    name = values.written("notation", "points")[0]
+    written = values.given.get(name)
+    if not isinstance(written, Scalar):
+        return None
+    parse = notation.parse if name == "notation" else notation.parse_table
+    try:
+        read = parse(written.text, values["curve"])
+    except TextError as error:
+        values.context.text_error(error, written, name, inside=True)
+        return None
+    do = values["do"] or ()
+    how = manner(values.given)
+    own = values.context
+    return Gesture(own.name, read.points, read.bar_checks, do, how, values.place, written)
+
+
+def take(values: Values, files: Files) -> TakeFile:
+    """A take; its file must be there, its content is read when it is played."""
+    folder = values.nodes["file"].document.folder
+    path = files.find(values["file"], folder) or folder / values["file"]
+    if path.suffix.lower() == ".gms":
+        values.error("E108", f"{values.context.of('file')}: GMS files are not read yet", "file")
+    elif path.suffix.lower() not in (".csv", ".wav", ".npz"):
+        message = f"{values.context.of('file')}: a take is a .csv, .wav or .npz file"
+        values.error("E206", message, "file")
+    elif not is_file(path):
+        values.error("E107", f"{values.context.of('file')}: no file {path}", "file")
+    v = values
+    return TakeFile(v.context.name, path, v["channel"], v["trim"], v["smooth"], v["rate"], v.place)
+
+
+def strikes(values: Values) -> Strikes:
+    """Strikes; targets are names until they are looked up."""
+    v = values
+    _one_of(v, ("impulse",), ("mass", "speed"))
+    if v.written("mass", "speed") and len(v.written("mass", "speed")) < 2:
+        v.error(
+            "E103", f"{v.context.of('')} needs both mass and speed", v.written("mass", "speed")[0]
+        )
+    if v.written("rate") and (extra := v.written("every", "times")):
+        v.error("E111", f"{v.context.of(extra[0])}: rate is given too; one of them", extra[0])
+    if v.written("for") and v.written("until"):
+        v.error("E111", f"{v.context.of('until')}: `for` is given too; one of them", "until")
+    if v.written("rate") and not v.written("for", "until"):
+        v.error("E103", f"{v.context.of('rate')}: say how long: `for` or `until`", "rate")
+    if not v.written("rate", "every") and (many := v.written("times", "for", "until")):
+        message = f"{v.context.of(many[0])}: say how far apart: `every`, or `rate` by chance"
+        v.error("E103", message, many[0])
+    return Strikes(
+        name=v.context.name,
+        to=v["to"],
+        at=v["at"],
+        span=v["for"],
+        until=v["until"],
+        rate=v["rate"],
+        every=v["every"],
+        times=v["times"],
+        impulse=v["impulse"],
+        mass=v["mass"],
+        speed=v["speed"],
+        place=v.place,
+    )
+
+
+def player(values: Values) -> Player:
+    """A player; a live one plays its stand-in, which a note says."""
+    v = values
+    if v["hand"] == "live":
+        what = f"its stand-in {v['standin']}" if v["standin"] else "its part"
+        message = f"{v.context.of('')}: a live hand plays {what} as a virtual hand for now"
+        v.error("N401", message, "hand")
+    own = v.context
+    return Player(own.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
+
+
+def coupling(values: Values, number: int) -> Coupling | None:
+    """A coupling; its link gets the keys as its two ends."""
+    v = values
+    link = v.given.get(v.kind)
+    if not isinstance(link, Values) or len(v["couple"]) != 2:
+        return None
+    a, b = v["couple"]
+    made = module(f"duet{number}", v.kind, link)
+    until = v["until"]
+    at = v["at"] or START
+    return Coupling(made, _unresolved(a), _unresolved(b), at, until, v.node.place)
+
+
+def _unresolved(name: Any) -> Target:
+    return Target(str(name), "", 0, 1, str(name), name.place)
+
+
+def tempo(values: Values) -> TempoEntry:
+    """A line of `tempo:`."""
+    bpm, end = values["bpm"] or (None, None)
+    place = values.node.place
+    return TempoEntry(values["at"], bpm, end, values["over"], values["meter"], place)
+
+
+def layout(name: str, folder: Path, asked: Place, files: Files) -> Layout | None:
+    """Loudspeakers of a file; None after a report."""
+    document = files.required(name, folder, asked)
+    if document is None or document.root is None:
+        return None
+    values = LAYOUT.read(document.root, "", Context(files.collector, "a layout"))
+    if values is MISSING:
+        return None
+    speakers = tuple(
+        (s[0], s[1], s[2] if len(s) > 2 else 0.0) for s in values["speakers"] if len(s) >= 2
+    )
+    return Layout(Path(document.file), speakers)
+
+
+def mix(values: Values | None, files: Files) -> Mix:
+    """The mix; without one every output has a channel of its own."""
+    if values is None:
+        return Mix(0, None, (), None, None)
+    folder = values.node.document.folder
+    room = None
+    if values["layout"] is not None:
+        room = layout(values["layout"], folder, values.place_of("layout"), files)
+    routes = tuple(_route(route) for route in values["route"] or ())
+    highest = max((max(r.to) for r in routes if r.to != "nearest"), default=0)
+    speakers = len(room.speakers) if room else 0
+    channels = values["channels"] or max(highest, speakers)
+    for route in routes:
+        if route.to == "nearest":
+            if room is None:
+                message = f"{route.part}: `nearest` needs a layout in the mix"
+                values.context.error("E103", message, route.place)
+        elif max(route.to) > channels:
+            message = f"channel {max(route.to)} is more than the mix has ({channels})"
+            values.context.error("E202", message, route.place)
+    if room is not None and values.written("channels") and speakers > channels:
+        message = f"the layout has {speakers} loudspeakers, the mix {channels} channels"
+        values.error("E202", message, "channels")
+    master = values["master"]
+    made = None
+    if isinstance(master, Values):
+        m = master
+        made = Master(m["normalise"], m["limit"], m["gain"], m.node.place)
+    return Mix(channels, room, routes, made, values.place)
+
+
+def _route(values: Values) -> Route:
+    name = values["from"]
+    v = values
+    return Route(name, None, v["to"], v["gain"], v["highpass"], name.place)
+
+
+def render(values: Values | None) -> RenderSpec:
+    """What is written."""
+    if values is None:
+        return RenderSpec(None, 24, 5.0, None, None)
+    bits: Literal[16, 24, "float"] = {"16": 16, "24": 24}.get(values["bits"], "float")  # type: ignore[assignment]
+    channels = (
+        values["channels"][0] if isinstance(values["channels"], tuple) else values["channels"]
+    )
+    return RenderSpec(values["file"], bits, values["tail"], channels, values.place)

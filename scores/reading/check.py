@@ -1,0 +1,364 @@
+"""A score as a whole: every name leads somewhere, every instant exists, every rule is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from ergon.instruments import rules
+from ergon.instruments.kinds import member_count
+from ergon.instruments.laws import LawText, is_name
+from ergon.instruments.model import Instrument, Module
+from ergon.instruments.names import Part, Scene
+from ergon.instruments.read import instrument
+from ergon.scores.reading import build
+from ergon.scores.reading.piece import Gesture, Key, Piece, Player, TakeFile
+from ergon.scores.reading.schedule import schedule
+from ergon.scores.reading.times import Times
+from ergon.scores.reading.uses import NOUNS, Entry, Names, Uses
+from ergon.scores.tables.fields import Values
+from ergon.scores.tables.shapes import MISSING, Name
+from ergon.scores.text.errors import quote
+from ergon.scores.text.values import Place
+
+MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
+_Named = TypeVar("_Named", Gesture, TakeFile, Key, Instrument)
+
+
+class Checker:
+    """Builds the piece of one score whose names are read; reports all that is wrong."""
+
+    def __init__(self, names: Names, uses: Uses) -> None:
+        """Take what was read."""
+        assert names.score is not None
+        self.names = names
+        self.uses = uses
+        self.score = names.score
+        self.collector = uses.collector
+        self.scene = Scene(self.collector)
+        self.bodies: dict[str, dict[str, Values]] = {}
+        self.takes: dict[str, TakeFile] = {}
+        self.gestures: dict[str, Gesture | None] = {}
+        self.keys: dict[str, Key] = {}
+        self.instruments: dict[str, Instrument] = {}
+
+    def piece(self) -> Piece:
+        """The whole piece; its values are good only when nothing was reported."""
+        score = self.score
+        if not score.written("ergon"):
+            message = "no format version: write `ergon: 1` in the first line"
+            score.error("W101", message)
+        times = Times(score, self.collector)
+        self._played()
+        self._parts()
+        strikes = [build.strikes(v) for v in self._own("strikes")]
+        strikes = [self._aimed(s) for s in strikes]
+        players = {v.context.name: self._player(v) for v in self._own("players")}
+        mix = self._mix()
+        duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
+        self._modules()
+        plays = self._plays(players)
+        self._notes()
+        gestures = {n: g for n, g in self.gestures.items() if g is not None}
+        piece = Piece(
+            title=score["title"],
+            seed=score["seed"],
+            rate=self._rates()["audio"],
+            tempo=times.entries,
+            marks=times.marks,
+            keys=self.keys,
+            instruments=self.instruments,
+            gestures=gestures,
+            takes=self.takes,
+            strikes=tuple(strikes),
+            players=players,
+            duet=tuple(duet),
+            parts=tuple(plays),
+            mix=mix,
+            render=build.render(score["render"]),
+            accuracy=score["accuracy"]["method"] if score["accuracy"] else None,
+            place=score.place,
+            tempo_map=times.map,
+        )
+        times.check(score, piece)
+        if not self.collector.has_errors():
+            schedule(piece, self.collector)
+        return piece
+
+    # --- what is there --------------------------------------------------------------------------
+
+    def _own(self, section: str) -> list[Values]:
+        return [v for v in (self.score[section] or {}).values() if isinstance(v, Values)]
+
+    def _rates(self) -> Mapping[str, float]:
+        rates = self.score["rates"]
+        return {"audio": rates["audio"] if rates else 44100.0}
+
+    def _played(self) -> None:
+        """One's own gestures and takes; those of other files when something plays them."""
+        tables = self.names.tables
+        for name, entry in tables["gestures"].items():
+            if entry.brought is None:
+                self._gesture(name, entry)
+            if name in tables["takes"]:
+                place = _place_of(entry) or self.score.place
+                message = f"{quote(name)} is a gesture and a take; a part could not tell which"
+                self.collector.error("E303", message, place)
+        for name, entry in tables["takes"].items():
+            if entry.brought is None:
+                self._take(name, entry)
+
+    def _gesture(self, name: str, entry: Entry) -> None:
+        if name not in self.gestures:
+            values, _ = self.uses.resolved("gestures", entry)
+            made = build.gesture(values) if values is not None else None
+            self.gestures[name] = _called(made, name) if made else None
+
+    def _take(self, name: str, entry: Entry) -> None:
+        if name not in self.takes and isinstance(entry.values, Values):
+            self.takes[name] = _called(build.take(entry.values, self.uses.files), name)
+
+    def _reach_played(self, name: Name, who: str) -> None:
+        """The gesture or take of a name becomes part of the piece; reports when there is none."""
+        tables = self.names.tables
+        if name in tables["gestures"]:
+            self._gesture(name, tables["gestures"][name])
+        elif name in tables["takes"]:
+            self._take(name, tables["takes"][name])
+        else:
+            message = f"{who}: no gesture or take is called {quote(name)}"
+            names = (*tables["gestures"], *tables["takes"])
+            self.collector.error("E301", message, name.place, word=str(name), names=names)
+
+    # --- keys and instruments -------------------------------------------------------------------
+
+    def _parts(self) -> None:
+        """All keys and instruments by name, so that modules can reach each other."""
+        self._written: dict[str, tuple[Entry, Key | Instrument]] = {}
+        for section in ("keys", "instruments"):
+            for name, entry in self.names.tables[section].items():
+                if name in self._written:
+                    message = f"{quote(name)} is a key and an instrument; names are unique"
+                    self.collector.error("E303", message, _place_of(entry) or self.score.place)
+                    continue
+                values, selves = self.uses.resolved(section, entry)
+                if values is None:
+                    self.scene.broken.add(name)
+                    continue
+                made: Key | Instrument
+                if section == "keys":
+                    made = _called(build.key(values, self.uses.files), name)
+                else:
+                    made = _called(instrument(values), name)
+                struck = made.struck if isinstance(made, Key) else None
+                modules = {module.name: module for module in made.modules}
+                written = values["modules"] or {}
+                broken = frozenset(n for n, body in written.items() if body is MISSING)
+                part = Part(name, modules, struck, entry.prefix, broken, selves)
+                self.scene.parts[name] = part
+                self._written[name] = (entry, made)
+                self.bodies[name] = _bodies(values)
+
+    def _modules(self) -> None:
+        """Look up the names in all parts that belong to the piece, and in those they lead to."""
+        todo = [n for n, (entry, _) in self._written.items() if entry.brought is None]
+        todo += sorted(self.scene.reached - set(todo))
+        done: set[str] = set()
+        total = 0
+        while todo:
+            name = todo.pop(0)
+            if name in done or name not in self._written:
+                continue
+            done.add(name)
+            entry, made = self._written[name]
+            part = self.scene.parts[name]
+            takes = self.names.tables["takes"]
+            laws = self._laws(entry.home, made.modules)
+            modules = rules.modules(part, self.scene, laws, takes, self.bodies[name])
+            total += sum(member_count(m.kind, m.fields) for m in modules)
+            for module in modules:
+                if isinstance(source := module.fields.get("from"), Name) and source in takes:
+                    self._take(source, takes[source])
+            if isinstance(made, Key):
+                self._struck(made)
+                self.keys[name] = replace(made, modules=modules)
+            else:
+                outputs = rules.outputs(part, made.outputs, self.scene, self._layout)
+                self.instruments[name] = replace(made, modules=modules, outputs=outputs)
+            todo += sorted(self.scene.reached - done)
+            if total > MAX_MATS:
+                message = f"more than {MAX_MATS:,} masses in the piece"
+                self.collector.error("E105", message, made.place)
+                break
+        order = list(self._written)
+        self.keys = {n: self.keys[n] for n in order if n in self.keys}
+        self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
+
+    def _struck(self, key: Key) -> None:
+        names = {module.name: module for module in key.modules}
+        struck = names.get(key.struck)
+        if struck is None or struck.kind not in ("MAS", "CEL"):
+            place = key.struck.place if isinstance(key.struck, Name) else key.place
+            message = (
+                f"key {quote(key.name)} is struck at {quote(key.struck)}, which is no MAS or CEL"
+            )
+            names_of = tuple(n for n, m in names.items() if m.kind in ("MAS", "CEL"))
+            if key.struck and key.struck not in self.scene.parts[key.name].broken:
+                self.collector.error("E301", message, place, word=key.struck, names=names_of)
+
+    def _laws(self, home: Names, modules: tuple[Module, ...]) -> dict[str, LawText]:
+        """Laws that a part may name: those of its own file, and those that ship."""
+        wanted = any(
+            m.kind == "LNL" and (is_name(m.fields["law"]) or is_name(m.fields["damping"]))
+            for m in modules
+        )
+        if not wanted:
+            return {}
+        tables = [self.names.tables["laws"], home.tables["laws"]]
+        shipped = self.uses.files.find("instruments/laws.yaml", self.names.document.folder)
+        document = self.uses.files.open(shipped, None) if shipped else None
+        if document is not None:
+            tables.insert(0, self.uses.read(document).tables["laws"])
+        laws = {}
+        for table in tables:
+            for name, law in table.items():
+                if isinstance(v := law.values, Values):
+                    laws[name] = LawText(v["law"], v["damping"], v.free)
+        return laws
+
+    def _layout(self, name: str, place: Place) -> Any:
+        folder = self.uses.files.documents[place.file].folder
+        return build.layout(name, folder, place, self.uses.files)
+
+    # --- who plays what, and where it goes ------------------------------------------------------
+
+    def _player(self, values: Values) -> Player:
+        player = build.player(values)
+        who = values.context.of("key")
+        keys = self.names.tables["keys"]
+        if player.key not in keys:
+            message = f"{who}: no key is called {quote(player.key)}"
+            values.error("E301", message, "key", word=player.key, names=tuple(keys))
+        self.scene.reached.add(player.key)
+        if isinstance(player.standin, Name):
+            self._reach_played(player.standin, values.context.of("standin"))
+        return player
+
+    def _plays(self, players: Mapping[str, Player]) -> list[Any]:
+        found = []
+        section = self.score.nodes.get("parts")
+        entries = getattr(section, "entries", {})
+        for name, part in (self.score["parts"] or {}).items():
+            if name not in (self.score["players"] or {}):
+                message = f"no player is called {quote(name)}"
+                place = entries[name][0].place
+                known = tuple(self.score["players"] or {})
+                self.collector.error("E301", message, place, word=name, names=known)
+            if part is MISSING:
+                continue
+            for play in part:
+                if isinstance(play.what, Name):
+                    self._reach_played(play.what, f"part of {quote(name)}")
+                found.append(play)
+        return found
+
+    def _aimed(self, strikes: Any) -> Any:
+        who = f"strikes {quote(strikes.name)}"
+        found = (self.scene.target(name, "mats", who) for name in strikes.to or ())
+        return replace(strikes, to=tuple(t for t in found if t is not None))
+
+    def _coupling(self, values: Any, number: int) -> Any:
+        made = build.coupling(values, number) if isinstance(values, Values) else None
+        if made is None:
+            return None
+        keys = self.names.tables["keys"]
+        ends = []
+        for name in values["couple"]:
+            if name not in keys:
+                message = f"coupling: no key is called {quote(name)}"
+                self.collector.error("E301", message, name.place, word=name, names=tuple(keys))
+                return None
+            ends.append(self.scene.target(name, "mat", "coupling"))
+        a, b = ends
+        if a is None or b is None:
+            return None
+        if (a.part, a.module) == (b.part, b.module):
+            message = "coupling: a link joins two different points, and this is one key twice"
+            self.collector.error("E304", message, b.place)
+        laws = self._laws(self.names, (made.link,))
+        who = f"{made.link.kind} of a coupling"
+        link = rules.lawful(made.link, laws, values.given[values.kind], who, self.collector)
+        return replace(made, link=link, a=a, b=b)
+
+    def _mix(self) -> Any:
+        mix = build.mix(self.score["mix"], self.uses.files)
+        routes = []
+        for route in mix.routes:
+            part, out = str(route.part), None
+            if part not in self._written and "." in part:
+                part, _, out = part.rpartition(".")
+            entry = self._written.get(part)
+            if entry is None or not isinstance(entry[1], Instrument):
+                if part in self.scene.broken:
+                    continue
+                message = f"route: no instrument is called {quote(route.part)}"
+                names = tuple(n for n, (_, m) in self._written.items() if isinstance(m, Instrument))
+                self.collector.error(
+                    "E301", message, route.place, word=str(route.part), names=names
+                )
+                continue
+            names = tuple(output.name for output in entry[1].outputs)
+            if not names or (out is not None and out not in names):
+                message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
+                known = tuple(f"{part}.{name}" for name in names if name)
+                self.collector.error(
+                    "E301", message, route.place, word=str(route.part), names=known
+                )
+            self.scene.reached.add(part)
+            routes.append(replace(route, part=part, out=out))
+        return replace(mix, routes=tuple(routes))
+
+    def _notes(self) -> None:
+        """What is accepted and not used yet."""
+        score = self.score
+        rates, accuracy = score["rates"], score["accuracy"]
+        at_audio_rate = "for now all runs at the audio rate"
+        if rates and rates.written("gesture"):
+            rates.error("N403", f"rates: gesture: {at_audio_rate}", "gesture")
+        for section in ("keys", "instruments"):
+            for values in self._own(section):
+                if values.written("rate"):
+                    message = f"{values.context.of('rate')}: {at_audio_rate}"
+                    values.error("N403", message, "rate")
+        if accuracy:
+            budgets = [*accuracy.free]
+            if accuracy["method"] not in (None, "ca"):
+                budgets.append("method")
+            for name in budgets:
+                message = f"accuracy: {name}: there is no planner yet; the CA scheme runs"
+                accuracy.error("N402", message, name)
+
+
+def _called(made: _Named, name: str) -> _Named:
+    """The thing under the name by which this score knows it."""
+    return made if made.name == name else replace(made, name=name)
+
+
+def _place_of(entry: Entry) -> Place | None:
+    return entry.values.place if isinstance(entry.values, Values) else entry.brought
+
+
+def _bodies(values: Values) -> dict[str, Values]:
+    """The fields of each module as written, for places inside laws."""
+    bodies = {
+        name: body.given[body.kind]
+        for name, body in (values["modules"] or {}).items()
+        if isinstance(body, Values) and isinstance(body.given.get(body.kind), Values)
+    }
+    if values.kind and isinstance(values.given.get(values.kind), Values):
+        bodies[""] = values.given[values.kind]
+    return bodies
+
+
+__all__ = ["NOUNS", "Checker"]

@@ -1,0 +1,58 @@
+"""A score's text to a checked piece, and everything that is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ergon.scores.reading.check import Checker
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.uses import Uses
+from ergon.scores.text.document import Document
+from ergon.scores.text.errors import Collector, Diagnostic, Severity
+from ergon.scores.text.files import Files
+from ergon.scores.text.lasting import lasting
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """The piece (None when there are errors), what was found, and the files for showing lines."""
+
+    piece: Piece | None
+    diagnostics: list[Diagnostic]
+    files: Mapping[str, Document]
+    left_out: Mapping[Severity, int]
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether the score was refused."""
+        return self.piece is None
+
+
+@lasting
+def load(
+    path: str | Path, *, text: str | None = None, overlay: Mapping[str, str] | None = None
+) -> Loaded:
+    """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.
+
+    `overlay` gives texts that stand for files. Nothing is raised for what a composer wrote.
+    """
+    collector = Collector()
+    files = Files(collector, overlay)
+    where = Path(path)
+    if text is not None:
+        document: Document | None = files.text(str(path), text, where.parent)
+    else:
+        document = files.open(where, None)
+    piece = None
+    if document is not None and document.root is None and not collector.has_errors():
+        collector.error("E103", "the score is empty", document.place(0))
+    if document is not None and document.root is not None:
+        uses = Uses(files, collector)
+        names = uses.read(document)
+        if names.score is not None:
+            piece = Checker(names, uses).piece()
+    if collector.has_errors():
+        piece = None
+    return Loaded(piece, collector.finish(), files.documents, collector.left_out())

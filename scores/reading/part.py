@@ -1,0 +1,184 @@
+"""Parts: what a player plays, as a list of entries or as a table of rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.scores.gesture import words
+from ergon.scores.reading.piece import UNSAID, Manner, Play
+from ergon.scores.tables import kinds as k
+from ergon.scores.tables.fields import Field, Record, Values
+from ergon.scores.tables.shapes import (
+    MISSING,
+    Context,
+    ListOf,
+    Name,
+    Reference,
+    Shape,
+    Text,
+    choice,
+    wrong_shape,
+)
+from ergon.scores.text.document import Node, Scalar, Sequence
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.values import Place
+
+MAX_ROWS = 1_000_000
+
+
+_MANNER = ("touch", "ergons", "grain", "join", "force_limit", "layer")
+
+
+def manner(values: dict[str, Any]) -> Manner:
+    """The manner that was written; None where nothing was."""
+    said = {name: values[name] for name in _MANNER if name in values}
+    return Manner(**said) if said else UNSAID
+
+
+def _play(values: Values) -> Play:
+    if values.written("rate"):
+        _note_rate(values.context, values.place_of("rate"))
+    until = values.place_of("until") if values.written("until") else None
+    return _made(values.given, values.context, values["play"], values.place_of("at"), until)
+
+
+def _made(
+    given: dict[str, Any], context: Context, name: Name, at: Place, until: Place | None
+) -> Play:
+    return Play(
+        player=context.name,
+        what=name,
+        at=given["at"],
+        every=given.get("every"),
+        times=given.get("times"),
+        until=given.get("until"),
+        do=given.get("do", ()),
+        manner=manner(given),
+        place=name.place,
+        at_place=at,
+        until_place=until,
+    )
+
+
+_AT = Field("at", k.WHEN, "when it begins", required=True)
+_OPTIONS = (
+    Field("every", k.LENGTH, "time between repetitions", shown="its own length"),
+    Field("times", k.TIMES, "how often", shown="once, or until `until`"),
+    Field("until", k.WHEN, "no repetition begins from here on"),
+    Field("touch", choice("open", "tracked"), "ergons for the free key, or exact"),
+    Field("ergons", choice("event", "particle"), "impulses, or masses with a BUT"),
+    Field("grain", k.DURATION, "one ergon this often"),
+    Field("join", k.DURATION, "how long before its first point it leads in"),
+    Field("force_limit", k.FORCE, "the strongest force of one ergon"),
+    Field("layer", k.TRUTH, "sound with the gesture before instead of cutting it"),
+    Field("rate", k.RATE, "accepted, not used yet: all runs at the audio rate"),
+)
+PLAY = Record(
+    "part entry",
+    "a gesture or take, when, how often and how",
+    (
+        _AT,
+        Field("play", Reference("a gesture or a take"), "what is played", required=True),
+        *_OPTIONS,
+        Field("do", k.DO, "transformations, left to right"),
+    ),
+    _play,
+)
+_SHAPES = {f.name: f.shape for f in (_AT, *_OPTIONS)}
+
+
+@dataclass(frozen=True)
+class Part(Shape):
+    """A list of entries, or a table: `A  lean every 8 times 2`."""
+
+    entries: ListOf
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, Sequence) or (isinstance(node, Scalar) and node.is_empty):
+            return self.entries.read(node, name, context)
+        if not isinstance(node, Scalar):
+            return wrong_shape(self, node, name, context)
+        plays = []
+        for number, (row, offset) in enumerate(words.rows(node.text)):
+            if number >= MAX_ROWS:
+                context.error("E105", f"more than {MAX_ROWS:,} rows", node.place)
+                break
+            play = _row(row, offset, node, context)
+            if play is not None:
+                plays.append(play)
+        return tuple(plays)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        array = self.entries.schema()
+        return {**array, "type": ["array", "string", "null"]}
+
+    def words(self) -> str:
+        """In words."""
+        return "a list of entries, or a table below '|' with rows such as A  knock every 1"
+
+
+def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
+    try:
+        row = words.parse_row(text, offset)
+    except TextError as error:
+        context.text_error(error, node, "", inside=True)
+        return None
+    given: dict[str, Any] = {}
+    broken = False
+    for name, word in (("at", row.at), *row.play.options.items()):
+        value = _option(name, word, node, context)
+        if value is MISSING:
+            broken = True
+        else:
+            given[name] = value
+    if broken:
+        return None
+    given["do"] = row.play.do
+    if "rate" in given:
+        _note_rate(context, _place(row.play.options["rate"], node))
+    what, until = row.play.what, row.play.options.get("until")
+    at = _place(row.at, node)
+    # In a literal block both words stand in one line of the file.
+    further = at.column + what.offset - row.at.offset
+    beside = Place(at.file, at.line, further, len(what.text)) if node.style == "|" else None
+    return _made(
+        given,
+        context,
+        Name(what.text, beside or _place(what, node)),
+        at,
+        _place(until, node) if until else None,
+    )
+
+
+def _note_rate(context: Context, place: Place) -> None:
+    message = f"{context.of('rate')}: for now all runs at the audio rate"
+    context.error("N403", message, place)
+
+
+def _place(word: words.Word, node: Scalar) -> Place:
+    return node.place_at(word.offset, len(word.text))
+
+
+def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
+    shape = _SHAPES.get(name)
+    if not isinstance(shape, Text):
+        context.error("E108", f"{name!r} is not built yet for a part", _place(word, node))
+        return MISSING
+    try:
+        return shape.parse(word.text)
+    except TextError as error:
+        shifted = TextError(
+            error.message,
+            offset=word.offset + error.offset,
+            length=error.length,
+            suggestion=error.suggestion,
+            code=error.code,
+        )
+        context.text_error(shifted, node, name, inside=False)
+        return MISSING
+
+
+PART = Part(ListOf(PLAY))

@@ -1,0 +1,300 @@
+"""The checked piece: values in SI units, beats and seconds, every one with its place."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from ergon.instruments.model import Instrument, Layout, Module, Target
+from ergon.scores.clock.meter import Meter
+from ergon.scores.clock.positions import Length, Position
+from ergon.scores.clock.tempo import TempoMap
+from ergon.scores.gesture.notation import BarCheck
+from ergon.scores.gesture.transforms import Transform
+from ergon.scores.text.document import Scalar
+from ergon.scores.text.values import Place, Point
+
+Touch = Literal["open", "tracked"]
+Ergons = Literal["event", "particle"]
+
+
+@dataclass(frozen=True, slots=True)
+class TempoEntry:
+    """One line of `tempo:`."""
+
+    at: Position
+    bpm: float | None
+    bpm_end: float | None
+    over: Length | None
+    meter: Meter | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A named instant."""
+
+    name: str
+    at: Position
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A force-feedback key: a small network with one struck MAT.
+
+    `{M, K, Z}` is one CEL with the name "". `travel` [m]; the scene sees `reach` times the key's
+    movement.
+    """
+
+    name: str
+    modules: tuple[Module, ...]
+    struck: str
+    travel: tuple[float, float] | None
+    reach: float
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How a gesture is played; None leaves it to the gesture, and there to the defaults.
+
+    `grain` [s] (None: dense), `join` [s], `force_limit` [N].
+    """
+
+    touch: Touch | None = None
+    ergons: Ergons | None = None
+    grain: float | None = None
+    join: float | None = None
+    force_limit: float | None = None
+    layer: bool | None = None
+
+    def over(self, other: Manner) -> Manner:
+        """This manner, completed by another."""
+        if self == UNSAID:
+            return other
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        return Manner(*(mine if mine is not None else theirs for mine, theirs in pairs))
+
+
+UNSAID = Manner()
+DEFAULT_MANNER = Manner("open", "event", None, 0.02, None, False)
+
+
+@dataclass(frozen=True, slots=True)
+class Gesture:
+    """A narrative gesture: points, the manner, and what is done to it."""
+
+    name: str
+    points: tuple[Point, ...]
+    bar_checks: tuple[BarCheck, ...]
+    do: tuple[Transform, ...]
+    manner: Manner
+    place: Place
+    written: Scalar | None = field(default=None, compare=False, repr=False)
+
+    def place_of(self, point: Point) -> Place:
+        """Where a point is written."""
+        if self.written is None:
+            return self.place
+        return self.written.place_at(point.offset, point.length)
+
+
+@dataclass(frozen=True, slots=True)
+class TakeFile:
+    """A captured movement in a file; `trim` [s], `smooth` [Hz], `rate` [Hz] where it has no t."""
+
+    name: str
+    path: Path
+    channel: str | None
+    trim: tuple[float, float] | None
+    smooth: float | None
+    rate: float | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Strikes:
+    """Ergons that hit modules directly: a Poisson `rate` [Hz] for each, or `every` so often.
+
+    Impulses [N·s] lie between two values; or a `mass` [kg] arrives at a `speed` [m/s].
+    """
+
+    name: str
+    to: tuple[Target, ...]
+    at: Position
+    span: Length | None
+    until: Position | None
+    rate: float | None
+    every: Length | None
+    times: int | None
+    impulse: tuple[float, float] | None
+    mass: float | None
+    speed: float | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Player:
+    """A hand on a key."""
+
+    name: str
+    hand: Literal["virtual", "live"]
+    key: str
+    device: str | None
+    standin: str | None
+    tick: float | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """A link between two keys that acts from `at` on."""
+
+    link: Module
+    a: Target
+    b: Target
+    at: Position
+    until: Position | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Play:
+    """A line of a part: a gesture or take, when, how often and how."""
+
+    player: str
+    what: str
+    at: Position
+    every: Length | None
+    times: int | None
+    until: Position | None
+    do: tuple[Transform, ...]
+    manner: Manner
+    place: Place
+    at_place: Place
+    until_place: Place | None
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """From outputs of an instrument (`out` None: all) to channels (from 1); `gain` is a ratio."""
+
+    part: str
+    out: str | None
+    to: tuple[int, ...] | Literal["nearest"]
+    gain: float
+    highpass: float | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Master:
+    """What happens to all channels; ratios of full scale."""
+
+    normalise: float | None
+    limit: float | None
+    gain: float
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Mix:
+    """Loudspeakers and the ways to them."""
+
+    channels: int
+    layout: Layout | None
+    routes: tuple[Route, ...]
+    master: Master | None
+    place: Place | None
+
+
+@dataclass(frozen=True, slots=True)
+class RenderSpec:
+    """The file that `render` writes; `tail` [s] after the last event."""
+
+    file: str | None
+    bits: Literal[16, 24, "float"]
+    tail: float
+    channels: int | None
+    place: Place | None
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A whole score, checked. Parts are in the order written, marks in the order of names."""
+
+    title: str
+    seed: int
+    rate: float
+    tempo: tuple[TempoEntry, ...]
+    marks: tuple[Mark, ...]
+    keys: Mapping[str, Key]
+    instruments: Mapping[str, Instrument]
+    gestures: Mapping[str, Gesture]
+    takes: Mapping[str, TakeFile]
+    strikes: tuple[Strikes, ...]
+    players: Mapping[str, Player]
+    duet: tuple[Coupling, ...]
+    parts: tuple[Play, ...]
+    mix: Mix
+    render: RenderSpec
+    accuracy: str | None
+    place: Place
+    tempo_map: TempoMap = field(compare=False, repr=False)
+
+    def digest(self) -> str:
+        """SHA-256 of the values: not of text, comments, order of names, places or paths.
+
+        A file that is read while rendering counts by its content.
+        """
+        sha = hashlib.sha256()
+        for chunk in _chunks(self):
+            sha.update(chunk)
+        return sha.hexdigest()
+
+
+_NOT_VALUES = {  # where a thing is written, or its text beside its value
+    Point: ("offset", "length"),
+    Transform: ("offset", "length"),
+    Gesture: ("bar_checks", "written"),
+    Module: ("places",),
+    Position: ("text",),
+    Target: ("text",),
+    Piece: ("tempo_map",),
+    RenderSpec: ("file",),
+}
+
+
+def _chunks(value: Any) -> Iterator[bytes]:
+    """A value as bytes, without ambiguity: every item says its type, every group its size."""
+    if is_dataclass(value) and not isinstance(value, type):
+        if isinstance(value, (Place, Scalar)):
+            return
+        skipped = _NOT_VALUES.get(type(value), ())
+        yield b"{" + type(value).__name__.encode()
+        for f in fields(value):
+            if f.name not in skipped:
+                yield f".{f.name}=".encode()
+                yield from _chunks(getattr(value, f.name))
+        yield b"}"
+    elif isinstance(value, Mapping):
+        yield b"m%d" % len(value)
+        for key in sorted(value):
+            yield from _chunks(key)
+            yield from _chunks(value[key])
+    elif isinstance(value, (tuple, list)):
+        yield b"l%d" % len(value)
+        for item in value:
+            yield from _chunks(item)
+    elif isinstance(value, Path):
+        yield b"p" + hashlib.sha256(value.read_bytes() if value.is_file() else b"").digest()
+    elif isinstance(value, float):
+        yield b"f" + (value + 0.0).hex().encode()  # -0.0 and 0.0 are one value
+    else:
+        text = str(value).encode("utf-8", "surrogatepass")
+        yield f"{'s' if isinstance(value, str) else type(value).__name__}{len(text)}:".encode()
+        yield text

@@ -1,0 +1,119 @@
+"""When every gesture begins, as far as text tells: how many there are, and where bars lie."""
+
+from __future__ import annotations
+
+from ergon.scores.clock.occurrences import MAX_OCCURRENCES, starts
+from ergon.scores.gesture.notation import BarCheck
+from ergon.scores.gesture.transforms import Transform, apply, apply_to_take
+from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
+from ergon.scores.text.errors import Collector, TextError, quote
+from ergon.scores.text.values import Place, Time
+
+MAX_STRIKES = 4_000_000  # about 1 GB of events while they are put in order
+
+
+class _NoChance:
+    """Draws the middle, so that a length does not depend on jitter."""
+
+    def uniform(self, low: float, high: float) -> float:
+        return (low + high) / 2
+
+
+def schedule(piece: Piece, collector: Collector) -> None:
+    """Report occurrences without end and bar checks that are not on a bar (W311)."""
+    room = MAX_OCCURRENCES
+    lengths: dict[tuple[str, tuple[Transform, ...], float], Time | None] = {}
+    for play in piece.parts:
+        tempo = piece.tempo_map
+        at = tempo.resolve(play.at)
+        beat = 60.0 / tempo.bpm(at)
+        memo = (str(play.what), play.do, beat)
+        if memo not in lengths:
+            lengths[memo] = _length(piece, play, beat)
+        length = lengths[memo]
+        until = None if play.until is None else tempo.resolve(play.until)
+        if play.what in piece.takes and not _take_can(play, collector):
+            continue
+        if length is None and play.every is None:
+            continue  # a take whole: its length is in its file
+        try:
+            found = starts(
+                tempo,
+                at,
+                length or Time(),
+                every=play.every,
+                times=play.times,
+                until=until,
+                room=room,
+            )
+        except TextError as error:
+            collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
+            continue
+        room -= len(found)
+        gesture = piece.gestures.get(play.what)
+        if gesture is not None and gesture.bar_checks and not play.do:
+            _bars(piece, gesture, found[:1], collector)
+    for strikes in piece.strikes:
+        _count(strikes, piece, collector)
+
+
+def _count(strikes: Strikes, piece: Piece, collector: Collector) -> None:
+    """Refuse more strikes than a piece can hold before any is drawn."""
+    tempo = piece.tempo_map
+    start = tempo.resolve(strikes.at)
+    if strikes.until is not None:
+        stop = tempo.resolve(strikes.until)
+    else:
+        stop = tempo.after(start, strikes.span) if strikes.span is not None else start
+    lasting = tempo.seconds(stop) - tempo.seconds(start)
+    each = 1.0
+    if strikes.rate is not None:
+        each = strikes.rate * lasting
+    elif strikes.every is not None:
+        step = tempo.seconds(tempo.after(start, strikes.every)) - tempo.seconds(start)
+        if step <= 0.0:
+            message = f"strikes {quote(strikes.name)}: 'every' must be longer than nothing"
+            collector.error("E305", message, strikes.place)
+            return
+        each = float(strikes.times) if strikes.times is not None else lasting / step
+        if strikes.times is None and stop == start:
+            message = f"strikes {quote(strikes.name)}: say how many: `times`, `for` or `until`"
+            collector.error("E103", message, strikes.place)
+    if each * sum(target.count for target in strikes.to) > MAX_STRIKES:
+        message = f"strikes {quote(strikes.name)}: more than {MAX_STRIKES:,} of them"
+        collector.error("E105", message, strikes.place)
+
+
+def _take_can(play: Play, collector: Collector) -> bool:
+    try:
+        apply_to_take(play.do)
+    except TextError as error:
+        collector.error("E306", f"{quote(play.what)}: {error.message}", play.place)
+        return False
+    return True
+
+
+def _length(piece: Piece, play: Play, beat: float) -> Time | None:
+    """The length of what is played after its transformations; None for a take read whole."""
+    gesture = piece.gestures.get(play.what)
+    if gesture is None:
+        return None
+    chain = (*gesture.do, *play.do)
+    return apply(gesture.points, chain, _NoChance(), beat)[0][-1].at
+
+
+def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collector) -> None:
+    """A '|' in a notation should be on a bar where it is first played."""
+    tempo = piece.tempo_map
+    for start in found:
+        for check in gesture.bar_checks:
+            beats = tempo.beats(tempo.instant(start, check.at))
+            _, beat = tempo.bar_beat(beats)
+            if abs(beat - 1.0) > 1e-6:
+                on = tempo.written(beats)
+                message = f"'|' in gesture {quote(gesture.name)} is not on a bar, but on {on}"
+                collector.error("W311", message, _check_place(gesture, check))
+
+
+def _check_place(gesture: Gesture, check: BarCheck) -> Place:
+    return gesture.written.place_at(check.offset) if gesture.written else gesture.place

@@ -1,0 +1,25 @@
+"""JSON Schema (draft 7) for editors, from the tables that the checker reads with."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from ergon.scores.reading.sections import SCORE
+
+FORMAT = 1
+
+
+def schema() -> dict[str, Any]:
+    """The schema of a score, as plain values."""
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": f"ergon score, format {FORMAT}",
+        "description": SCORE.doc,
+        **SCORE.schema(),
+    }
+
+
+def text() -> str:
+    """The schema as it is printed: one line a keyword, the same bytes every time."""
+    return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"

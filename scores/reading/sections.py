@@ -1,0 +1,330 @@
+"""The tables of a score: every section, every field, in the order of the reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ergon.instruments.kinds import LINKS, tables
+from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
+from ergon.scores.reading.part import PART
+from ergon.scores.tables import kinds as k
+from ergon.scores.tables.fields import Field, Record, Values
+from ergon.scores.tables.shapes import (
+    Context,
+    Either,
+    ListOf,
+    NamesOf,
+    Reference,
+    Shape,
+    Text,
+    choice,
+    wrong_shape,
+)
+from ergon.scores.text.document import Node, Scalar
+from ergon.scores.text.errors import TextError
+
+MAX_CHANNELS = 1024
+MAX_SEED = 2**64 - 1  # the generator's key holds 64 bits of it
+CURVE = choice("smooth", "line", "hold", "throw")
+
+
+@dataclass(frozen=True)
+class Raw(Shape):
+    """A text that is read later, when the fields beside it are known."""
+
+    what: str
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Give the scalar itself."""
+        return node if isinstance(node, Scalar) else wrong_shape(self, node, name, context)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["string"]}
+
+    def words(self) -> str:
+        """In words."""
+        return self.what
+
+
+def manner_fields() -> tuple[Field, ...]:
+    """How a gesture is played: the same on gestures and on parts."""
+    return (
+        Field("touch", choice("open", "tracked"), "ergons for the free key, or exact", "open"),
+        Field("ergons", choice("event", "particle"), "impulses, or masses with a BUT", "event"),
+        Field("grain", k.DURATION, "one ergon this often", shown="every audio sample"),
+        Field("join", k.DURATION, "how long before its first point a gesture leads in", "20ms"),
+        Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
+        Field("layer", k.TRUTH, "sound with the gesture before instead of cutting it", "false"),
+    )
+
+
+GESTURE = Record(
+    "gesture",
+    "a narrative gesture: a notation alone, or these fields",
+    (
+        Field("notation", Raw("points x@t, such as 0mm@0 smooth 6mm@1/8"), "points in one line"),
+        Field("points", Raw("a table below '|': rows of t, x and a curve"), "points in rows"),
+        Field("curve", CURVE, "the way into points without a curve word", "smooth"),
+        Field("like", Reference("a gesture"), "begin with another gesture"),
+        Field("do", k.DO, "transformations, left to right (after those of `like`)"),
+        *manner_fields(),
+    ),
+)
+
+
+@dataclass(frozen=True)
+class GestureShape(Shape):
+    """A bare notation is a gesture with nothing else said."""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, Scalar) or node.is_empty:
+            return GESTURE.read(node, name, context)
+        values = Values(GESTURE, node, context)
+        # A block is a table: nobody writes one line of notation below a '|'.
+        field = "points" if node.style == "|" and "@" not in node.text else "notation"
+        values.given[field] = values.nodes[field] = node
+        return values
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return Either(Raw(""), GESTURE).schema()
+
+    def words(self) -> str:
+        """In words."""
+        return "points such as 0mm@0 smooth 6mm@1/8, or a gesture's fields"
+
+
+KEY = Record(
+    "key",
+    "a force-feedback key (TGR), real or emulated: a mass with spring and viscosity, or a network",
+    (
+        Field("like", Reference("a key"), "begin with another key's values"),
+        Field("calib", k.PATH, "a file with M, K and Z as measured"),
+        Field("M", k.MASS, "mass"),
+        Field("K", k.STIFFNESS, "stiffness of its spring"),
+        Field("Z", k.DAMPING, "viscosity", 0.0),
+        Field("f", k.PITCH, "damped frequency, instead of K"),
+        Field("t60", k.DURATION, "decay, instead of Z", shown="none"),
+        Field("rest", k.POSITION, "where its spring pulls nothing", 0.0),
+        Field("X0", k.POSITION, "position at the beginning", 0.0),
+        Field("V0", k.SPEED, "velocity at the beginning", 0.0),
+        Field("travel", k.TRAVEL, "where the key can be", shown="anywhere"),
+        Field("reach", k.POSITIVE, "the scene sees this times its movement", 1.0),
+        Field("modules", NamesOf(module_table(False), "module"), MODULES_DOC),
+        Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),
+        Field("rate", k.RATE, "a rate of its own (accepted, not used yet)"),
+    ),
+)
+TAKE = Record(
+    "take",
+    "a captured movement",
+    (
+        Field("file", k.PATH, "CSV, WAV or npz", required=True),
+        Field("channel", k.TITLE, "which column", shown="the only one"),
+        Field("trim", k.TRIM, "what is used of it; its first instant becomes zero"),
+        Field("smooth", k.HERTZ, "low-pass, forward and back"),
+        Field("rate", k.HERTZ, "samples a second of a file without a column t [s]"),
+    ),
+)
+_TARGETS = ListOf(Reference("modules, such as sky.all"), 1, single=True)
+STRIKES = Record(
+    "strikes",
+    "ergons that hit modules directly, without a key",
+    (
+        Field(
+            "to", ListOf(Reference("modules, such as sky.all"), 1, single=True), "what", None, True
+        ),
+        Field("at", k.WHEN, "when they begin", required=True),
+        Field("for", k.LENGTH, "how long"),
+        Field("until", k.WHEN, "when they end, instead of `for`"),
+        Field("rate", k.HERTZ, "strikes a second for each, by chance (Poisson)"),
+        Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
+        Field("times", k.TIMES, "how many, with `every`"),
+        Field("impulse", k.IMPULSES, "impulse of one; from a range by chance"),
+        Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
+        Field("speed", k.SPEED, "speed of the ergon"),
+    ),
+)
+PLAYER = Record(
+    "player",
+    "a hand on a key",
+    (
+        Field("hand", choice("virtual", "live"), "emulated, or a person's", "virtual"),
+        Field("key", Reference("a key"), "the key that it plays", required=True),
+        Field("device", k.TITLE, "a live hand's axis, such as tgr0.3"),
+        Field("standin", Reference("a take or gesture"), "what plays when no hand is there"),
+        Field("tick", k.HERTZ, "how often a device is asked", shown="1000 Hz"),
+    ),
+    refused={
+        "follow": "following another player is not built yet",
+        "sync": "synchronisation with a player is not built yet",
+    },
+)
+
+
+def _without_between(table: Record) -> Record:
+    return replace(table, fields=tuple(f for f in table.fields if f.name != "between"))
+
+
+COUPLING = Record(
+    "coupling",
+    "a link between two keys, which feel each other by it",
+    (
+        Field("couple", ListOf(Reference("a key"), 2, 2), "the two keys", required=True),
+        Field("at", k.WHEN, "from when", shown="the beginning"),
+        Field("until", k.WHEN, "until when", shown="the end"),
+    ),
+    kinds={name: _without_between(table) for name, table in tables(False, LINKS).items()},
+    kind_required=True,
+)
+TEMPO = Record(
+    "tempo entry",
+    "a tempo, a ramp or a meter from a position on",
+    (
+        Field("at", k.WHEN, "where", required=True),
+        Field("bpm", k.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
+        Field("over", k.LENGTH, "how long the ramp lasts"),
+        Field("meter", k.METER, "beats of a bar, from here on", shown="4/4"),
+    ),
+    refused={"link": "Ableton Link is not built yet"},
+)
+
+
+def _channels(text: str) -> Any:
+    return "nearest" if text == "nearest" else (_CHANNEL.parse(text),)
+
+
+_CHANNEL = k.integer(1, MAX_CHANNELS, "1")
+_TO = Either(
+    scalar=Text(_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
+    sequence=ListOf(_CHANNEL, 1, MAX_CHANNELS),
+)
+ROUTE = Record(
+    "route",
+    "from an instrument to loudspeakers",
+    (
+        Field("from", Reference("an instrument or one of its outputs"), "what", None, True),
+        Field("to", _TO, "channels, or the loudspeaker nearest to each module", required=True),
+        Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
+    ),
+)
+MASTER = Record(
+    "master",
+    "all channels together",
+    (
+        Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
+        Field("normalise", k.GAIN, "level of the highest peak, in a file"),
+        Field("limit", k.GAIN, "ceiling of the limiter"),
+    ),
+)
+MIX = Record(
+    "mix",
+    "loudspeakers and the ways to them",
+    (
+        Field("channels", _CHANNEL, "how many", shown="as many as the routes need"),
+        Field("layout", k.PATH, "a file that says where loudspeakers are"),
+        Field("route", ListOf(ROUTE, single=True), "from instruments to channels"),
+        Field("master", MASTER, "all channels together"),
+    ),
+)
+RENDER = Record(
+    "render",
+    "the file that is written",
+    (
+        Field("file", k.PATH, "its name, relative to the score"),
+        Field("bits", choice("16", "24", "float"), "sample format", "24"),
+        Field("tail", k.DURATION, "how long after the last event", 5.0, shown="5s"),
+        Field("channels", _CHANNEL, "as in the mix"),
+    ),
+)
+RATES = Record(
+    "rates",
+    "sample rates",
+    (
+        Field("audio", k.RATE, "frames a second", 44100.0),
+        Field("gesture", k.RATE, "accepted, not used yet: all runs at the audio rate"),
+    ),
+)
+ACCURACY = Record(
+    "accuracy",
+    "what the planner may spend",
+    (Field("method", Text(str, "ca for the plain scheme"), "the scheme"),),
+    free=Text(str, "a budget (accepted, not used yet)"),
+)
+LAW = Record(
+    "law",
+    "a law that LNL modules use by name; its constants are defaults",
+    (
+        Field("doc", k.TITLE, "what it is, and whose"),
+        Field("law", k.TITLE, "force over elongation d"),
+        Field("damping", k.TITLE, "force over elongation d and its rate v"),
+    ),
+    free=k.CONSTANT,
+)
+_FILE = Raw("the name of a file")
+USE = Either(scalar=_FILE, mapping=NamesOf(_FILE, "prefix"), sequence=ListOf(_FILE))
+
+
+def version(text: str) -> str:
+    """The format version, 1."""
+    if text != "1":
+        raise TextError("this program reads format 1", length=max(1, len(text)), code="E109")
+    return text
+
+
+SCORE = Record(
+    "score",
+    "a whole score; a file that `use:` names has the same sections",
+    (
+        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("title", k.TITLE, "the piece's name", ""),
+        Field("seed", k.integer(0, MAX_SEED, "7"), "every chance derives from it", 0),
+        Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
+        Field("rates", RATES, "sample rates"),
+        Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
+        Field("marks", NamesOf(k.WHEN, "mark"), "names of instants"),
+        Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
+        Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),
+        Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),
+        Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
+        Field("takes", NamesOf(TAKE, "take"), "captured hands"),
+        Field("strikes", NamesOf(STRIKES, "strikes"), "ergons without a key"),
+        Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
+        Field("duet", ListOf(COUPLING, single=True), "links between keys"),
+        Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
+        Field("mix", MIX, "loudspeakers and the ways to them"),
+        Field("render", RENDER, "the file that is written"),
+        Field("accuracy", ACCURACY, "what the planner may spend"),
+    ),
+    refused={"link": "Ableton Link is not built yet"},
+)
+CALIBRATION = Record(
+    "calibration",
+    "a key as measured",
+    (
+        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("M", k.MASS, "mass", required=True),
+        Field("K", k.STIFFNESS, "stiffness", required=True),
+        Field("Z", k.DAMPING, "viscosity", required=True),
+        Field("travel", k.TRAVEL, "where the key can be"),
+        *(Field(name, k.TITLE, "for people") for name in ("title", "date", "device", "residual")),
+    ),
+)
+LAYOUT = Record(
+    "layout",
+    "where loudspeakers are",
+    (
+        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("title", k.TITLE, "for people"),
+        Field(
+            "speakers",
+            ListOf(ListOf(k.POSITION, 2, 3), 1, MAX_CHANNELS),
+            "[x, y] or [x, y, z] of each, in metres",
+            required=True,
+        ),
+    ),
+)

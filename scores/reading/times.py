@@ -1,0 +1,118 @@
+"""When things are: the tempo map of a score, and whether every position in it exists."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable
+from typing import Any
+
+from ergon.scores.clock.positions import Position
+from ergon.scores.clock.tempo import Entry, TempoError, TempoMap
+from ergon.scores.reading import build
+from ergon.scores.reading.piece import Mark, Piece, TempoEntry
+from ergon.scores.tables.fields import Values
+from ergon.scores.tables.shapes import MISSING
+from ergon.scores.text.errors import Collector, TextError, quote
+from ergon.scores.text.values import Place
+
+
+class Times:
+    """Tempo entries and marks of a score; `map` is a plain one when they do not fit."""
+
+    def __init__(self, score: Values, collector: Collector) -> None:
+        """Read them and make the map."""
+        self.collector = collector
+        self._score = score
+        lines = [v for v in score["tempo"] or () if isinstance(v, Values)]
+        self._lines = [(v, build.tempo(v)) for v in lines]
+        self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
+        nodes = getattr(score.nodes.get("marks"), "entries", {})
+        self.marks = tuple(
+            Mark(name, at, nodes[name][1].place)
+            for name, at in sorted((score["marks"] or {}).items())
+            if at is not MISSING
+        )
+        self._known = tuple(score["marks"] or {})
+        self.map = self._map()
+
+    def _map(self) -> TempoMap:
+        positions = {mark.name: mark.at for mark in self.marks}
+        good = True
+        for mark in self.marks:
+            good &= self._mark_exists(mark.at, mark.place)
+        for values, entry in self._lines:
+            good &= self._mark_exists(entry.at, values.place_of("at"))
+        if not good or len(positions) != len(self._known):
+            return TempoMap()
+        entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
+        try:
+            return TempoMap(entries, positions)
+        except TempoError as error:
+            values = self._lines[error.entry][0]
+            self.collector.error("E305", f"tempo: {error.message}", values.place_of(error.field))
+        except TextError as error:  # a position in a circle of marks or before the beginning
+            values = self._lines[_first_wrong(entries, positions)][0]
+            self.collector.error("E305", f"tempo: {error.message}", values.place_of("at"))
+        return TempoMap((), {mark.name: Position() for mark in self.marks})
+
+    def _mark_exists(self, at: Position, place: Place) -> bool:
+        if at.mark is None or at.mark in self._known:
+            return True
+        message = f"no mark is called {quote(at.mark)}"
+        names = self._known
+        self.collector.error(
+            "E301",
+            message,
+            Place(place.file, place.line, place.column, len(at.mark)),
+            word=at.mark,
+            names=names,
+        )
+        return False
+
+    def _beats(self, at: Position | None, place: Callable[[], Place]) -> float | None:
+        """Beats of a position; None after a report."""
+        if at is None or (at.mark is not None and not self._mark_exists(at, place())):
+            return None
+        try:
+            return self.map.resolve(at)
+        except TextError as error:
+            self.collector.error("E305", error.message, place())
+            return None
+
+    def check(self, score: Values, piece: Piece) -> None:
+        """Every position in the piece exists, and nothing ends before it begins."""
+        for mark in self.marks:
+            self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
+        for play in piece.parts:
+            start = self._beats(play.at, lambda play=play: play.at_place)  # type: ignore[misc]
+            if play.until is not None:
+                stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
+                self._order(start, stop, play.until_place or play.place)
+        written: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
+        for values in written:
+            if isinstance(values, Values):
+                at, until = values["at"], values["until"]
+                start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
+                stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
+                self._order(start, stop, values.place_of("until"))
+        for part in piece.instruments.values():
+            for module in part.modules:
+                if isinstance(at := module.fields.get("at"), Position):
+                    self._beats(at, lambda m=module: m.places["at"])  # type: ignore[misc]
+
+    def _order(self, start: float | None, stop: float | None, place: Place) -> None:
+        if start is not None and stop is not None and stop <= start:
+            self.collector.error("E305", "this is not after the beginning (`at`)", place)
+
+
+def _first_wrong(entries: list[Entry], marks: dict[str, Position]) -> int:
+    """The entry whose position cannot be placed: the end of the shortest list that fails."""
+
+    def fails(count: int) -> bool:
+        try:
+            TempoMap(entries[:count], marks)
+        except TextError:
+            return True
+        return False
+
+    return bisect_left(range(1, len(entries) + 1), True, key=fails)

@@ -1,0 +1,227 @@
+"""Names across files: `use:` brings them in, `like:` and `from:` begin with another's values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Any
+
+from ergon.scores.reading.sections import SCORE
+from ergon.scores.tables.fields import Values
+from ergon.scores.tables.kinds import PATH
+from ergon.scores.tables.shapes import MISSING, Context, Name
+from ergon.scores.text.document import Document, Scalar
+from ergon.scores.text.errors import Collector, quote
+from ergon.scores.text.files import Files
+from ergon.scores.text.values import Place
+
+SECTIONS = ("keys", "instruments", "gestures", "takes", "laws")  # whose names other files may use
+MAX_USES = 20  # files deep
+MAX_LIKE = 32  # things that begin with another
+NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "take", "law"), strict=True))
+# What is written here replaces what stands for the same in the other: K for f, a table for a line.
+_EXCLUSIVE = (
+    (("K", "Z"), ("f", "t60"), ("modules", "struck")),
+    (("notation",), ("points",)),
+)
+
+
+@dataclass(slots=True)
+class Entry:
+    """A named thing as written, the names that it may use, and their prefix as seen from here."""
+
+    values: Any  # Values or a finished object, or MISSING
+    home: Names
+    prefix: str = ""
+    brought: Place | None = None  # the `use:` that brought it
+
+
+@dataclass(slots=True)
+class Names:
+    """The names of one file: its own, and those that its `use:` brings in."""
+
+    document: Document
+    score: Values | None = None
+    tables: dict[str, dict[str, Entry]] = field(
+        default_factory=lambda: {section: {} for section in SECTIONS}
+    )
+    used: dict[str, Names] = field(default_factory=dict)  # by file stem and by prefix, for `from:`
+
+    def names(self, section: str) -> tuple[str, ...]:
+        """All names of a section, for did-you-mean."""
+        return tuple(self.tables[section])
+
+
+class Uses:
+    """Reads a score and all the files that it uses."""
+
+    def __init__(self, files: Files, collector: Collector) -> None:
+        """Start with nothing read."""
+        self.files = files
+        self.collector = collector
+        self._read: dict[str, Names] = {}
+        self._open: list[tuple[str, Place | None]] = []
+
+    def read(self, document: Document, asked: Place | None = None) -> Names:
+        """Names of a document; a file that is used twice is read once."""
+        if document.file in self._read:
+            return self._read[document.file]
+        names = self._read[document.file] = Names(document)
+        if document.root is None:
+            return names
+        score = SCORE.read(document.root, "", Context(self.collector))
+        if score is MISSING:
+            return names
+        names.score = score
+        for section in SECTIONS:
+            for name, values in (score[section] or {}).items():
+                names.tables[section][name] = Entry(values, names)
+        self._open.append((document.file, asked))
+        for file, place, prefix in _files(score):
+            self._bring(names, file, place, prefix)
+        self._open.pop()
+        return names
+
+    def _bring(self, names: Names, file: str, place: Place, prefix: str) -> None:
+        if len(self._open) > MAX_USES:
+            message = f"`use:` goes more than {MAX_USES} files deep"
+            self.collector.error("E105", message, place)
+            return
+        document = self.files.required(file, names.document.folder, place)
+        if document is None:
+            return
+        opened = [name for name, _ in self._open]
+        if document.file in opened:
+            chain = self._open[opened.index(document.file) + 1 :]
+            steps = [str(asked) for _, asked in chain if asked] + [str(place)]
+            message = f"{document.file} uses itself: {' -> '.join(steps)}"
+            self.collector.error("E302", message, place)
+            return
+        used = self.read(document, place)
+        names.used[PurePath(file).stem] = used
+        if prefix:
+            names.used[prefix] = used
+        for section, table in used.tables.items():
+            for word, entry in table.items():
+                self._add(names, section, word, entry, place, prefix)
+
+    def _add(
+        self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str
+    ) -> None:
+        full = f"{prefix}.{word}" if prefix else word
+        seen = f"{prefix}.{entry.prefix}" if prefix else entry.prefix
+        known = names.tables[section].get(full)
+        if known is None:
+            names.tables[section][full] = Entry(entry.values, entry.home, seen, place)
+        elif known.values is not entry.values:
+            where = known.values.place if isinstance(known.values, Values) else known.brought
+            message = f"{NOUNS[section]} {quote(full)} of {entry.home.document.file} "
+            message += f"is already defined at {where}; give the file a prefix"
+            self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
+
+    def resolved(self, section: str, entry: Entry) -> tuple[Values | None, frozenset[str]]:
+        """What was written with `like:` and `from:` followed, and the names that mean itself there.
+
+        The values are None after a report.
+        """
+        chain: list[Values] = []
+        while True:
+            values = entry.values
+            if not isinstance(values, Values):
+                return None, frozenset()
+            if any(values is seen for seen in chain):
+                path = " -> ".join(f"{v.context.name} (line {v.place.line})" for v in chain)
+                path += f" -> {values.context.name}"
+                message = f"{chain[0].context.of('like')}: a circle, {path}"
+                self.collector.error("E302", message, chain[0].place_of("like"))
+                return None, frozenset()
+            chain.append(values)
+            if len(chain) > MAX_LIKE:
+                message = f"{chain[0].context.of('like')}: more than {MAX_LIKE} of them in a chain"
+                self.collector.error("E105", message, chain[0].place_of("like"))
+                return None, frozenset()
+            if not values.written("like", "from"):
+                break
+            base = self._base(section, values, entry.home)
+            if base is None:
+                return None, frozenset()
+            entry = base
+        result = chain[-1]
+        for values in reversed(chain[:-1]):
+            result = _overlaid(result, values)
+        return result, frozenset(values.context.name for values in chain)
+
+    def _base(self, section: str, values: Values, home: Names) -> Entry | None:
+        has_from = "from" in values.record.by_name and isinstance(values["from"], Name)
+        like = values["like"]
+        if has_from and like is not None:
+            values.error("E111", f"{values.context.of('from')}: `like` is given too", "from")
+            return None
+        if has_from:
+            return self._from_file(section, values["from"], values, home)
+        if like is None:
+            return None
+        entry = home.tables[section].get(like)
+        if entry is None:
+            message = f"{values.context.of('like')}: no {NOUNS[section]} is called {quote(like)}"
+            names = [n for n in home.names(section) if n != values.context.name]
+            values.error("E301", message, "like", word=like, names=names)
+        return entry
+
+    def _from_file(self, section: str, name: Name, values: Values, home: Names) -> Entry | None:
+        stem, slash, word = name.partition("/")
+        used = home.used.get(stem)
+        if slash and used is None:  # the shipped instruments need no `use:`
+            path = self.files.find(f"instruments/{stem}.yaml", home.document.folder)
+            document = self.files.open(path, name.place) if path else None
+            used = self.read(document, name.place) if document else None
+        if not slash or used is None or not used.tables[section]:
+            message = f"{values.context.of('from')}: no file {quote(stem)} in `use:`; "
+            message += "it is written file/name, such as gong/plate"
+            self.collector.error("E301", message, name.place, word=stem, names=tuple(home.used))
+            return None
+        entry = used.tables[section].get(word)
+        if entry is None:
+            message = f"{values.context.of('from')}: {used.document.file} has no {quote(word)}"
+            names = used.names(section)
+            self.collector.error("E301", message, name.place, word=word, names=names)
+        return entry
+
+
+def _overlaid(base: Values, own: Values) -> Values:
+    """The base's fields under one's own; modules merge by name, transformations add up."""
+    hidden: set[str] = set()
+    for groups in _EXCLUSIVE:
+        if any(own.written(*group) for group in groups):
+            for group in groups:
+                if not own.written(*group):
+                    hidden.update(group)
+    given = {name: value for name, value in base.given.items() if name not in hidden}
+    nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
+    merged: dict[str, Callable[[Any, Any], Any]] = {
+        "modules": lambda a, b: {**a, **b},
+        "do": lambda a, b: (*a, *b),
+    }
+    for name, value in own.given.items():
+        join = merged.get(name)
+        given[name] = join(given[name], value) if join and name in given else value
+    nodes.update(own.nodes)
+    kind = own.kind or base.kind
+    return Values(own.record, own.node, own.context, given, nodes, {**base.free, **own.free}, kind)
+
+
+def _files(score: Values) -> list[tuple[str, Place, str]]:
+    """(file, place, prefix) of every file that a score uses."""
+    use = score["use"]
+    if isinstance(use, dict):
+        items = [(node, prefix) for prefix, node in use.items()]
+    else:
+        items = [(node, "") for node in (use if isinstance(use, tuple) else (use,))]
+    found = []
+    for node, prefix in items:
+        if isinstance(node, Scalar):
+            file = PATH.read(node, "use", score.context)
+            if file is not MISSING:
+                found.append((file, node.place, prefix))
+    return found

@@ -1,0 +1,328 @@
+"""From what players play to gestures on the timeline, every occurrence in its place in time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypedDict, cast, overload
+
+from ergon import _core
+from ergon.scores.clock.occurrences import starts
+from ergon.scores.clock.positions import Position
+from ergon.scores.gesture.takes import read
+from ergon.scores.gesture.transforms import Chance, Transform, apply, apply_to_take
+from ergon.scores.reading.piece import (
+    DEFAULT_MANNER,
+    UNSAID,
+    Gesture,
+    Manner,
+    Piece,
+    Play,
+    Player,
+    TakeFile,
+)
+from ergon.scores.text.errors import Collector, TextError, quote
+from ergon.scores.text.values import Place, Point, Time
+
+_DRAWN = ("jitter",)  # transformations that each occurrence draws anew
+
+Curve = Literal["smooth", "line", "hold", "throw"]
+
+
+class _Options(TypedDict):
+    touch: Literal["open", "tracked"]
+    ergons: Literal["event", "particle"]
+    grain: float | None
+    join: float
+    force_limit: float | None
+    layer: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StagedGesture:
+    """One occurrence of a gesture or take on a key; instants in seconds of the piece."""
+
+    name: str
+    player: str
+    key: str
+    key_index: int
+    struck: int
+    start: float
+    stop: float
+    place: Place
+    points: tuple[tuple[float, float], ...] = ()  # as written on this occurrence (t [s], x [m])
+    curves: tuple[Curve, ...] = ()  # the ways into them
+    layer: bool = False
+
+    @property
+    def throws(self) -> tuple[int, ...]:
+        """Indices of points that are thrown to."""
+        if "throw" not in self.curves:
+            return ()
+        return tuple(i for i, curve in enumerate(self.curves) if i and curve == "throw")
+
+
+class Sources(Sequence[Place]):
+    """Places in the score by the number that comes back with an ergon; looked up when asked for."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self._of: list[Callable[[], Place]] = []
+
+    def add(self, place: Callable[[], Place]) -> int:
+        """A number for a place."""
+        self._of.append(place)
+        return len(self._of) - 1
+
+    @overload
+    def __getitem__(self, index: int) -> Place: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Place]: ...
+    def __getitem__(self, index: int | slice) -> Place | list[Place]:
+        """The place of a number."""
+        if isinstance(index, slice):
+            return [place() for place in self._of[index]]
+        return self._of[index]()
+
+    def __len__(self) -> int:
+        """How many numbers there are."""
+        return len(self._of)
+
+
+@dataclass(slots=True)
+class Takes:
+    """Takes of a piece, read and splined when first needed."""
+
+    piece: Piece
+    collector: Collector
+    _read: dict[str, _core.Take | None] = field(default_factory=dict)
+
+    def get(self, name: str) -> _core.Take | None:
+        """The take; None after a report."""
+        if name not in self._read:
+            self._read[name] = self._load(self.piece.takes[name])
+        return self._read[name]
+
+    def _load(self, take: TakeFile) -> _core.Take | None:
+        try:
+            samples = read(take.path, take.channel, rate=take.rate)
+            return _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
+        except (TextError, _core.EngineError) as error:
+            message = getattr(error, "message", None) or str(error)
+            suggestion = getattr(error, "suggestion", None)
+            self.collector.error(
+                "E310", f"take {quote(take.name)}: {message}", take.place, suggestion=suggestion
+            )
+            return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """A written gesture on its key, but for the instant at which it begins."""
+
+    key: str
+    times: list[Time]
+    x: list[float]
+    curves: tuple[Curve, ...]
+    sources: list[int]
+    options: _Options
+
+
+@dataclass(slots=True)
+class Hands:
+    """Puts plays on the timeline."""
+
+    piece: Piece
+    timeline: _core.Timeline
+    takes: Takes
+    collector: Collector
+    sources: Sources = field(default_factory=Sources)
+    gestures: list[StagedGesture] = field(default_factory=list)
+    _keys: dict[str, tuple[int, int]] = field(default_factory=dict)
+    _occurrences: Counter[tuple[str, str]] = field(default_factory=Counter)
+    _point_sources: dict[tuple[str, int], int] = field(default_factory=dict)
+    _shapes: dict[tuple[object, ...], _Shape] = field(default_factory=dict)
+    _manners: dict[tuple[str, str], _Options] = field(default_factory=dict)
+
+    def key(self, name: str, struck: int) -> None:
+        """A key whose struck MAT is known."""
+        self._keys[name] = self.timeline.key(name, struck), struck
+
+    def play(self, play: Play) -> None:
+        """All occurrences of one line of a part."""
+        tempo = self.piece.tempo_map
+        at = tempo.resolve(play.at)
+        until = None if play.until is None else tempo.resolve(play.until)
+        if play.what in self.piece.gestures:
+            gesture = self.piece.gestures[play.what]
+            chain = (*gesture.do, *play.do)
+            length = apply(gesture.points, chain, _Middle(), 60.0 / tempo.bpm(at))[0][-1].at
+            for start in self._starts(play, at, length, until):
+                self._written(play, gesture, chain, start)
+        else:
+            take = self.takes.get(play.what)
+            if take is None:
+                return
+            shape = apply_to_take(play.do)
+            length = Time(shape.shift.beats, shape.shift.seconds + take.duration * shape.stretch)
+            for start in self._starts(play, at, length, until):
+                self._taken(play, take, start)
+
+    def standin(self, player: Player) -> None:
+        """A live hand's stand-in, from the beginning of the piece."""
+        what, place = str(player.standin), player.place
+        self.play(
+            Play(player.name, what, Position(), None, 1, None, (), Manner(), place, place, None)
+        )
+
+    def _starts(self, play: Play, at: float, length: Time, until: float | None) -> list[float]:
+        try:
+            return starts(
+                self.piece.tempo_map, at, length, every=play.every, times=play.times, until=until
+            )
+        except TextError as error:
+            self.collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
+            return []
+
+    def _written(
+        self, play: Play, gesture: Gesture, chain: tuple[Transform, ...], start: float
+    ) -> None:
+        shape = self._shape(play, gesture, chain, start)
+        tempo = self.piece.tempo_map
+        t = [tempo.instant(start, at) for at in shape.times]
+        index, struck = self._keys[shape.key]
+        try:
+            self.timeline.gesture(
+                index, t, shape.x, shape.curves, sources=shape.sources, **shape.options
+            )
+        except _core.EngineError as error:
+            self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
+            return
+        self.gestures.append(
+            StagedGesture(
+                play.what,
+                play.player,
+                shape.key,
+                index,
+                struck,
+                t[0],
+                t[-1],
+                play.place,
+                tuple(zip(t, shape.x, strict=True)),
+                shape.curves,
+                shape.options["layer"],
+            )
+        )
+
+    def _shape(
+        self, play: Play, gesture: Gesture, chain: tuple[Transform, ...], start: float
+    ) -> _Shape:
+        """A gesture as it is played from a beat on; worked out once where nothing is drawn."""
+        who = play.player, play.what
+        occurrence = self._occurrences[who]
+        self._occurrences[who] += 1
+        if chain and any(one.word in _DRAWN for one in chain):
+            name = f"{play.player}/{play.what}"
+            chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
+            return self._shaped(play, gesture, chain, start, chance)
+        said = None if play.manner is UNSAID else play.manner
+        known = (*who, play.do, said, self.piece.tempo_map.bpm(start) if chain else 0.0)
+        if known not in self._shapes:
+            self._shapes[known] = self._shaped(play, gesture, chain, start, _Middle())
+        return self._shapes[known]
+
+    def _shaped(
+        self,
+        play: Play,
+        gesture: Gesture,
+        chain: tuple[Transform, ...],
+        start: float,
+        chance: Chance,
+    ) -> _Shape:
+        points: Sequence[Point] = gesture.points
+        if chain:
+            points, _ = apply(points, chain, chance, 60.0 / self.piece.tempo_map.bpm(start))
+        reach = self._reach(play)
+        return _Shape(
+            self._key_of(play),
+            [point.at for point in points],
+            [point.x * reach for point in points],
+            tuple(cast(Curve, point.curve) for point in points),
+            [self._source(gesture, point) for point in points],
+            self._said(play, gesture),
+        )
+
+    def _said(self, play: Play, gesture: Gesture) -> _Options:
+        """How a gesture is played by a line; lines without words of their own share it."""
+        if play.manner is not UNSAID:
+            return self._options(play, play.manner.over(gesture.manner).over(DEFAULT_MANNER))
+        known = play.player, gesture.name
+        if known not in self._manners:
+            self._manners[known] = self._options(play, gesture.manner.over(DEFAULT_MANNER))
+        return self._manners[known]
+
+    def _taken(self, play: Play, take: _core.Take, start: float) -> None:
+        tempo = self.piece.tempo_map
+        shape = apply_to_take(play.do)
+        at = tempo.instant(start, shape.shift)
+        manner = play.manner.over(DEFAULT_MANNER)
+        index, struck = self._keys[self._key_of(play)]
+        try:
+            self.timeline.take(
+                index,
+                take,
+                at,
+                scale=shape.scale * self._reach(play),
+                stretch=shape.stretch,
+                reverse=shape.reverse,
+                source=self.sources.add(lambda: play.place),
+                **self._options(play, manner),
+            )
+        except _core.EngineError as error:
+            self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
+            return
+        stop = at + take.duration * shape.stretch
+        self.gestures.append(
+            StagedGesture(
+                play.what, play.player, self._key_of(play), index, struck, at, stop, play.place
+            )
+        )
+
+    def _options(self, play: Play, manner: Manner) -> _Options:
+        limit = manner.force_limit
+        how = {
+            "touch": manner.touch,
+            "ergons": manner.ergons,
+            "grain": manner.grain,
+            "join": manner.join,
+            # Behind a lever the scene sees s·x, and forces divided by s.
+            "force_limit": None if limit is None else limit / self._reach(play),
+            "layer": manner.layer,
+        }
+        return cast(_Options, how)  # DEFAULT_MANNER has left nothing unsaid
+
+    def _source(self, gesture: Gesture, point: Point) -> int:
+        known = gesture.name, point.offset
+        if known not in self._point_sources:
+            self._point_sources[known] = self.sources.add(lambda: gesture.place_of(point))
+        return self._point_sources[known]
+
+    def _key_of(self, play: Play) -> str:
+        return self.piece.players[play.player].key
+
+    def _reach(self, play: Play) -> float:
+        return self.piece.keys[self._key_of(play)].reach
+
+
+class _Middle:
+    """Draws the middle: what does not sound needs no chance."""
+
+    def uniform(self, low: float, high: float) -> float:
+        return (low + high) / 2
+
+
+def _sentence(error: _core.EngineError) -> str:
+    """The sentence of a refusal, without the name that stands before it."""
+    text, module = str(error), getattr(error, "module", None)
+    return text.removeprefix(f"{module}: ") if module else text

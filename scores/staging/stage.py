@@ -1,0 +1,217 @@
+"""A piece on its stage: the network, the timeline, and the simulation that plays them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.scores.clock.positions import Position
+from ergon.scores.reading.piece import Manner, Piece, Play, Player
+from ergon.scores.staging.hands import Hands, Sources, StagedGesture, Takes
+from ergon.scores.staging.listening import Listening, listen
+from ergon.scores.staging.overlap import check_overlaps
+from ergon.scores.staging.striking import Striking
+from ergon.scores.staging.travel import check_travel
+from ergon.scores.text.errors import Collector, Diagnostic
+from ergon.scores.text.lasting import lasting
+from ergon.scores.text.values import Place
+
+_WHEN_DIVERGED = "a smaller K or law, a weaker strike or a higher rate keeps it finite"
+MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
+
+
+class StageError(Exception):
+    """The engine will not play the piece; `diagnostics` say what and where."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        """Take what was found."""
+        super().__init__("\n".join(found.message for found in diagnostics))
+        self.diagnostics = list(diagnostics)
+
+
+@dataclass(slots=True)
+class Stage:
+    """Everything that plays a piece. `diagnostics` are warnings and notes."""
+
+    piece: Piece
+    network: _core.Network
+    simulation: _core.Simulation
+    listening: Listening
+    n_frames: int
+    gestures: list[StagedGesture]
+    sources: Sources
+    diagnostics: list[Diagnostic]
+
+    @property
+    def rate(self) -> float:
+        """Frames a second [Hz]."""
+        return self.piece.rate
+
+    @property
+    def n_channels(self) -> int:
+        """Loudspeakers."""
+        return self.listening.n_channels
+
+    def mixer(self, *, highpass: float | None = None) -> _core.Mixer:
+        """A fresh mixer; `highpass` [Hz] is for routes that say nothing of their own."""
+        return self.listening.mixer(self.rate, self.simulation.n_out, highpass=highpass)
+
+    def stems(self, *, highpass: float | None = None) -> list[tuple[str, _core.Mixer]]:
+        """A fresh mixer for every instrument that is heard."""
+        n_out = self.simulation.n_out
+        return [
+            (part, self.listening.mixer(self.rate, n_out, highpass=highpass, part=part))
+            for part in self.listening.parts()
+        ]
+
+    def name_of(self, mat: int) -> str:
+        """A MAT as the composer wrote it."""
+        return self.network.name_of(mat)
+
+    def fault(self, error: _core.DivergedError) -> Diagnostic:
+        """A part that went non-finite while it ran, in the place where it is written."""
+        return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
+
+
+@lasting
+def stage(
+    piece: Piece, *, seed: int | None = None, ledger: bool = False, record: bool = False
+) -> Stage:
+    """Build all that plays a piece. Raises StageError with every mistake that the engine finds."""
+    collector = Collector()
+    if seed is not None:
+        piece = replace(piece, seed=seed)
+    assembly = Assembly(seed=piece.seed)
+    try:
+        couplings = _network(piece, assembly)
+        listening = listen(piece, assembly)
+        timeline = _core.Timeline(assembly.network, piece.rate)
+        hands = Hands(piece, timeline, Takes(piece, collector), collector)
+        end = _play(piece, assembly, hands, couplings)
+        check_overlaps(piece, hands.gestures, collector)
+        check_travel(piece, timeline, hands.gestures, collector)
+        n_frames = _frames(piece, end, collector)
+        if collector.has_errors():
+            raise StageError(collector.finish())
+        simulation = _core.Simulation(assembly.network, timeline, ledger=ledger, record=record)
+    except _core.EngineError as error:
+        collector.error("E309", str(error.args[0]), _place(piece, error))
+        raise StageError(collector.finish()) from error
+    return Stage(
+        piece,
+        assembly.network,
+        simulation,
+        listening,
+        n_frames,
+        hands.gestures,
+        hands.sources,
+        collector.finish(),
+    )
+
+
+def solo(piece: Piece, name: str, key: str) -> Stage:
+    """One gesture or take alone on a key, at the beginning of the piece."""
+    where = piece.keys[key].place
+    hand = Player(key, "virtual", key, None, None, None, where)
+    what = piece.gestures.get(name) or piece.takes[name]
+    play = Play(
+        hand.name, name, Position(), None, 1, None, (), Manner(), what.place, what.place, None
+    )
+    return stage(replace(piece, parts=(play,), players={hand.name: hand}, strikes=()))
+
+
+def _network(piece: Piece, assembly: Assembly) -> list[int]:
+    """Keys, instruments and couplings; returns the LIA of each coupling."""
+    keys = [(name, key.modules, None, key.reach) for name, key in piece.keys.items()]
+    instruments = [(name, i.modules, i.ca_rate, 1.0) for name, i in piece.instruments.items()]
+    # Links reach the <M> points of other parts: all of those first.
+    for add in (assembly.part, assembly.joins):
+        for name, modules, ca_rate, reach in (*keys, *instruments):
+            add(name, modules, ca_rate=ca_rate, reach=reach)
+    if piece.duet:
+        assembly.network.part("duet")
+    return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
+
+
+def _play(piece: Piece, assembly: Assembly, hands: Hands, couplings: Sequence[int]) -> float:
+    """Put everything that happens on the timeline; returns when the last of it ends [s]."""
+    tempo, timeline = piece.tempo_map, hands.timeline
+    for name, key in piece.keys.items():
+        hands.key(name, assembly.mats[name, key.struck])
+    _drives(piece, assembly, hands)
+    for play in piece.parts:
+        hands.play(play)
+    written = {play.player for play in piece.parts}
+    for player in piece.players.values():
+        if player.hand == "live" and player.standin and player.name not in written:
+            hands.standin(player)
+    ends = [gesture.stop for gesture in hands.gestures]
+    for strikes in piece.strikes:
+        mats = [mat for target in strikes.to for mat in assembly.members(target)]
+        source = hands.sources.add(partial(_itself, strikes.place))
+        ends.append(Striking(piece, timeline, strikes, mats, source).play(hands.collector))
+    for coupling, link in zip(piece.duet, couplings, strict=True):
+        until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
+        timeline.couple(link, tempo.seconds(tempo.resolve(coupling.at)), until)
+    return max(ends, default=0.0)
+
+
+def _drives(piece: Piece, assembly: Assembly, hands: Hands) -> None:
+    """ENX and ENF: imposed positions and forces, by a constant or a take."""
+    tempo = piece.tempo_map
+    keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
+    instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
+    for name, modules, reach in (*keys, *instruments):
+        for module in modules:
+            if module.kind not in ("ENX", "ENF"):
+                continue
+            mat = assembly.mat(module.fields["to"])
+            is_position = module.kind == "ENX"
+            # Behind a lever positions are seen times s, forces divided by it.
+            scale = reach if is_position else 1.0 / reach
+            source, at = module.fields["from"], module.fields["at"]
+            take = None if isinstance(source, float) else hands.takes.get(str(source))
+            hands.timeline.drive(
+                mat,
+                "position" if is_position else "force",
+                constant=source * scale if isinstance(source, float) else None,
+                take=take,
+                at=0.0 if at is None else tempo.seconds(tempo.resolve(at)),
+                scale=scale * module.fields["scale"],
+                own=module.fields["to"].part == name,
+            )
+
+
+def _frames(piece: Piece, end: float, collector: Collector) -> int:
+    """⌈(end + tail)·rate⌉ frames; a whole number of frames is not rounded up by its last bit."""
+    seconds = end + piece.render.tail
+    if seconds > MAX_SECONDS:
+        message = f"the piece would last {seconds / 3600:.0f} hours; the most is a day"
+        collector.error("E308", message, piece.place)
+        return 0
+    frames = seconds * piece.rate
+    whole = int(frames + 0.5)
+    return whole if abs(frames - whole) < 1e-6 else int(frames) + 1
+
+
+def _place(piece: Piece, error: _core.EngineError) -> Place:
+    """Where the module that the engine names is written."""
+    name = getattr(error, "module", None) or ""
+    links = [("duet", duet.link) for duet in piece.duet]
+    keys = [(key.name, module) for key in piece.keys.values() for module in key.modules]
+    others = [(i.name, module) for i in piece.instruments.values() for module in i.modules]
+    for part, module in (*keys, *others, *links):
+        full = ".".join(filter(None, (part, module.name)))
+        if name == full or name.startswith(f"{full}."):
+            return module.place
+    return piece.place
+
+
+def _itself(place: Place) -> Place:
+    return place
+
+
+__all__ = ["Stage", "StageError", "StagedGesture", "solo", "stage"]

@@ -1,0 +1,80 @@
+"""From `strikes:` to ergons on the timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ergon import _core
+from ergon.scores.clock.occurrences import starts
+from ergon.scores.reading.piece import Piece, Strikes
+from ergon.scores.text.errors import Collector, TextError
+from ergon.scores.text.values import Time
+
+
+@dataclass(frozen=True, slots=True)
+class Striking:
+    """Strikes whose names have become MATs; `source` comes back with their ergons."""
+
+    piece: Piece
+    timeline: _core.Timeline
+    strikes: Strikes
+    mats: Sequence[int]
+    source: int
+
+    def play(self, collector: Collector) -> float:
+        """Put the strikes on the timeline; returns when they end [s]."""
+        piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
+        at = tempo.resolve(strikes.at)
+        stop = None
+        if strikes.span is not None:
+            stop = tempo.after(at, strikes.span)
+        elif strikes.until is not None:
+            stop = tempo.resolve(strikes.until)
+        try:
+            if strikes.rate is not None and strikes.impulse is not None and stop is not None:
+                end = tempo.seconds(stop)
+                self.timeline.rain(
+                    self.mats,
+                    start=tempo.seconds(at),
+                    stop=end,
+                    rate=strikes.rate,
+                    impulse=strikes.impulse,
+                    seed=piece.seed,
+                    name=strikes.name,
+                    source=self.source,
+                )
+                return end
+            return self._each(at, stop)
+        except _core.EngineError as error:
+            collector.error("E308", str(error), strikes.place)
+        except TextError as error:
+            collector.error("E305", error.message, strikes.place)
+        return 0.0
+
+    def _each(self, at: float, stop: float | None) -> float:
+        """Strikes at written instants: all members at once, once or `every` so often."""
+        strikes, tempo = self.strikes, self.piece.tempo_map
+        beats = [at]
+        if strikes.every is not None:
+            beats = starts(tempo, at, Time(), every=strikes.every, times=strikes.times, until=stop)
+        instants = [tempo.seconds(beat) for beat in beats]
+        for occurrence, instant in enumerate(instants):
+            for member, mat in enumerate(self.mats):
+                self._strike(mat, instant, member, occurrence)
+        return instants[-1] if instants else 0.0
+
+    def _strike(self, mat: int, instant: float, member: int, occurrence: int) -> None:
+        strikes = self.strikes
+        if strikes.impulse is None:
+            self.timeline.strike(
+                mat, instant, mass=strikes.mass, speed=strikes.speed, source=self.source
+            )
+            return
+        low, high = strikes.impulse
+        impulse = low
+        if low != high:
+            name = strikes.name
+            chance = _core.Chance(self.piece.seed, "strikes", name, member, occurrence)
+            impulse = chance.uniform(low, high)
+        self.timeline.strike(mat, instant, impulse=impulse, source=self.source)

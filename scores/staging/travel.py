@@ -1,0 +1,148 @@
+"""Whether gestures stay within the travel of their keys: paths exactly, throws rehearsed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.scores.reading.piece import Key, Piece
+from ergon.scores.staging.hands import StagedGesture
+from ergon.scores.text.errors import Collector, quote
+from ergon.scores.text.values import Place
+
+_SLACK = 1e-9  # metres: a written point on the very end of the travel is inside
+# Nearer to a multiple of half the key's period the strike that meets the next point grows without
+# bound: |sin ωΔt| of 0.2 takes five times the strike of a quarter period.
+_SINGULAR = 0.2
+
+
+def check_travel(
+    piece: Piece,
+    timeline: _core.Timeline,
+    gestures: Sequence[StagedGesture],
+    collector: Collector,
+) -> None:
+    """Report gestures that leave the travel (E307) and throws that hardly can be aimed (W312).
+
+    Each distinct gesture is looked at once, alone on its free key; each line of a part is reported
+    once, for its farthest swing.
+    """
+    seen: set[tuple[object, ...]] = set()
+    farthest: dict[Place, tuple[float, str, str]] = {}
+    singular: set[Place] = set()
+    for index, gesture in enumerate(gestures):
+        key = piece.keys[gesture.key]
+        if gesture.layer or (not gesture.throws and _stays(key, timeline, index)):
+            continue
+        relative = tuple((t - gesture.start, x) for t, x in gesture.points)
+        known = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
+        if known in seen:
+            continue
+        seen.add(known)
+        if gesture.place not in singular and (message := _singular(key, gesture)):
+            singular.add(gesture.place)
+            collector.error("W312", message, gesture.place)
+        if key.travel is None:
+            continue
+        low, high = timeline.range_of(index)
+        span = ""
+        if gesture.throws:
+            thrown_low, thrown_high, at = _rehearse(piece, key, gesture)
+            if thrown_low < low or thrown_high > high:
+                span = f"between {_leg(gesture, at)} the free key swings"
+            low, high = min(low, thrown_low), max(high, thrown_high)
+        beyond = max(key.travel[0] * key.reach - low, high - key.travel[1] * key.reach)
+        if beyond > max(_SLACK, farthest.get(gesture.place, (0.0,))[0]):
+            farthest[gesture.place] = beyond, *_sentence(key, gesture, low, high, span)
+    for place, (_, message, help) in farthest.items():
+        collector.error("E307", message, place, help=help)
+
+
+def _stays(key: Key, timeline: _core.Timeline, index: int) -> bool:
+    """Whether the written way, as the scene sees it, lies within the key's travel."""
+    if key.travel is None:
+        return True
+    low, high = timeline.range_of(index)
+    least, most = key.travel
+    return low >= least * key.reach - _SLACK and high <= most * key.reach + _SLACK
+
+
+def _sentence(
+    key: Key, gesture: StagedGesture, low: float, high: float, span: str
+) -> tuple[str, str]:
+    assert key.travel is not None
+    is_low = key.travel[0] * key.reach - low > high - key.travel[1] * key.reach
+    worst = (low if is_low else high) / key.reach
+    travel = f"{key.travel[0] * 1e3:g}mm..{key.travel[1] * 1e3:g}mm"
+    message = (
+        f"{quote(gesture.name)}: {span or 'its path goes'} to {worst * 1e3:.1f} mm, outside the "
+        f"travel of key {quote(key.name)} ({travel})"
+    )
+    help = (
+        "`smooth` instead of `throw` holds the key on a path"
+        if span
+        else "a `hold` at the turning point, or more time, keeps a smooth path from overshooting"
+    )
+    return message, help
+
+
+def _rehearse(piece: Piece, key: Key, gesture: StagedGesture) -> tuple[float, float, float]:
+    """Lowest and highest position of the free key, and when the farthest is [s after the start]."""
+    import numpy as np
+
+    assembly = Assembly()
+    assembly.part(key.name, key.modules, reach=key.reach)
+    assembly.joins(key.name, key.modules, reach=key.reach)
+    network, struck = assembly.network, assembly.mats[key.name, key.struck]
+    network.listen("key", positions=[(struck, 1, 1.0)])
+    timeline = _core.Timeline(network, piece.rate)
+    index = timeline.key(key.name, struck)
+    # Time to join the first point, wherever it is.
+    lead = 0.05
+    t = [time - gesture.start + lead for time, _ in gesture.points]
+    x = [position for _, position in gesture.points]
+    timeline.gesture(index, t, x, gesture.curves)
+    path = np.zeros((int(t[-1] * piece.rate) + 1, 1))
+    _core.Simulation(network, timeline).process(path)
+    played = path[int(lead * piece.rate) :, 0]
+    low, high = int(played.argmin()), int(played.argmax())
+    far = high if played[high] > -played[low] else low
+    return float(played[low]), float(played[high]), far / piece.rate
+
+
+def _leg(gesture: StagedGesture, at: float) -> str:
+    """`0.125 s and 0.375 s`: the two points of the throw during which an instant falls."""
+    for i in gesture.throws:
+        begin, end = (gesture.points[j][0] - gesture.start for j in (i - 1, i))
+        if begin <= at <= end + 1e-3:
+            return f"{begin:.3f} s and {end:.3f} s"
+    return "its points"
+
+
+def _singular(key: Key, gesture: StagedGesture) -> str | None:
+    omega = _own_frequency(key)
+    if omega is None:
+        return None
+    for i in gesture.throws:
+        dt = gesture.points[i][0] - gesture.points[i - 1][0]
+        if abs(math.sin(omega * dt)) < _SINGULAR and omega * dt > math.pi / 2:
+            half = math.pi / omega
+            return (
+                f"{quote(gesture.name)}: a throw of {dt:.3f} s on key {quote(key.name)} is near a "
+                f"multiple of half its period ({half:.3f} s), where it takes a very strong strike"
+            )
+    return None
+
+
+def _own_frequency(key: Key) -> float | None:
+    """ω of a key that is one underdamped CEL [rad/s]: for a warning, so libm's last bit is free."""
+    if len(key.modules) != 1 or key.modules[0].kind != "CEL":
+        return None
+    f = key.modules[0].fields
+    if f.get("f"):
+        return 2.0 * math.pi * float(f["f"])
+    k, z, m = float(f.get("K") or 0.0), float(f.get("Z") or 0.0), float(f["M"])
+    squared = k / m - (z / (2.0 * m)) ** 2
+    return math.sqrt(squared) if squared > 0.0 else None

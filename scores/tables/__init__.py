@@ -1,0 +1,1 @@
+"""One field table: it reads, checks, describes, and makes the editor's schema."""

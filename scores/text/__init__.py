@@ -1,0 +1,1 @@
+"""Text with places: YAML as nodes, mistakes where they stand, spelling, spacing."""

@@ -1,0 +1,92 @@
+"""Files of a score: read once, within bounds, found beside the naming file or in the library."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
+
+from ergon.scores.text.document import Document, compose
+from ergon.scores.text.errors import Collector
+from ergon.scores.text.syntax import MAX_BYTES, decode
+from ergon.scores.text.values import Place
+
+MAX_FILES = 256  # that one score reads
+_PACKAGE = Path(__file__).parents[2]
+_LIBRARY = {"instruments": _PACKAGE / "instruments" / "library"}
+_SHIPPED = _PACKAGE / "scores" / "library"
+
+
+def is_file(path: Path) -> bool:
+    """Whether a regular file is there; a name that no file can have is not."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+class Files:
+    """Reads YAML files; `overlay` holds texts that stand for files (an editor's, a test's)."""
+
+    def __init__(self, collector: Collector, overlay: Mapping[str, str] | None = None) -> None:
+        """Start with nothing read."""
+        self.collector = collector
+        self.documents: dict[str, Document] = {}
+        self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
+
+    def find(self, name: str, folder: Path) -> Path | None:
+        """A file relative to a folder, or among those that ship; None when there is none."""
+        candidates = [folder / name]
+        parts = PurePosixPath(name).parts
+        if parts and ".." not in parts and not Path(name).is_absolute():
+            if parts[0] in _LIBRARY and len(parts) > 1:
+                candidates.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
+            candidates.append(_SHIPPED / name)
+        for path in candidates:
+            if str(path) in self._overlay or is_file(path):
+                return path
+        return None
+
+    def text(self, name: str, text: str, folder: Path) -> Document:
+        """A document from a text that is at hand."""
+        self.collector.file(name)
+        document = compose(text.removeprefix("\ufeff"), name, self.collector)
+        document.folder = folder
+        self.documents[name] = document
+        return document
+
+    def open(self, path: Path, asked: Place | None) -> Document | None:
+        """A document from a file; None after a report at the place that asked for it."""
+        name = str(path)
+        if name in self.documents:
+            return self.documents[name]
+        if len(self.documents) >= MAX_FILES:
+            self._refuse("E105", f"more than {MAX_FILES} files", name, asked)
+            return None
+        if name in self._overlay:
+            return self.text(name, self._overlay[name], path.parent)
+        try:
+            with path.open("rb") as file:  # what read() may return is allocated first
+                data = file.read(min(MAX_BYTES, path.stat().st_size) + 1)
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+            self._refuse("E107", f"{name} cannot be read: {reason}", name, asked)
+            return None
+        self.collector.file(name)
+        text = decode(data, name, self.collector)
+        if text is None:
+            self.documents[name] = Document(name, "")
+            return None
+        return self.text(name, text, path.parent)
+
+    def required(self, name: str, folder: Path, asked: Place) -> Document | None:
+        """The document that a file names; None after a report."""
+        path = self.find(name, folder)
+        if path is None:
+            self._refuse(
+                "E107", f"no file {name} beside {asked.file} or in the library", name, asked
+            )
+            return None
+        return self.open(path, asked)
+
+    def _refuse(self, code: str, message: str, name: str, asked: Place | None) -> None:
+        self.collector.error(code, message, asked or Place(name, 1, 1))
