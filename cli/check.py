@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from typing import TYPE_CHECKING
 
 import click
@@ -13,8 +14,8 @@ from .units import metres
 
 if TYPE_CHECKING:
     from ergon.exchange.follow import Followed
-    from ergon.scores.errors import Diagnostic
-    from ergon.scores.piece import Piece
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.text.errors import Diagnostic
 
 
 @click.command()
@@ -51,7 +52,7 @@ def _check(console: Console, path: str, simulate: bool) -> None:
     found: list[Diagnostic] = []
     staged = None
     if loaded.piece is not None:
-        from ergon.scores.stage import StageError, stage
+        from ergon.scores.staging.stage import StageError, stage
 
         # What the engine will not run is a mistake of the score as well.
         try:
@@ -72,7 +73,7 @@ def _check(console: Console, path: str, simulate: bool) -> None:
 
 def _report(console: Console, piece: Piece, found: list[Followed]) -> None:
     for one in found:
-        at = score.where(piece, one.worst_at)
+        at = None if isnan(one.worst_at) else score.where(piece, one.worst_at)
         if console.json:
             console.record(
                 "followed",
@@ -80,21 +81,29 @@ def _report(console: Console, piece: Piece, found: list[Followed]) -> None:
                 gesture=one.name,
                 key=one.key,
                 times=one.times,
+                is_layer=one.is_layer,
                 ergons=one.n_ergons,
                 rms_m=one.rms,
                 worst_m=one.worst,
                 worst_at_s=one.worst_at,
                 worst_at=at,
+                pushed_by=one.pushed_by,
                 strongest_m_s=one.strongest,
                 missed=one.missed,
                 first_points_missed=one.first_points_missed,
             )
             continue
         times = f" ×{one.times}" if one.times > 1 else ""
-        words = (
-            f"{one.player} {one.name}{times} on {one.key}: followed within {metres(one.rms)} rms, "
-            f"worst {metres(one.worst)} at {at}"
-        )
+        words = f"{one.player} {one.name}{times} on {one.key}: "
+        if one.is_layer:
+            words += "a layer, added to what runs"
+        elif one.n_ergons == 0:
+            words += "cut before it began"
+        elif at is None:
+            words += "followed exactly"
+        else:
+            words += f"followed within {metres(one.rms)} rms, worst {metres(one.worst)} at {at}"
+            words += f", pushed by {one.pushed_by}" if one.pushed_by else ""
         if one.missed:
             words += f"; {plural(one.missed, 'step')} needed more than the force limit"
         if one.first_points_missed:

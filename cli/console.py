@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TextIO
+from typing import TYPE_CHECKING, Any, Literal
+
+from .colour import style
 
 if TYPE_CHECKING:
-    from ergon.scores.errors import Diagnostic, Severity, Source
+    from ergon.scores.text.errors import Diagnostic, Severity, Source
 
     from .outcome import Outcome
     from .progress import Progress
 
 VERSION = 1
 Form = Literal["full", "concise", "github", "json"]
-_STYLES = {"error": "1;31", "warning": "1;33", "note": "1;36", "strong": "1", "dim": "2"}
-
-
-def may_colour(stream: TextIO, environment: Mapping[str, str] | None = None) -> bool:
-    """NO_COLOR (non-empty) wins, then FORCE_COLOR, then whether a capable terminal listens."""
-    env = os.environ if environment is None else environment
-    if env.get("NO_COLOR"):
-        return False
-    if env.get("FORCE_COLOR"):
-        return env["FORCE_COLOR"] != "0"
-    return stream.isatty() and env.get("TERM") != "dumb"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +82,7 @@ class Console:
         JSON and GitHub forms are data for another program and go to stdout, the others to stderr.
         Under --quiet only errors are shown.
         """
-        from ergon.scores.errors import RENDERERS
+        from ergon.scores.text.errors import RENDERERS
 
         form: Form = "json" if self.json else self.form
         stream = sys.stdout if form in ("json", "github") else sys.stderr
@@ -112,7 +102,7 @@ class Console:
         """A bar on a terminal, a JSON record per second under --json, otherwise silence."""
         from .progress import bar
 
-        return bar(self, task, total, rate)
+        return bar(task, total, rate, self.quiet, self.record if self.json else None)
 
 
 def line(event: str, **fields: Any) -> str:
@@ -125,11 +115,6 @@ def _finite(value: Any) -> Any:
     if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
         return None
     return value
-
-
-def style(name: str, text: str) -> str:
-    """Text for stderr in the colour of its meaning, where colour is welcome."""
-    return f"\x1b[{_STYLES[name]}m{text}\x1b[0m" if may_colour(sys.stderr) else text
 
 
 def plural(count: int, noun: str) -> str:

@@ -12,7 +12,7 @@ from . import options
 from .console import Console
 from .outcome import Refused
 
-_FIRST = "first-sound"  # what a newcomer hears without choosing
+_FIRST = "one-gesture"  # what a newcomer hears without choosing
 _PLAYERS = ("pw-play", "paplay", "aplay")  # PipeWire, PulseAudio, bare ALSA: the nearest first
 
 

@@ -15,7 +15,7 @@ from .summary import rendered
 if TYPE_CHECKING:
     from ergon.exchange.midi import Meter
     from ergon.exchange.wave_header import Bits
-    from ergon.scores.piece import Piece
+    from ergon.scores.reading.piece import Piece
 
 
 @click.command()

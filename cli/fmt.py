@@ -33,8 +33,8 @@ def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool)
 
 def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     from ergon.exchange.safe import writing
-    from ergon.scores.errors import TextError
-    from ergon.scores.format import formatted
+    from ergon.scores.text.errors import TextError
+    from ergon.scores.text.format import formatted
 
     data = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
     try:

@@ -13,6 +13,7 @@ from .outcome import Findings, Refused
 from .units import octets, seconds
 
 if TYPE_CHECKING:
+    from ergon.exchange.table import Column
     from ergon.exchange.wave_header import WaveInfo
 
 
@@ -99,10 +100,10 @@ def _take(console: Console, path: Path) -> None:
         table = read_table(path)
     except NotTableError as error:
         raise Refused(f"{path}: {error}") from None
-    time = table.columns[0] if table.columns[0].name.startswith("t") else None
-    span = time.last - time.first if time else None
+    time = next((c for c in table.columns if c.name.partition("[")[0].strip() == "t"), None)
+    span = _seconds(time) if time else None
     rate = (table.n_rows - 1) / span if span else None
-    channels = table.columns[1:] if time else table.columns
+    channels = [column for column in table.columns if column is not time]
     if console.json:
         console.record(
             "take",
@@ -121,6 +122,14 @@ def _take(console: Console, path: Path) -> None:
         f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}" for c in channels
     ]
     console.data("\n".join(lines) + "\n")
+
+
+def _seconds(time: Column) -> float | None:
+    """What a column of instants spans [s]; None where its unit measures no time."""
+    from ergon.scores.gesture.points import SECOND
+
+    per_second = SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
+    return (time.last - time.first) / per_second if per_second else None
 
 
 def _score(console: Console, path: str) -> None:

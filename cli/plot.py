@@ -15,9 +15,9 @@ from .outcome import Findings, Refused
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from ergon.scores.load import Loaded
-    from ergon.scores.piece import Piece
-    from ergon.scores.stage import Stage, StagedGesture
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage, StagedGesture
     from ergon.view.curve import Curve
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
@@ -92,7 +92,7 @@ def _staged(
     console: Console, loaded: Loaded, name: str, key: str | None
 ) -> tuple[Stage, Sequence[StagedGesture]]:
     """The stage to look at, and which of its gestures are meant."""
-    from ergon.scores.stage import StageError, solo
+    from ergon.scores.staging.stage import StageError, solo
 
     piece = score.piece_of(loaded)
     if key is None:
@@ -118,7 +118,7 @@ def _staged(
 
 
 def _nearest(word: str, names: Iterable[str]) -> str:
-    from ergon.scores.spelling import nearest
+    from ergon.scores.text.spelling import nearest
 
     names = list(names)
     close = nearest(word, names)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
+from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
-from .console import may_colour
+from .colour import may_colour
 
-if TYPE_CHECKING:
-    from .console import Console
+Record = Callable[..., None]  # an event's name, and its fields by name
 
 _RECORD_EVERY = 1.0  # [s]
 _DRAW_EVERY = 0.1  # [s] more often is flicker
@@ -36,8 +37,8 @@ class Progress:
 
 
 class _Records(Progress):
-    def __init__(self, console: Console, task: str, total: int, rate: float) -> None:
-        self._console, self._task, self._total, self._rate = console, task, total, rate
+    def __init__(self, record: Record, task: str, total: int, rate: float) -> None:
+        self._record, self._task, self._total, self._rate = record, task, total, rate
         self._start = self._last = time.monotonic()
 
     def at(self, done: int) -> None:
@@ -47,7 +48,7 @@ class _Records(Progress):
         self._last = now
         speed, left = _estimate(done, self._total, self._rate, now - self._start)
         fields = {"task": self._task, "frames": done, "total": self._total}
-        self._console.record("progress", **fields, x_real_time=speed, left_s=left)
+        self._record("progress", **fields, x_real_time=speed, left_s=left)
 
 
 class _Bar(Progress):
@@ -93,14 +94,12 @@ def _estimate(done: int, total: int, rate: float, elapsed: float) -> tuple[float
     return done / rate / elapsed, elapsed * (total - done) / done
 
 
-def bar(console: Console, task: str, total: int, rate: float) -> Progress:
-    """The progress that suits the console: `total` frames at `rate` [Hz]."""
-    if console.quiet:
+def bar(task: str, total: int, rate: float, quiet: bool, record: Record | None) -> Progress:
+    """The progress that suits: `total` frames at `rate` [Hz]; `record` is for another program."""
+    if quiet:
         return Progress()
-    if console.json:
-        return _Records(console, task, total, rate)
-    import os
-
+    if record is not None:
+        return _Records(record, task, total, rate)
     if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
         return Progress()
     return _Bar(task, total, rate)

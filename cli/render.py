@@ -18,9 +18,9 @@ from .summary import dry_run, rendered
 
 if TYPE_CHECKING:
     from ergon.exchange.render import Order
-    from ergon.scores.load import Loaded
-    from ergon.scores.piece import Piece
-    from ergon.scores.stage import Stage
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
 
 THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
 _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain

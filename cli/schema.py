@@ -31,7 +31,7 @@ def schema_text() -> str:
     """The schema as indented JSON, with the mark by which our own files are known."""
     import json
 
-    from ergon.scores.schema import schema as build
+    from ergon.scores.reading.schema import schema as build
 
     built = {"$comment": "made by ergon schema", **build()}
     return json.dumps(built, indent=1, ensure_ascii=False) + "\n"

@@ -18,11 +18,11 @@ from .console import Console, plural
 from .outcome import Findings, Refused
 
 if TYPE_CHECKING:
-    from ergon.scores.errors import Diagnostic, Severity
-    from ergon.scores.load import Loaded
-    from ergon.scores.piece import Piece
-    from ergon.scores.stage import Stage
-    from ergon.scores.tempo import TempoMap
+    from ergon.scores.clock.tempo import TempoMap
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+    from ergon.scores.text.errors import Diagnostic, Severity
 
 STDIN = "-"
 
@@ -38,7 +38,7 @@ class Staged:
 
 def read(console: Console, path: str) -> Loaded:
     """Load a score and print its diagnostics; `-` is stdin."""
-    from ergon.scores.load import load
+    from ergon.scores.reading.load import load
 
     text = _stdin() if path == STDIN else None
     loaded = load(path, text=text)
@@ -70,7 +70,7 @@ def stage_piece(
     record: bool = False,
 ) -> Staged:
     """Put the piece on its stage, and print what the engine has to say of it."""
-    from ergon.scores.stage import StageError, stage
+    from ergon.scores.staging.stage import StageError, stage
 
     piece = piece_of(loaded)
     start = time.perf_counter()
@@ -93,8 +93,8 @@ def show(console: Console, loaded: Loaded, found: Sequence[Diagnostic]) -> None:
 
 def instant(piece: Piece, text: str, option: str) -> float:
     """Seconds of a position of the piece such as `3|2.5`, `B+2`, `12.5s`."""
-    from ergon.scores.errors import TextError
-    from ergon.scores.positions import parse_position
+    from ergon.scores.clock.positions import parse_position
+    from ergon.scores.text.errors import TextError
 
     tempo = tempo_of(piece)
     try:
@@ -105,10 +105,9 @@ def instant(piece: Piece, text: str, option: str) -> float:
 
 
 def where(piece: Piece, seconds: float) -> str:
-    """An instant as `bar|beat`, with as many digits of the beat as matter to a reader."""
+    """An instant as `bar|beat`."""
     tempo = tempo_of(piece)
-    bar, beat = tempo.bar_beat(tempo.beats(seconds))
-    return f"{bar}|{round(beat, 3):g}"
+    return tempo.written(tempo.beats(seconds))
 
 
 def tempo_of(piece: Piece) -> TempoMap:

@@ -12,7 +12,7 @@ from .units import decibels, level, octets, seconds
 if TYPE_CHECKING:
     from ergon._core import Network
     from ergon.exchange.render import Order, Rendered
-    from ergon.scores.stage import Stage
+    from ergon.scores.staging.stage import Stage
 
 _SHORT = 12  # digits of a hash that a person compares
 
@@ -48,14 +48,14 @@ def rendered(
         return
     channels = plural(order.format.n_channels, "channel")
     name = "stdout" if mix.path == "-" else mix.path
+    normalised = order.level.normalise is not None
+    gain = f" (normalised by {decibels(mix.gain):+.1f} dB)" if normalised else ""
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
         f"{name}: {seconds(duration)}, {channels}, {speed:.3g} × real time, "
-        f"peak {level(peak, 'dBFS')}, loudness {level(mix.loudness, 'LUFS')}, "
+        f"peak {level(peak, 'dBFS')}{gain}, loudness {level(mix.loudness, 'LUFS')}, "
         f"no late blocks, sha256 {digits}"
     )
-    if order.level.normalise is not None:
-        console.detail(f"normalised by {decibels(mix.gain):+.1f} dB")
     for stem in done.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
     if done.stems and done.stems[0].gain != mix.gain:

@@ -15,16 +15,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """Every time a player plays a gesture on a key, together; SI units as in `_core.Report`."""
+    """Every time a player plays a gesture on a key, together; SI units as in `_core.Report`.
+
+    `is_layer`: nothing was compared, for a layer adds to the path of another gesture. Without
+    ergons it was cut before it began. `worst_at` is NaN when it was followed exactly.
+    """
 
     player: str
     name: str
     key: str
     times: int
+    is_layer: bool
     n_ergons: int
     rms: float
     worst: float
     worst_at: float
+    pushed_by: str | None  # the MAT that pushed the key most then
     strongest: float
     low: float
     high: float
@@ -50,17 +56,20 @@ def follow(stage: Any, progress: Callable[[int], None]) -> list[Followed]:
 
 def _together(player: str, name: str, key: str, reports: list[Report]) -> Followed:
     worst = max(reports, key=lambda report: report.worst)
-    lengths = [max(report.stop - report.start, 0.0) for report in reports]
-    squares = sum(r.rms * r.rms * length for r, length in zip(reports, lengths, strict=True))
+    compared = sum(report.compared for report in reports)
+    squares = sum(report.rms * report.rms * report.compared for report in reports)
+    n_ergons = sum(report.n_ergons for report in reports)
     return Followed(
         player=player,
         name=name,
         key=key,
         times=len(reports),
-        n_ergons=sum(report.n_ergons for report in reports),
-        rms=sqrt(squares / sum(lengths)) if sum(lengths) > 0 else worst.rms,
+        is_layer=not compared and n_ergons > 0,
+        n_ergons=n_ergons,
+        rms=sqrt(squares / compared) if compared else 0.0,
         worst=worst.worst,
         worst_at=worst.worst_at,
+        pushed_by=worst.pushed_by,
         strongest=max(report.strongest for report in reports),
         low=min(report.low for report in reports),
         high=max(report.high for report in reports),

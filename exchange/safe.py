@@ -63,11 +63,15 @@ def writing(
             yield file
         return
     path = path.resolve()  # a link stays a link; what it points to is replaced
+    folders = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
     # In the same folder, so that the rename is one step within one file system.
     temporary = path.with_name(f".{path.name[:200]}.{os.getpid()}-{next(_serial)}.part")
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    handle = os.open(temporary, flags, 0o666)
+    try:
+        handle = os.open(temporary, flags, 0o666)
+    except OSError as error:
+        raise RefusedError(f"{path} cannot be written: {error.strerror}") from None
     try:
         with open(handle, "w+b") as file:
             yield file
@@ -79,6 +83,9 @@ def writing(
         os.replace(temporary, path)
     except BaseException:
         temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # somebody else's file is in it by now
+            for folder in folders:
+                folder.rmdir()
         raise
 
 

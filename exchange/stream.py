@@ -51,11 +51,10 @@ def header(form: Form, *, title: str, rate: float, score: str) -> str:
             "score": score,
         }
         return json.dumps(about, ensure_ascii=False) + "\n"
-    line = " ".join(title.split())
+    facts = ["made by ergon", f"{rate:g} Hz", f"score {score}", " ".join(title.split())]
     rows = io.StringIO()
     csv.writer(rows, lineterminator="\n").writerow(COLUMNS)
-    about_line = f"# ergon stream {VERSION}, made by ergon, {rate:g} Hz, score {score}, {line}\n"
-    return about_line + rows.getvalue()
+    return f"# ergon stream {VERSION}, {', '.join(filter(None, facts))}\n" + rows.getvalue()
 
 
 def stream(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """So many rows of these columns; the first column is time where its name begins with t."""
+    """So many rows of these columns."""
 
     n_rows: int
     columns: tuple[Column, ...]
@@ -42,7 +43,10 @@ def read_table(path: Path) -> Table:
 def _csv(path: Path) -> Table:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = csv.reader(line for line in file if not line.startswith("#"))
+            lines = (line for line in file if not line.startswith("#"))
+            header = next(lines, "")
+            separator = next((s for s in ",;\t" if s in header), ",")
+            rows = csv.reader(itertools.chain([header], lines), delimiter=separator)
             head = [name.strip() for name in next(rows, [])]
             if not head or len(head) > _CHANNELS_MAX:
                 raise NotTableError("this is no table of numbers")

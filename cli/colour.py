@@ -1,0 +1,25 @@
+"""When colour is welcome, and what it means."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from typing import TextIO
+
+_STYLES = {"error": "1;31", "warning": "1;33", "note": "1;36", "strong": "1", "dim": "2"}
+
+
+def may_colour(stream: TextIO, environment: Mapping[str, str] | None = None) -> bool:
+    """NO_COLOR (non-empty) wins, then FORCE_COLOR, then whether a capable terminal listens."""
+    env = os.environ if environment is None else environment
+    if env.get("NO_COLOR"):
+        return False
+    if env.get("FORCE_COLOR"):
+        return env["FORCE_COLOR"] != "0"
+    return stream.isatty() and env.get("TERM") != "dumb"
+
+
+def style(name: str, text: str) -> str:
+    """Text for stderr in the colour of its meaning, where colour is welcome."""
+    return f"\x1b[{_STYLES[name]}m{text}\x1b[0m" if may_colour(sys.stderr) else text
