@@ -1,0 +1,69 @@
+"""Medians of interleaved rounds: whatever else the machine does, it does to all alike."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+
+_STOPWATCH = Path(__file__).parent / "stopwatch.py"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One figure: what was measured, what it is held against, and their ratio.
+
+    `ratio` is ours over the reference in the sense of `sense`; `values` holds what it was made of.
+    """
+
+    scene: str
+    ours: str
+    reference: str
+    ratio: float | None
+    sense: str
+    values: Mapping[str, float | int | str] = field(default_factory=dict)
+
+
+def interleaved(rounds: int, runs: Mapping[str, Callable[[], object]]) -> dict[str, float]:
+    """Median wall time of each run [s], all of them once in every round after one to warm up."""
+    taken: dict[str, list[float]] = {name: [] for name in runs}
+    for number in range(rounds + 1):
+        for name, run in runs.items():
+            start = time.perf_counter()
+            run()
+            if number:
+                taken[name].append(time.perf_counter() - start)
+    return {name: median(times) for name, times in taken.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Medians of a command: wall time [s], processor time [s], peak memory [MB]."""
+
+    wall: float
+    cpu: float
+    memory: float
+
+
+def commands(rounds: int, lines: Mapping[str, list[str]]) -> dict[str, Spent]:
+    """What each command line takes, interleaved; raises where one fails."""
+    taken: dict[str, list[tuple[float, float, float]]] = {name: [] for name in lines}
+    for number in range(rounds + 1):
+        for name, line in lines.items():
+            spent = _stopwatch(line)
+            if number:
+                taken[name].append(spent)
+    return {name: Spent(*map(median, zip(*all, strict=True))) for name, all in taken.items()}
+
+
+def _stopwatch(line: list[str]) -> tuple[float, float, float]:
+    # A process of its own starts the command: what a fork inherits would count as its peak memory.
+    watch = [sys.executable, "-I", "-S", str(_STOPWATCH), *line]
+    found = json.loads(subprocess.run(watch, check=True, capture_output=True).stdout)
+    assert found["code"] == 0, f"{line} ended with {found['code']}"
+    return found["wall"], found["cpu"], found["memory"]

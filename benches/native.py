@@ -1,0 +1,46 @@
+"""Plain C loops, compiled in the same run that measures them."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_SOURCE = Path(__file__).parent / "c" / "networks.c"
+# -march=native: the reference may use all that the machine has; no contraction: the same sums.
+FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
+
+
+def compiler() -> str | None:
+    """The C compiler of this machine; None where there is none."""
+    return shutil.which("cc")
+
+
+class Loops:
+    """The loops of `networks.c`, called with numpy arrays."""
+
+    def __init__(self) -> None:
+        """Compile; raises where the compiler fails."""
+        cc = compiler()
+        assert cc is not None
+        with tempfile.TemporaryDirectory() as folder:
+            library = Path(folder) / "networks.so"
+            command = [cc, *FLAGS, "-shared", "-fPIC", str(_SOURCE), "-o", str(library)]
+            subprocess.run(command, check=True)
+            self._library = ctypes.CDLL(str(library))
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a loop: arrays by their address, ints as int64, floats as double."""
+        getattr(self._library, name)(*(_argument(value) for value in arguments))
+
+
+def _argument(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        assert value.flags.c_contiguous
+        return ctypes.c_void_p(value.ctypes.data)
+    return ctypes.c_double(value) if isinstance(value, float) else ctypes.c_int64(value)
