@@ -11,7 +11,8 @@ import click
 import pytest
 
 from ergon.cli import app
-from ergon.cli.console import Console, line, may_colour
+from ergon.cli.colour import may_colour
+from ergon.cli.console import Console, line
 from ergon.cli.outcome import Diverged, Findings, Refused
 from ergon.exchange.safe import RefusedError
 

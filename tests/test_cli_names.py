@@ -41,7 +41,7 @@ def test_names_by_section() -> None:
 
 
 def test_a_glance_agrees_with_the_loader(tmp_path: Path) -> None:
-    from ergon.scores.load import load
+    from ergon.scores.reading.load import load
 
     text = SCORE.replace("B: {odd: 1}", "B: 2|1").replace("k2: {like: k1", "k2: {like: k1}")
     text = text.replace("  k1: {M: 400g}", "  k1: {M: 400g, K: 60N/m, Z: 1Ns/m}")

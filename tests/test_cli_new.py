@@ -14,7 +14,7 @@ from ergon.cli import app, demo
 from ergon.cli.new import TEMPLATES, contents
 from ergon.cli.watch import changes
 from ergon.exchange.wave import read_info
-from ergon.scores.load import load
+from ergon.scores.reading.load import load
 
 Capture = pytest.CaptureFixture[str]
 
@@ -91,13 +91,13 @@ def test_schema(capsys: Capture) -> None:
 @pytest.fixture
 def shipped(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A library of one score, so that these tests do not depend on what ships."""
-    path = folder / "library" / "first-sound.yaml"
+    path = folder / "library" / "one-gesture.yaml"
     path.parent.mkdir()
     (path.parent / "instruments").mkdir()
     text = contents("bell", "first sound")
     path.write_text(text["score.yaml"])
     (path.parent / "instruments" / "bell.yaml").write_text(text["instruments/bell.yaml"])
-    monkeypatch.setattr(demo, "bundled", lambda: {"first-sound": path})
+    monkeypatch.setattr(demo, "bundled", lambda: {"one-gesture": path})
     return path
 
 
@@ -114,26 +114,26 @@ def test_demo_writes_a_file_and_plays_it(
     monkeypatch.setattr(demo.subprocess, "run", play)
     assert app.run(["demo"]) == 0
     # The first player fails, the second works, the third is not tried.
-    assert played == [["/bin/pw-play", "first-sound.wav"], ["/bin/paplay", "first-sound.wav"]]
+    assert played == [["/bin/pw-play", "one-gesture.wav"], ["/bin/paplay", "one-gesture.wav"]]
     assert "× real time" in capsys.readouterr().err
-    assert read_info(Path("first-sound.wav")).n_frames > 44_100
+    assert read_info(Path("one-gesture.wav")).n_frames > 44_100
 
 
 def test_demo_without_sound(
     shipped: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.setattr(demo.shutil, "which", lambda name: None)
-    assert app.run(["demo", "first-sound", "-o", "x.wav"]) == 0
+    assert app.run(["demo", "one-gesture", "-o", "x.wav"]) == 0
     assert "no sound: none of pw-play, paplay, aplay works here" in capsys.readouterr().err
     assert app.run(["demo", "--no-audio", "-q", "-o", "x.wav"]) == 0
     assert capsys.readouterr() == ("", "")
-    assert app.run(["demo", "frist-sound"]) == 2
-    assert "did you mean 'first-sound'?" in capsys.readouterr().err
+    assert app.run(["demo", "one-gestrue"]) == 2
+    assert "did you mean 'one-gesture'?" in capsys.readouterr().err
 
 
 def test_demo_list(shipped: Path, capsys: Capture) -> None:
     assert app.run(["demo", "--list"]) == 0
-    assert capsys.readouterr().out.split() == ["first-sound", "First", "sound"]
+    assert capsys.readouterr().out.split() == ["one-gesture", "First", "sound"]
 
 
 def test_changes_are_seen_through_an_editor_that_replaces_files(tmp_path: Path) -> None:

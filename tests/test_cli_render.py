@@ -37,7 +37,8 @@ def test_render_writes_what_the_score_says(capsys: Capture) -> None:
     info = read_info(Path("bell.wav"))
     assert (info.title, info.format.bits) == ("One bell", 24)
     pattern = (
-        r"bell\.wav: .* s, 2 channels, .* × real time, peak -1\.0 dBFS, loudness .* LUFS, "
+        r"bell\.wav: .* s, 2 channels, .* × real time, peak -1\.0 dBFS "
+        r"\(normalised by [+-][0-9.]+ dB\), loudness .* LUFS, "
         r"no late blocks, sha256 [0-9a-f]{12}\n"
     )
     assert re.fullmatch(pattern, err)

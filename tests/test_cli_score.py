@@ -97,6 +97,34 @@ def test_check_simulate_says_how_gestures_were_followed(capsys: Capture) -> None
     assert record["worst_m"] >= record["rms_m"] >= 0
 
 
+def test_a_layer_is_not_held_against_a_path(folder: Path, capsys: Capture) -> None:
+    score = SCORE.replace("every: 1, times: 2", "layer: true")
+    assert score != SCORE
+    (folder / "layer.yaml").write_text(score)
+    assert app.run(["check", "--simulate", "layer.yaml"]) == 0
+    assert "ada knock on k1: a layer, added to what runs\n" in capsys.readouterr().out
+    assert app.run(["check", "--simulate", "--json", "layer.yaml"]) == 0
+    (record,) = records(capsys)
+    assert record["ergons"] > 0
+    assert record["is_layer"]
+    assert record["worst_at"] is record["worst_at_s"] is None
+
+
+def test_what_is_cut_where_it_begins_was_not_followed(folder: Path, capsys: Capture) -> None:
+    cut = SCORE.replace(
+        "play: knock, every: 1, times: 2}", "play: lean}\n    - {at: A, play: knock}"
+    )
+    (folder / "cut.yaml").write_text(cut)
+    assert app.run(["check", "--simulate", "cut.yaml"]) == 0
+    assert "ada lean on k1: cut before it began\n" in capsys.readouterr().out
+
+
+def test_what_was_followed_exactly_has_no_worst(folder: Path, capsys: Capture) -> None:
+    (folder / "exact.yaml").write_text(SCORE.replace("times: 2", "times: 2, touch: tracked"))
+    assert app.run(["check", "--simulate", "exact.yaml"]) == 0
+    assert re.search(r"ada knock ×2 on k1: followed (exactly|within)", capsys.readouterr().out)
+
+
 # --- compile ------------------------------------------------------------------------------------
 
 
@@ -208,6 +236,28 @@ def test_info_of_garbage(name: str, capsys: Capture) -> None:
     Path(name).write_bytes(b"\0\1\2 garbage, really\n\xff")
     assert app.run(["info", name]) == 2
     assert "internal" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_info_of_a_take_reads_the_unit_of_its_times(
+    folder: Path, capsys: Capture, separator: str
+) -> None:
+    rows = [("t [ms]", "tip [mm]"), ("0", "1"), ("5", "2"), ("10", "4")]
+    (folder / "ms.csv").write_text("".join(f"{separator.join(row)}\n" for row in rows))
+    assert app.run(["info", "--json", "ms.csv"]) == 0
+    (record,) = records(capsys)
+    assert record["duration_s"] == pytest.approx(0.01)
+    assert record["rate_hz"] == pytest.approx(200)
+    assert record["channels"] == [{"name": "tip [mm]", "low": 1, "high": 4}]
+
+
+def test_a_take_without_times_has_a_rate(folder: Path, capsys: Capture) -> None:
+    (folder / "bare.csv").write_text("x [mm]\n0\n2\n0\n")
+    score = SCORE.replace("play: knock, every: 1, times: 2", "play: hand")
+    for take, code in (("file: bare.csv", 1), ("file: bare.csv, rate: 10Hz", 0)):
+        (folder / "hand.yaml").write_text(f"{score}takes: {{hand: {{{take}}}}}\n")
+        assert app.run(["check", "--json", "hand.yaml"]) == code
+    assert "rate: 1kHz" in records(capsys)[0]["message"]
 
 
 def test_info_of_a_score(capsys: Capture) -> None:

@@ -168,3 +168,22 @@ def test_exact_contact_keeps_its_energy(stiffness: float):
         worst = max(worst, abs(energy() / start - 1.0))
     assert touches > 100
     assert worst < 1e-10
+
+
+def test_contacts_that_share_a_mass_keep_the_energy():
+    """A light ball thrown between two heavy ones, both contacts stiff and closed at once."""
+    network = _core.Network()
+    network.part("p")
+    left = network.mas("left", M=0.1)
+    ball = network.mas("ball", M=1e-3, X0=1e-4, V0=1.0)
+    right = network.mas("right", M=0.1, X0=2e-4)
+    network.but("a", left, ball, K=1e6, contact="exact", gap=-3e-4)
+    network.but("b", ball, right, K=1e8, contact="exact", exponent=1.5, gap=-3e-4)
+    sim = _core.Simulation(network, _core.Timeline(network, 44100.0), ledger=True)
+    worst = 0.0
+    for _ in range(50):
+        sim.process(np.zeros((20, 0)))
+        energy = sim.energy()
+        worst = max(worst, abs(energy.stored - energy.start) / energy.start)
+    assert worst < 1e-11
+    assert abs(energy.produced) < 1e-11 * energy.start

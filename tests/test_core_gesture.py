@@ -156,3 +156,26 @@ def cell_of(K: float, Z: float, M: float) -> tuple[float, float]:
     omega, s = np.sqrt(K / M - sigma**2), sigma / RATE
     kappa = np.expm1(-s) ** 2 + 4.0 * np.exp(-s) * np.sin(omega / (2.0 * RATE)) ** 2
     return float(kappa), float(-np.expm1(-2.0 * s))
+
+
+def test_grains_fall_on_their_instants_and_on_every_written_point():
+    """5 ms are 220.5 frames: the k-th strike falls on round(k·220.5), not on k times 221."""
+    network, timeline, key = lone(**KEYS["placeholder"])
+    t, x = [0.0, 1.0, 2.0], [0.0, 3e-3, 1e-3]
+    timeline.gesture(key, t, x, SMOOTH[:3], grain=5e-3)
+    out, sim = moved(network, timeline, 2.1, record=True)
+    struck = np.rint(sim.ergons()["time"] * RATE).astype(int)
+    due = (np.arange(401) * 441 + 1) // 2
+    assert struck.tolist() == due[:400].tolist()
+    asked = path(t, x, SMOOTH[:3], grid(len(out)))
+    assert np.abs(out[due] - asked[due]).max() < 1e-9
+
+
+def test_a_key_is_asked_for_its_gesture_and_its_layers():
+    network, timeline, key = lone(**KEYS["placeholder"])
+    timeline.gesture(key, [0.0, 1.0, 2.0], [0.0, 3e-3, 0.0], SMOOTH[:3])
+    timeline.gesture(key, [0.5, 1.0, 1.5], [0.0, 1e-3, 0.0], SMOOTH[:3], layer=True)
+    _, sim = moved(network, timeline, 1.0)
+    assert sim.asked()[0] == pytest.approx(4e-3, abs=1e-9)
+    assert sim.positions()[0] == pytest.approx(4e-3, abs=1e-9)
+    assert sim.reports()[0].worst < 1e-9

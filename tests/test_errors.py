@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ergon.scores.error_pages import codes, found, pages, told
-from ergon.scores.errors import (
+from ergon.scores.reading.load import load
+from ergon.scores.staging.error_pages import codes, found, pages, told
+from ergon.scores.text.errors import (
     MAX_SHOWN,
     RENDERERS,
     Collector,
@@ -18,8 +19,7 @@ from ergon.scores.errors import (
     json_line,
     quote,
 )
-from ergon.scores.load import load
-from ergon.scores.values import Place
+from ergon.scores.text.values import Place
 
 ROOT = Path(__file__).parent.parent
 SCORE = """\
@@ -128,7 +128,7 @@ def test_quoting(text):
 
 def test_committed_pages_are_what_the_checker_says():
     committed = {p.name: p.read_text(encoding="utf-8") for p in (ROOT / "docs/errors").iterdir()}
-    assert committed == pages()  # python -m ergon.scores.errors docs/errors
+    assert committed == pages()  # make docs
 
 
 @pytest.mark.parametrize("entry", codes().values(), ids=codes())
@@ -139,7 +139,7 @@ def test_examples(entry):
 
 
 def test_every_code_has_a_page():
-    source = [*ROOT.glob("scores/*.py"), *ROOT.glob("instruments/*.py")]
+    source = [*ROOT.glob("scores/**/*.py"), *ROOT.glob("instruments/*.py")]
     used = {
         code
         for path in source

@@ -5,13 +5,22 @@ import jsonschema
 import pytest
 import yaml
 
-from ergon.scores import reference
-from ergon.scores.document import Document, compose
-from ergon.scores.errors import Collector, TextError
-from ergon.scores.fields import Field, Record
-from ergon.scores.load import load
-from ergon.scores.schema import schema, text
-from ergon.scores.shapes import MISSING, Context, Either, ListOf, NamesOf, Reference, Text, choice
+from ergon.scores.reading import reference
+from ergon.scores.reading.load import load
+from ergon.scores.reading.schema import schema, text
+from ergon.scores.tables.fields import Field, Record
+from ergon.scores.tables.shapes import (
+    MISSING,
+    Context,
+    Either,
+    ListOf,
+    NamesOf,
+    Reference,
+    Text,
+    choice,
+)
+from ergon.scores.text.document import Document, compose
+from ergon.scores.text.errors import Collector, TextError
 
 ROOT = Path(__file__).parent.parent
 DUET = (Path(__file__).parent / "data/duet-2.2.yaml").read_text(encoding="utf-8")
@@ -145,4 +154,4 @@ def test_the_schema_refuses_what_the_checker_refuses(right, wrong):
 
 def test_the_committed_reference_is_that_of_the_tables():
     committed = (ROOT / "docs/reference.md").read_text(encoding="utf-8")
-    assert committed == reference.text()  # python -m ergon.scores.reference docs/reference.md
+    assert committed == reference.text()  # make docs

@@ -5,7 +5,7 @@ import yaml
 
 from ergon import _core, instruments
 from ergon.instruments.laws import is_name
-from ergon.scores.load import load
+from ergon.scores.reading.load import load
 
 NETWORK = """\
 ergon: 1
@@ -37,7 +37,7 @@ def test_shipped_laws(name):
 
 def test_constants_of_the_module_come_first():
     fields = made("law: cubic, q: 5N/mm3")
-    assert fields["constants"] == {"k": 100.0, "q": 5e9}
+    assert fields["constants"] == {"k": 1000.0, "q": 5e9, "z": 0.0}
 
 
 def test_laws_of_the_score():

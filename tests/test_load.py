@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.scores.load import load
+from ergon.scores.reading.load import load
 
 DATA = Path(__file__).parent / "data"
 DUET = (DATA / "duet-2.2.yaml").read_text(encoding="utf-8")
@@ -287,9 +287,7 @@ parts: {p: [%s]}
     ("entries", "expected"),
     [
         ("{at: A, play: g}", []),
-        ("{at: A, play: g}, {at: A+1, play: g}", ["W310"]),
         ("{at: A, play: g}, {at: A+1, play: g, layer: true}", []),
-        ("{at: A, play: g, every: 1, times: 3}", ["W310"]),
         ("{at: B, play: g, until: A}", ["E305"]),
         ("{at: Q, play: g}", ["E301"]),
         ("{at: A-1, play: g}", ["E305"]),
@@ -302,6 +300,21 @@ parts: {p: [%s]}
 )
 def test_times(entries, expected):
     assert codes(PLAYED % entries) == expected
+
+
+@pytest.mark.parametrize(
+    ("when", "expected"),
+    [
+        ("every: 1, times: 3", []),
+        ("rate: 2Hz, for: 3", []),
+        ("times: 3", ["E103"]),
+        ("for: 3", ["E103"]),
+        ("until: 3", ["E103"]),
+    ],
+)
+def test_many_strikes_say_how_far_apart(when, expected):
+    strikes = f"strikes: {{s: {{to: k, at: A, impulse: 1mNs, {when}}}}}\n"
+    assert codes(PLAYED % "{at: A, play: g}" + strikes) == expected
 
 
 def test_a_table_reads_as_a_list_does():
@@ -352,3 +365,69 @@ def test_the_digest_is_of_values(before, after):
 )
 def test_the_digest_sees_every_value(before, after):
     assert duet(DUET.replace(before, after)).piece.digest() != duet().piece.digest()
+
+
+# --- laws ----------------------------------------------------------------------------------------
+
+
+def law(fields: str) -> str:
+    return (
+        "ergon: 1\n"
+        "instruments:\n"
+        "  i:\n"
+        "    modules:\n"
+        "      g: {SOL: {}}\n"
+        "      m: {MAS: {M: 10g}}\n"
+        f"      l: {{LNL: {{between: [g, m], {fields}}}}}\n"
+        "    out: {SOX: m}\n"
+    )
+
+
+def test_points_of_a_law_have_units():
+    bare, written = (
+        check(law(f"points: {points}")).piece.digest()
+        for points in ("[[-0.001, -2], [0, 0]]", "[[-1mm, -2N], [0, 0]]")
+    )
+    assert bare == written
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        ("[[-1N, -2N], [0, 0]]", ["E203"]),
+        ("[[-1mm, 2mm], [0, 0], [x, 1]]", ["E203", "E201"]),
+        ("[[0, 0, 0], [1mm, 1N]]", ["E106"]),
+        ("[[1mm, 1N], [0, 0]]", ["E207"]),
+    ],
+)
+def test_a_broken_point_is_reported_in_its_place(points, expected):
+    assert codes(law(f"points: {points}")) == expected
+
+
+def test_an_unknown_constant_is_told_from_functions():
+    (found,) = check(law("law: rope, kk: 3")).diagnostics
+    assert found.suggestion == "k"
+    (found,) = check(law("law: rope, stiff: 3")).diagnostics
+    assert found.help is not None
+    assert "max" not in found.help
+
+
+COUPLED = """\
+ergon: 1
+laws: {mine: {law: k*d + q*d**3, k: 40N/m, q: 1e5}}
+keys: {k1: {M: 400g, K: 60N/m}, k2: {like: k1}}
+duet: {couple: [k1, k2], LNL: {%s}}
+"""
+
+
+def test_a_coupling_names_laws_as_a_module_does():
+    link = check(COUPLED % "law: mine, k: 50N/m").piece.duet[0].link
+    assert link.fields["law"] == "k*d + q*d**3"
+    assert link.fields["constants"] == {"k": 50.0, "q": 1e5}
+    assert codes(COUPLED % "law: cubic") == []
+    assert codes(COUPLED % "law: cubick") == ["E301"]
+    assert codes(COUPLED % "law: k*d") == ["E207"]
+
+
+def test_a_key_that_does_not_say_where_it_is_struck_is_told_once():
+    assert codes("ergon: 1\nkeys: {k: {modules: {m: {MAS: {M: 1}}}}}\n") == ["E103"]

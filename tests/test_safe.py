@@ -41,6 +41,17 @@ def test_an_early_end_leaves_the_old_file(tmp_path: Path, error: type[BaseExcept
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_an_early_end_leaves_no_new_folder(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), writing(tmp_path / "a/b/x.txt", binary=False):
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_takes_no_file_is_named_as_it_was_asked() -> None:
+    with pytest.raises(RefusedError, match=r"^/proc/x\.wav cannot be written: "):
+        write_text("/proc/x.wav", "x")
+
+
 def test_foreign_files_are_refused_unless_forced(tmp_path: Path) -> None:
     path = tmp_path / "song.wav"
     soundfile.write(path, np.zeros(10), 44_100)

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from ergon.scores.errors import TextError
-from ergon.scores.meter import Meter, parse_meter
-from ergon.scores.positions import Length, Position, parse_length, parse_position
-from ergon.scores.tempo import Entry, TempoError, TempoMap, parse_bpm
-from ergon.scores.values import Time
+from ergon.scores.clock.meter import Meter, parse_meter
+from ergon.scores.clock.positions import Length, Position, parse_length, parse_position
+from ergon.scores.clock.tempo import Entry, TempoError, TempoMap, parse_bpm
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.values import Time
 
 
 def entry(at, bpm=None, over=None, meter=None):
@@ -245,7 +245,7 @@ def test_seconds_are_the_integral_of_seconds_per_beat(rows, part):
     corners = sorted({e for e in tempo_map._starts if 0 < e < beats})  # the integrand jumps there
     bounds = [0.0, *corners, beats]
     total = sum(
-        quad(lambda b: 60 / tempo_map.bpm(b), lo, hi, epsabs=1e-11)[0]
+        quad(lambda b: 60 / tempo_map.bpm(b), lo, hi, epsabs=1e-12, epsrel=1e-10, limit=200)[0]
         for lo, hi in pairwise(bounds)
     )
     assert tempo_map.seconds(beats) == pytest.approx(total, rel=1e-9, abs=1e-9)
@@ -286,3 +286,10 @@ def test_an_instant_adds_beats_then_seconds():
     ramp_first = tempo(("1|1", "20 -> 300", "4"))
     assert ramp_first.seconds(-2) == -6
     assert ramp_first.beats(-6) == -2
+
+
+def test_two_tempi_at_one_instant_are_a_mistake():
+    entries = [Entry(parse_position("1|1"), bpm, None, None, None) for bpm in (60.0, 90.0)]
+    with pytest.raises(TempoError) as raised:
+        TempoMap(entries)
+    assert (raised.value.entry, raised.value.field) == (1, "at")

@@ -7,10 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ergon.scores.errors import TextError
-from ergon.scores.notation import parse
-from ergon.scores.transforms import TakeTransform, apply, apply_to_take, parse_chain, parse_do
-from ergon.scores.values import Point, Time
+from ergon.scores.gesture.notation import parse
+from ergon.scores.gesture.transforms import (
+    TakeTransform,
+    apply,
+    apply_to_take,
+    parse_chain,
+    parse_do,
+)
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.values import Point, Time
 
 KNOCK = "0mm@0 smooth 6mm@1/8 throw 0mm@1/4 hold 0mm@1/2"
 

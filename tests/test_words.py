@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ergon.scores.errors import TextError
-from ergon.scores.occurrences import parse_times, starts
-from ergon.scores.positions import Length, parse_length, parse_position
-from ergon.scores.tempo import Entry, TempoMap
-from ergon.scores.values import Time
-from ergon.scores.words import parse, parse_row, parse_rows, rows
+from ergon.scores.clock.occurrences import parse_times, starts
+from ergon.scores.clock.positions import Length, parse_length, parse_position
+from ergon.scores.clock.tempo import Entry, TempoMap
+from ergon.scores.gesture.words import parse, parse_row, parse_rows, rows
+from ergon.scores.text.errors import TextError
+from ergon.scores.text.values import Time
 
 FLAT = TempoMap()
 RAMP = TempoMap([Entry(parse_position("0"), 60.0, 120.0, Length(beats=64))])

@@ -1,0 +1,56 @@
+"""What the core refuses with a sentence, rather than panic or play something else."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ergon import _core
+
+RATE = 44_100.0
+Scene = tuple[_core.Network, _core.Timeline]
+
+
+def scene() -> Scene:
+    """Two masses a = 0 and b = 1 on link 0, a fixed point 2, key 0 on a."""
+    network = _core.Network()
+    network.part("p")
+    network.mas("a", M=1.0, X0=1.0)
+    network.mas("b", M=1.0, X0=2.0)
+    network.sol("c")
+    network.ref("l", 0, 1, K=10.0)
+    network.listen("a", positions=[(0, 1, 1.0)])
+    network.listen("b", positions=[(1, 1, 1.0)])
+    timeline = _core.Timeline(network, RATE)
+    timeline.key("k", 0)
+    return network, timeline
+
+
+REFUSED: dict[str, tuple[Callable[[Scene], object], str]] = {
+    "unknown key": (lambda it: it[1].gesture(7, [0.0, 1.0], [0.0, 0.1], ["line"] * 2), "no key 7"),
+    "unknown link": (lambda it: it[1].couple(9, 0.0), "no such link"),
+    "backward coupling": (lambda it: it[1].couple(0, 2.0, 1.0), "ends after it begins"),
+    "fixed strike": (lambda it: it[1].strike(2, 0.0, mass=1.0, speed=1.0), "p.c is fixed"),
+    "drive to nowhere": (lambda it: it[1].drive(1, "position", constant=np.nan), "finite"),
+    "start at nowhere": (lambda it: it[0].start(0, np.nan, 0.0), "finite"),
+    "listening round the end": (
+        lambda it: it[0].listen("o", positions=[(2**64 - 1, 1, 1.0)]),
+        "not there",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_it_is_refused_with_a_sentence(name: str):
+    attempt, sentence = REFUSED[name]
+    with pytest.raises(_core.EngineError, match=sentence):
+        attempt(scene())
+
+
+def test_columns_are_not_taken_for_rows():
+    simulation = _core.Simulation(*scene())
+    with pytest.raises(_core.EngineError, match="C-contiguous"):
+        simulation.process(np.zeros((3, 2), order="F"))
+    out = np.zeros((3, 2))
+    simulation.process(out)
+    np.testing.assert_allclose(out, [[1.0, 2.0]] * 3, rtol=0.0, atol=1e-6)

@@ -1,0 +1,78 @@
+"""What is found once a piece is on its stage: cuts, travel, what the engine will not run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import Stage, StageError, solo, stage
+from ergon.scores.text.errors import Diagnostic
+
+TAKES = Path(__file__).parents[1] / "scores/library/takes"
+PLAYED = """\
+ergon: 1
+tempo: [{{at: 1|1, bpm: 120}}]
+marks: {{A: 1|1}}
+keys: {{k: {{M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}}}}
+players: {{p: {{key: k}}, q: {{hand: live, key: k, standin: t}}}}
+gestures: {{g: 0@0 1@2, wide: 0@0 throw 12@1/4 throw 0@3/4}}
+takes: {{t: {{file: {takes}/hand-point-1.csv}}}}
+parts: {{p: [{plays}]}}
+"""
+
+
+def staged(plays: str) -> Stage:
+    loaded = load("s.yaml", text=PLAYED.format(plays=plays, takes=TAKES))
+    assert loaded.piece is not None, loaded.diagnostics
+    return stage(loaded.piece)
+
+
+def warned(plays: str) -> list[Diagnostic]:
+    # The live hand's stand-in sounds from the beginning for 5 s: begin after it.
+    return staged(plays).diagnostics
+
+
+@pytest.mark.parametrize(
+    ("plays", "codes"),
+    [
+        ("{at: 6|1, play: g}, {at: 6|3, play: g}", []),
+        ("{at: 6|1, play: g}, {at: 6|2, play: g}", ["W310"]),
+        ("{at: 6|1, play: g}, {at: 6|2, play: g, layer: true}", []),
+        ("{at: 6|1, play: g, every: 1, times: 3}", ["W310"]),
+        ("{at: 6|1, play: g, every: 2, times: 9, do: [jitter 4ms 0.1mm]}", []),
+        ("{at: 6|1, play: t}, {at: 7|1, play: t}", ["W310"]),
+        ("{at: 1|2, play: g}", ["W310"]),  # cuts the stand-in
+    ],
+)
+def test_a_later_gesture_cuts_an_earlier_one(plays: str, codes: list[str]):
+    assert [found.code for found in warned(plays)] == codes
+
+
+def test_a_cut_is_placed_in_bars_and_beats():
+    (found,) = warned("{at: 6|1, play: g}, {at: 6|2.5, play: g}")
+    assert found.message == "'g' at 6|2.5 cuts 'g', which lasts until 6|3"
+
+
+def test_a_thrown_key_that_leaves_its_travel_is_told_once():
+    with pytest.raises(StageError) as raised:
+        staged("{at: 6|1, play: wide, every: 2, times: 8}, {at: 20|1, play: wide}")
+    assert [found.code for found in raised.value.diagnostics] == ["E307", "W312"]
+    # 12 mm thrown back within a quarter of a second, as the paper's ballistic gesture would.
+    assert "swings to 98.6 mm" in raised.value.diagnostics[0].message
+
+
+def test_a_stand_in_plays_for_a_live_hand():
+    played = staged("{at: 6|1, play: g}")
+    assert [(g.player, g.name, g.start) for g in played.gestures] == [
+        ("p", "g", 10.0),
+        ("q", "t", 0.0),
+    ]
+
+
+def test_a_gesture_alone_begins_the_piece():
+    piece = staged("{at: 6|1, play: g}").piece
+    alone = solo(piece, "g", "k")
+    assert [(g.name, g.start, g.stop) for g in alone.gestures] == [("g", 0.0, 1.0)]
+    alone.simulation.process(np.zeros((int(alone.rate), alone.simulation.n_out)))
+    assert alone.simulation.positions()[0] == pytest.approx(1e-3, abs=1e-9)
