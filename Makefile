@@ -3,12 +3,13 @@
 #   make test       everything that must hold
 #   make check      format, lint, types; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
-#   make docs       pages that are made from the program: errors, reference, schema
+#   make docs       pages that are made from the program: what errors mean, the fields
 #   make test-long  the minutes-long tests
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
 .PHONY: demo test check bench docs test-long clean
@@ -37,11 +38,14 @@ bench: $(VENV)/dev
 	$(BIN)/python -m benches
 
 docs: $(VENV)/dev
-	$(BIN)/python -m ergon.scores.pages docs
+	$(BIN)/python -m ergon.scores.staging.error_pages docs/errors
+	$(BIN)/python -m ergon.scores.reading.reference docs/reference.md
 
 # The package in an environment of its own; rebuilt when the Rust changes. Python and YAML are live.
 $(VENV)/built: pyproject.toml $(RUST)
-	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@test -x $(BIN)/pip || $(PYTHON) -m venv $(VENV) || \
+	  { echo "Debian keeps venv in a package of its own: installing python3-venv"; \
+	    $(SUDO) apt-get install -y -q python3-venv && $(PYTHON) -m venv $(VENV); }
 	$(BIN)/pip install --quiet --upgrade pip
 	$(BIN)/pip install --quiet --editable .
 	@touch $@
