@@ -152,11 +152,6 @@ impl Law {
         Ok(self)
     }
 
-    /// Whether the force depends on v: without a damping, `v` need not be computed.
-    pub fn has_damping(&self) -> bool {
-        self.damping.is_some()
-    }
-
     /// Force [N] at elongation `d` [m] and its rate `v` [m/s].
     pub fn force(&self, d: f64, v: f64) -> f64 {
         let (d, v) = (d / self.reach, v / self.reach);

@@ -6,9 +6,11 @@
 
 mod certify;
 mod discretise;
+mod listen;
 mod start;
 
 pub use certify::{Certificate, Means, Word};
+pub(crate) use listen::Tap;
 pub(crate) use start::backward_steps;
 
 use std::sync::Arc;
@@ -70,6 +72,8 @@ pub struct Plan {
     /// Whether any two of them share a MAT.
     pub(crate) exact_coupled: bool,
     pub(crate) outputs: Vec<Output>,
+    /// The outputs' terms as they are summed   (n_out)
+    pub(crate) taps: Vec<Vec<Tap>>,
     pub(crate) n_lia: usize,
     pub(crate) n_parts: usize,
     /// Whether the answer to a force is proportional to it.

@@ -1,17 +1,17 @@
 //! What will happen, by sample index.
 
+mod drive;
 mod gate;
 
 use crate::cell::Cell;
 use crate::chance::Chance;
-use crate::gesture::placed::Placed;
 use crate::gesture::script::Gesture;
 use crate::gesture::written::GestureError;
 use crate::network::{MatKind, Network};
 use crate::plan::moves;
-use crate::state::{Body, Target};
 use crate::units::Rate;
 
+pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
 pub(crate) use gate::Gate;
 
@@ -79,34 +79,6 @@ pub(crate) struct Ergon {
     pub(crate) speed: f64,
 }
 
-/// What a drive gives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DriveKind {
-    /// An imposed position (ENX).
-    Position,
-    /// An imposed force (ENF).
-    Force,
-}
-
-/// A constant or a take that moves or pushes a MAT.
-#[derive(Clone, Debug)]
-pub struct Drive {
-    pub(crate) mat: usize,
-    pub(crate) kind: DriveKind,
-    pub(crate) source: Source,
-    /// It belongs to the MAT's own part: a free key feels it too (its weight, say).
-    pub(crate) own: bool,
-}
-
-/// Where a drive's values come from.
-#[derive(Clone, Debug)]
-pub enum Source {
-    /// One value for ever [m or N].
-    Constant(f64),
-    /// A placed take: before it its first value, after it its last.
-    Take(Placed),
-}
-
 /// A key: where ergons strike.
 #[derive(Clone, Debug)]
 pub struct Key {
@@ -125,30 +97,6 @@ pub struct Timeline {
     pub(crate) ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
-}
-
-impl Drive {
-    /// Value at frame `n` [m or N].
-    pub(crate) fn value(&self, n: u64, rate: f64) -> f64 {
-        match &self.source {
-            Source::Constant(value) => *value,
-            Source::Take(path) => path.at(n as f64 / rate).0,
-        }
-    }
-
-    /// Push the MAT at frame `n`, or impose where it is at frame n + 1.
-    pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
-        match self.kind {
-            DriveKind::Force => body.push(self.mat, self.value(n, rate)),
-            DriveKind::Position => {
-                targets.push(Target {
-                    mat: self.mat,
-                    x: self.value(n + 1, rate),
-                    was: 0.0,
-                });
-            }
-        }
-    }
 }
 
 /// The frame that an instant falls on.

@@ -81,6 +81,28 @@ impl FreeKey {
         }
     }
 
+    /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
+    /// are summed; `targets` are the key's own imposed points.
+    pub(crate) fn needed(&self, body: &Body, x: f64, targets: &[Target], room: &mut Room) -> f64 {
+        let (plan, struck) = (&*self.plan, self.struck);
+        if plan.exact.is_empty() {
+            return (x - kernel::predict(plan, body, struck)) / plan.w[struck];
+        }
+        // What exact contacts give depends on where the ergon takes the MAT: solve them there.
+        let coast = &mut room.coast;
+        coast.copy_motion(body);
+        coast.force.copy_from_slice(&body.force);
+        room.targets.clear();
+        room.targets.extend_from_slice(targets);
+        room.targets.push(Target {
+            mat: struck,
+            x,
+            was: 0.0,
+        });
+        kernel::contacts(plan, &[], &room.targets, coast);
+        (x - kernel::predict(plan, coast, struck)) / plan.w[struck]
+    }
+
     /// Add a force on the struck MAT and move to frame n + 1.
     pub(crate) fn strike_and_move(&self, body: &mut Body, force: f64, targets: &mut [Target]) {
         body.force[self.struck] += force;

@@ -206,11 +206,6 @@ impl Profile {
         self.t[self.t.len() - 1]
     }
 
-    /// How many knots it has.
-    pub fn n_knots(&self) -> usize {
-        self.t.len()
-    }
-
     /// Knot `i`, from 0.
     pub fn knot(&self, i: usize) -> Knot {
         Knot {

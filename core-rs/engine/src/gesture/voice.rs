@@ -138,10 +138,10 @@ impl Voice {
         }
     }
 
-    /// Room for every imposed point inside the key.
+    /// Room for every imposed point inside the key, and for the struck MAT.
     pub(crate) fn reserve(&mut self, script: &VoiceScript) {
         for targets in [&mut self.targets, &mut self.room.targets] {
-            targets.reserve(script.free.drives.len());
+            targets.reserve(script.free.drives.len() + 1);
         }
     }
 

@@ -112,7 +112,7 @@ impl Gesture {
         let legs = legs(points, rate)?;
         let source = |i: usize| points.sources.get(i).copied().unwrap_or(0);
         let sources = (0..n)
-            .map(|i| (floor(points.t[i], rate), source(i)))
+            .map(|i| (frame(points.t[i], rate), source(i)))
             .collect();
         Self::new(
             key,

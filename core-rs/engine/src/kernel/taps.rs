@@ -2,17 +2,17 @@
 
 use super::wide::wide;
 use crate::network::Term;
-use crate::plan::Plan;
+use crate::plan::{Plan, Tap};
 use crate::state::Body;
 
 /// Write one frame of outputs, (n_out).
 pub(crate) fn tap(plan: &Plan, body: &Body, frame: &mut [f64]) {
-    for (output, sample) in plan.outputs.iter().zip(frame) {
-        *sample = output
-            .terms
-            .iter()
-            .map(|term| value(plan, body, term))
-            .sum();
+    for (taps, sample) in plan.taps.iter().zip(frame) {
+        let value = |tap: &Tap| match tap {
+            Tap::Term(term) => value(plan, body, term),
+            Tap::Scattered { mats, weight } => weight * scattered(&body.x, mats),
+        };
+        *sample = taps.iter().map(value).sum();
     }
 }
 
@@ -48,6 +48,23 @@ wide! {
         }
         for (lane, value) in lanes.iter_mut().zip(left) {
             *lane += value;
+        }
+        joined(lanes)
+    }
+}
+
+wide! {
+    pub(super) fn scattered(x: &[f64], mats: &[u32]) -> f64 {
+        let mut lanes = [0.0; 8];
+        let eights = mats.chunks_exact(8);
+        let left = eights.remainder();
+        for eight in eights {
+            for (lane, mat) in lanes.iter_mut().zip(eight) {
+                *lane += x[*mat as usize];
+            }
+        }
+        for (lane, mat) in lanes.iter_mut().zip(left) {
+            *lane += x[*mat as usize];
         }
         joined(lanes)
     }

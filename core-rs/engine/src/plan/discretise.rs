@@ -24,6 +24,7 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
         exact: Vec::new(),
         exact_coupled: false,
         outputs: network.outputs().to_vec(),
+        taps: network.outputs().iter().map(super::listen::taps).collect(),
         n_lia: network.n_lia(),
         n_parts: network.parts().len(),
         linear: true,

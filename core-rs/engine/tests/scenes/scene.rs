@@ -276,7 +276,8 @@ impl Scene {
             t.push(t[t.len() - 1] + self.draw(4e-3, 4e-2));
             let (last, next) = (x[x.len() - 1], self.draw(-3e-3, 3e-3));
             let (kind, at) = match self.pick(5) {
-                0 => (Way::Throw, next),
+                // Before the piece there is no frame in which to throw.
+                0 if t[t.len() - 1] > 1e-3 => (Way::Throw, next),
                 1 => (Way::Path(Curve::Line), next),
                 2 => (Way::Path(Curve::Hold), last),
                 _ => (Way::Path(Curve::Smooth), next),

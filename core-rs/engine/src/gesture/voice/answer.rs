@@ -60,7 +60,9 @@ impl Voice {
                 x: *x,
             });
             // The free copy goes where the key goes.
-            return needed(&script.free.plan, &self.free, script.free.struck, *x);
+            return script
+                .free
+                .needed(&self.free, *x, &self.targets, &mut self.room);
         }
         let force = match *ask {
             _ if !over => wanted,
@@ -129,7 +131,9 @@ impl Voice {
         let Some(now) = &self.now else { return 0.0 };
         let free = &script.free;
         match (*ask, scene.gestures[now.gesture].touch) {
-            (Ask::Pass(x), Touch::Open) => needed(&free.plan, &self.free, free.struck, x),
+            (Ask::Pass(x), Touch::Open) => {
+                free.needed(&self.free, x, &self.targets, &mut self.room)
+            }
             (Ask::Pass(x), Touch::Tracked) => needed(scene.plan, scene.body, script.struck, x),
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {

@@ -74,3 +74,27 @@ fn terms_have_their_signs_and_weights() {
     // Positions 2.5; the link pulls b by −4.5; the ground is pushed by 7·(0.5 − 0.25).
     assert_eq!(frame, [25.0 - 450.0 + 1750.0]);
 }
+
+/// Members that lie apart are summed by the same tree as a row of them.
+#[test]
+fn scattered_members_sum_as_a_row_does() {
+    let (mut network, body) = scene(40);
+    let row: Vec<Term> = (0..40)
+        .map(|first| Term::Position {
+            first,
+            len: 1,
+            weight: 0.5,
+        })
+        .collect();
+    network.listen("apart", row).unwrap();
+    let first = Term::Position {
+        first: 0,
+        len: 40,
+        weight: 0.5,
+    };
+    network.listen("row", vec![first]).unwrap();
+    let plan = Plan::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
+    let mut frame = [0.0; 2];
+    tap(&plan, &body, &mut frame);
+    assert_eq!(frame[0].to_bits(), frame[1].to_bits());
+}
