@@ -25,26 +25,23 @@ create_exception!(
 
 /// `error` with `module` and what `attributes` sets, as the stub promises them.
 pub(crate) fn with(
-    py: Python<'_>,
     error: PyErr,
     module: Option<&str>,
     attributes: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<()>,
 ) -> PyErr {
-    let value = error.value(py).as_any();
-    match value
-        .setattr("module", module)
-        .and_then(|()| attributes(value))
-    {
-        Ok(()) => error,
-        // An attribute that cannot be set (no memory left) is itself what to report.
-        Err(failure) => failure,
-    }
+    let set = Python::attach(|py| {
+        let value = error.value(py).as_any();
+        value.setattr("module", module)?;
+        attributes(value)
+    });
+    // An attribute that cannot be set (no memory left) is itself what to report.
+    set.err().unwrap_or(error)
 }
 
 /// LawError(message, which), with `offset`, `length` and `suggestion`.
-pub(crate) fn from_law(py: Python<'_>, error: law::LawError) -> PyErr {
+pub(crate) fn from_law(error: law::LawError) -> PyErr {
     let raised = LawError::new_err((error.message, error.which.as_str()));
-    with(py, raised, None, |raised| {
+    with(raised, None, |raised| {
         raised.setattr("offset", error.offset)?;
         raised.setattr("length", error.length)?;
         raised.setattr("suggestion", error.suggestion)
@@ -65,9 +62,8 @@ create_exception!(
 );
 
 /// EngineError about a module or an argument.
-pub(crate) fn refused(py: Python<'_>, module: &str, message: &str) -> PyErr {
+pub(crate) fn refused(module: &str, message: &str) -> PyErr {
     with(
-        py,
         EngineError::new_err(format!("{module}: {message}")),
         Some(module),
         |_| Ok(()),
@@ -75,59 +71,44 @@ pub(crate) fn refused(py: Python<'_>, module: &str, message: &str) -> PyErr {
 }
 
 /// EngineError or UnstableError, naming the module.
-pub(crate) fn from_engine(py: Python<'_>, error: network::Error) -> PyErr {
+pub(crate) fn from_engine(error: network::Error) -> PyErr {
     let message = error.to_string();
     match error {
         network::Error::Refused { module, .. } => {
-            with(py, EngineError::new_err(message), Some(&module), |_| Ok(()))
+            with(EngineError::new_err(message), Some(&module), |_| Ok(()))
         }
         network::Error::Unstable { module, .. } => {
-            with(py, UnstableError::new_err(message), Some(&module), |_| {
-                Ok(())
-            })
+            with(UnstableError::new_err(message), Some(&module), |_| Ok(()))
         }
     }
 }
 
 /// DivergedError, naming the module and the frame.
-pub(crate) fn from_fault(py: Python<'_>, fault: Fault) -> PyErr {
+pub(crate) fn from_fault(fault: Fault) -> PyErr {
     let raised = DivergedError::new_err(fault.to_string());
-    with(py, raised, Some(&fault.module), |raised| {
+    with(raised, Some(&fault.module), |raised| {
         raised.setattr("frame", fault.frame)
     })
 }
 
 /// The value that a word stands for; EngineError with the words there are.
-pub(crate) fn word<T: Copy>(
-    py: Python<'_>,
-    what: &str,
-    given: &str,
-    words: &[(&str, T)],
-) -> PyResult<T> {
+pub(crate) fn word<T: Copy>(what: &str, given: &str, words: &[(&str, T)]) -> PyResult<T> {
     let found = words
         .iter()
         .find(|(word, _)| *word == given)
         .map(|(_, value)| *value);
     found.ok_or_else(|| {
         let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-        refused(
-            py,
-            what,
-            &format!("'{given}' is none of {}", known.join(", ")),
-        )
+        refused(what, &format!("'{given}' is none of {}", known.join(", ")))
     })
 }
 
 /// A rate; EngineError unless it is one.
-pub(crate) fn hertz(py: Python<'_>, rate: f64) -> PyResult<Rate> {
-    Rate::new(rate).map_err(|error| refused(py, "rate", &error.to_string()))
+pub(crate) fn hertz(rate: f64) -> PyResult<Rate> {
+    Rate::new(rate).map_err(|error| refused("rate", &error.to_string()))
 }
 
 /// EngineError with a sentence about no module in particular.
 pub(crate) fn said(sentence: impl Display) -> PyErr {
-    Python::attach(|py| {
-        with(py, EngineError::new_err(sentence.to_string()), None, |_| {
-            Ok(())
-        })
-    })
+    with(EngineError::new_err(sentence.to_string()), None, |_| Ok(()))
 }

@@ -34,7 +34,7 @@ impl Law {
             points: points.as_deref(),
         };
         let law = py.detach(|| law::Law::new(&text)?.through(reach));
-        law.map(Self).map_err(|error| from_law(py, error))
+        law.map(Self).map_err(from_law)
     }
 
     /// Force at elongation d [m] and its rate v [m/s].

@@ -43,24 +43,22 @@ impl Network {
 
     /// Start a part: modules added from now on belong to it.
     #[pyo3(signature = (name, *, ca_rate=None))]
-    fn part(&mut self, py: Python<'_>, name: &str, ca_rate: Option<f64>) -> PyResult<()> {
-        let ca_rate = ca_rate.map(|rate| hertz(py, rate)).transpose()?;
+    fn part(&mut self, name: &str, ca_rate: Option<f64>) -> PyResult<()> {
+        let ca_rate = ca_rate.map(hertz).transpose()?;
         self.0.part(name, ca_rate);
         Ok(())
     }
 
     #[pyo3(signature = (name, *, M, X0=0.0, V0=0.0))]
     #[allow(non_snake_case)] // the field's names
-    fn mas(&mut self, py: Python<'_>, name: &str, M: f64, X0: f64, V0: f64) -> PyResult<usize> {
-        self.0
-            .mas(name, M, X0, V0)
-            .map_err(|error| from_engine(py, error))
+    fn mas(&mut self, name: &str, M: f64, X0: f64, V0: f64) -> PyResult<usize> {
+        self.0.mas(name, M, X0, V0).map_err(from_engine)
     }
 
     #[pyo3(signature = (name, *, X0=0.0))]
     #[allow(non_snake_case)]
-    fn sol(&mut self, py: Python<'_>, name: &str, X0: f64) -> PyResult<usize> {
-        self.0.sol(name, X0).map_err(|error| from_engine(py, error))
+    fn sol(&mut self, name: &str, X0: f64) -> PyResult<usize> {
+        self.0.sol(name, X0).map_err(from_engine)
     }
 
     /// A MAS tied to the ground, by K and Z, or by its damped frequency f and decay t60.
@@ -68,7 +66,6 @@ impl Network {
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn cel(
         &mut self,
-        py: Python<'_>,
         name: &str,
         M: f64,
         K: Option<f64>,
@@ -86,16 +83,10 @@ impl Network {
             },
             (None, None, Some(f), t60) => Tie::Tuned { f, t60 },
             _ => {
-                return Err(refused(
-                    py,
-                    name,
-                    "a CEL has K and Z, or f and t60, not both",
-                ));
+                return Err(refused(name, "a CEL has K and Z, or f and t60, not both"));
             }
         };
-        self.0
-            .cel(name, M, tie, rest, X0, V0)
-            .map_err(|error| from_engine(py, error))
+        self.0.cel(name, M, tie, rest, X0, V0).map_err(from_engine)
     }
 
     /// A row of MAS, tuned so that its lowest mode is f.
@@ -113,7 +104,7 @@ impl Network {
         stiffness: f64,
         hardening: f64,
     ) -> PyResult<usize> {
-        let ends = word(py, "ends", ends, &words::ENDS)?;
+        let ends = word("ends", ends, &words::ENDS)?;
         let topology = py.detach(|| generator::string(masses, ends, stiffness));
         self.mesh(py, name, topology, [M, f, hardening], t60)
     }
@@ -133,8 +124,8 @@ impl Network {
         rim: &str,
         hardening: f64,
     ) -> PyResult<usize> {
-        let shape = word(py, "shape", shape, &words::SHAPES)?;
-        let rim = word(py, "rim", rim, &words::RIMS)?;
+        let shape = word("shape", shape, &words::SHAPES)?;
+        let rim = word("rim", rim, &words::RIMS)?;
         let topology = py.detach(|| generator::plate(shape, radius, rim));
         self.mesh(py, name, topology, [M, f, hardening], t60)
     }
@@ -154,8 +145,8 @@ impl Network {
         place: &str,
         seed: i128,
     ) -> PyResult<usize> {
-        let spread = word(py, "spread", spread, &words::SPREADS)?;
-        let place = word(py, "place", place, &words::PLACES)?;
+        let spread = word("spread", spread, &words::SPREADS)?;
+        let place = word("place", place, &words::PLACES)?;
         py.detach(|| {
             self.0.bank(
                 name,
@@ -170,7 +161,7 @@ impl Network {
                 seed,
             )
         })
-        .map_err(|error| from_engine(py, error))
+        .map_err(from_engine)
     }
 
     /// How many MATs the module that begins at index `first` has.
@@ -185,16 +176,14 @@ impl Network {
 
     /// Set the initial position and velocity of one MAT.
     #[allow(non_snake_case)]
-    fn start(&mut self, py: Python<'_>, index: usize, X0: f64, V0: f64) -> PyResult<()> {
-        self.there(py, index)?;
-        self.0
-            .start(index, X0, V0)
-            .map_err(|error| from_engine(py, error))
+    fn start(&mut self, index: usize, X0: f64, V0: f64) -> PyResult<()> {
+        self.there(index)?;
+        self.0.start(index, X0, V0).map_err(from_engine)
     }
 
     /// Where the MAT lies on the bench [m].
-    fn position_of(&self, py: Python<'_>, index: usize) -> PyResult<(f64, f64)> {
-        self.there(py, index)?;
+    fn position_of(&self, index: usize) -> PyResult<(f64, f64)> {
+        self.there(index)?;
         let [x, y] = self.0.mats().place[index];
         Ok((x, y))
     }
@@ -204,7 +193,6 @@ impl Network {
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn r#ref(
         &mut self,
-        py: Python<'_>,
         name: &str,
         a: usize,
         b: usize,
@@ -212,9 +200,7 @@ impl Network {
         Z: f64,
         rest: f64,
     ) -> PyResult<usize> {
-        self.0
-            .spring(name, a, b, K, Z, rest)
-            .map_err(|error| from_engine(py, error))
+        self.0.spring(name, a, b, K, Z, rest).map_err(from_engine)
     }
 
     /// One-sided contact of the striker a on b.
@@ -222,7 +208,6 @@ impl Network {
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn but(
         &mut self,
-        py: Python<'_>,
         name: &str,
         a: usize,
         b: usize,
@@ -236,8 +221,8 @@ impl Network {
         clamp: bool,
         steps: u32,
     ) -> PyResult<usize> {
-        let side = word(py, "side", side, &words::SIDES)?;
-        let contact = word(py, "contact", contact, &words::CONTACTS)?;
+        let side = word("side", side, &words::SIDES)?;
+        let contact = word("contact", contact, &words::CONTACTS)?;
         let but = But {
             k: K,
             z: Z,
@@ -249,30 +234,20 @@ impl Network {
             exponent,
             clamp,
         };
-        self.0
-            .but(name, a, b, but)
-            .map_err(|error| from_engine(py, error))
+        self.0.but(name, a, b, but).map_err(from_engine)
     }
 
     /// A non-linear link.
     #[pyo3(signature = (name, a, b, law, *, rest=0.0))]
-    fn lnl(
-        &mut self,
-        py: Python<'_>,
-        name: &str,
-        a: usize,
-        b: usize,
-        law: &Law,
-        rest: f64,
-    ) -> PyResult<usize> {
+    fn lnl(&mut self, name: &str, a: usize, b: usize, law: &Law, rest: f64) -> PyResult<usize> {
         self.0
             .lnl(name, a, b, Arc::new(law.0.clone()), rest)
-            .map_err(|error| from_engine(py, error))
+            .map_err(from_engine)
     }
 
     /// The MAT's position is imposed (ENX).
-    fn impose(&mut self, py: Python<'_>, index: usize) -> PyResult<()> {
-        self.there(py, index)?;
+    fn impose(&mut self, index: usize) -> PyResult<()> {
+        self.there(index)?;
         self.0.impose(index);
         Ok(())
     }
@@ -281,7 +256,6 @@ impl Network {
     #[pyo3(signature = (name, *, positions=Vec::new(), forces=Vec::new(), ground_forces=Vec::new()))]
     fn listen(
         &mut self,
-        py: Python<'_>,
         name: &str,
         positions: Ranges,
         forces: Ranges,
@@ -304,9 +278,7 @@ impl Network {
             len,
             weight,
         }));
-        self.0
-            .listen(name, all.collect())
-            .map_err(|error| from_engine(py, error))
+        self.0.listen(name, all.collect()).map_err(from_engine)
     }
 
     /// A MAT as the composer wrote it.
@@ -317,16 +289,16 @@ impl Network {
     /// Lowest modes of a part as (f, t60) of the continuous network.
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<(f64, f64)>> {
         let index = self.0.parts().iter().position(|known| known.name == part);
-        let index = index.ok_or_else(|| refused(py, part, "there is no such part"))?;
+        let index = index.ok_or_else(|| refused(part, "there is no such part"))?;
         let tones = py.detach(|| self.0.tones(index, n_modes));
         Ok(tones.iter().map(|tone| (tone.f, tone.t60)).collect())
     }
 
     /// Whether the CA scheme is stable at `rate`.
     fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
-        let rate = hertz(py, rate)?;
+        let rate = hertz(rate)?;
         let certificate = py.detach(|| Plan::new(&self.0, rate)?.certify(&self.0));
-        let certificate = certificate.map_err(|error| from_engine(py, error))?;
+        let certificate = certificate.map_err(from_engine)?;
         Ok(Certificate {
             lambda_max: certificate.lambda_max,
             method: match certificate.means {
@@ -353,17 +325,16 @@ impl Network {
         t60: Option<f64>,
     ) -> PyResult<usize> {
         let topology =
-            topology.map_err(|error| from_engine(py, self.0.refused(name, &error.to_string())))?;
+            topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
         py.detach(|| self.0.mesh(name, &topology, mass, f, t60, hardening))
-            .map_err(|error| from_engine(py, error))
+            .map_err(from_engine)
     }
 
-    fn there(&self, py: Python<'_>, index: usize) -> PyResult<()> {
+    fn there(&self, index: usize) -> PyResult<()> {
         if index < self.0.n_mat() {
             return Ok(());
         }
         Err(refused(
-            py,
             &format!("#{index}"),
             &format!("there are {} MATs", self.0.n_mat()),
         ))

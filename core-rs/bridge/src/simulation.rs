@@ -35,12 +35,11 @@ impl Simulation {
             || network.0.n_lia() != timeline.network().n_lia()
         {
             return Err(refused(
-                py,
                 "timeline",
                 "it was made for another state of the network",
             ));
         }
-        let on_fault = word(py, "on_fault", on_fault, &words::ON_FAULT)?;
+        let on_fault = word("on_fault", on_fault, &words::ON_FAULT)?;
         let options = simulation::Options {
             ledger,
             record,
@@ -50,7 +49,7 @@ impl Simulation {
         let network = std::sync::Arc::new(network.0.clone());
         py.detach(|| simulation::Simulation::new(network, &timeline.inner, options))
             .map(Self)
-            .map_err(|error| from_engine(py, error))
+            .map_err(from_engine)
     }
 
     #[getter]
@@ -79,7 +78,7 @@ impl Simulation {
                 self.0.process(samples)
             }
         })
-        .map_err(|fault| from_fault(py, fault))
+        .map_err(from_fault)
     }
 
     /// Positions now (n_mat,) [m].
@@ -108,11 +107,11 @@ impl Simulation {
     }
 
     /// The ledger.
-    fn energy(&self, py: Python<'_>) -> PyResult<Energy> {
+    fn energy(&self) -> PyResult<Energy> {
         let energy = self
             .0
             .energy()
-            .ok_or_else(|| refused(py, "energy", "the simulation was made without a ledger"))?;
+            .ok_or_else(|| refused("energy", "the simulation was made without a ledger"))?;
         Ok(Energy {
             start: energy.start,
             stored: energy.stored,

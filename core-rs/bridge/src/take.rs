@@ -1,10 +1,10 @@
 //! Captured movements.
 
-use ergon_engine::gesture::take::{self, Care};
+use ergon_engine::gesture::take::{self, Care, TakeError};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::{EngineError, with};
 
 /// A captured movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
 #[pyclass(module = "ergon._core", frozen)]
@@ -24,7 +24,7 @@ impl Take {
         let (t, x) = (t.as_slice()?, x.as_slice()?);
         py.detach(|| take::Take::new(t, x, Care { trim, smooth }))
             .map(Self)
-            .map_err(said)
+            .map_err(refused)
     }
 
     /// From its first instant to its last [s].
@@ -43,4 +43,15 @@ impl Take {
     fn at(&self, t: f64) -> (f64, f64, f64) {
         self.0.profile().at(t)
     }
+}
+
+/// EngineError whose `module` is the argument at fault, where it is not the samples.
+fn refused(error: TakeError) -> PyErr {
+    let argument = match error {
+        TakeError::Trim { .. } => Some("trim"),
+        TakeError::Smooth { .. } => Some("smooth"),
+        _ => None,
+    };
+    let raised = EngineError::new_err(error.to_string());
+    with(raised, argument, |_| Ok(()))
 }

@@ -24,8 +24,8 @@ pub(crate) struct Timeline {
 #[pymethods]
 impl Timeline {
     #[new]
-    fn new(py: Python<'_>, network: &Network, rate: f64) -> PyResult<Self> {
-        let rate = hertz(py, rate)?;
+    fn new(network: &Network, rate: f64) -> PyResult<Self> {
+        let rate = hertz(rate)?;
         Ok(Self {
             inner: timeline::Timeline::new(rate),
             network: Arc::new(network.0.clone()),
@@ -33,8 +33,8 @@ impl Timeline {
     }
 
     /// A key: gestures are written for a free copy of its part.
-    fn key(&mut self, py: Python<'_>, name: &str, struck: usize) -> PyResult<usize> {
-        self.there(py, name, struck)?;
+    fn key(&mut self, name: &str, struck: usize) -> PyResult<usize> {
+        self.there(name, struck)?;
         Ok(self.inner.key(name, struck))
     }
 
@@ -43,7 +43,6 @@ impl Timeline {
     #[allow(clippy::too_many_arguments)]
     fn gesture(
         &mut self,
-        py: Python<'_>,
         key: usize,
         t: Vec<f64>,
         x: Vec<f64>,
@@ -56,10 +55,10 @@ impl Timeline {
         layer: bool,
         sources: Vec<u32>,
     ) -> PyResult<usize> {
-        let manner = manner(py, touch, ergons, grain, join, force_limit, layer)?;
+        let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let way = curve
             .iter()
-            .map(|curve| word(py, "curve", curve, &words::WAYS))
+            .map(|curve| word("curve", curve, &words::WAYS))
             .collect::<PyResult<Vec<Way>>>()?;
         let written = Written {
             t: &t,
@@ -69,13 +68,13 @@ impl Timeline {
         };
         Gesture::written(key, &written, manner, self.inner.rate.hertz())
             .and_then(|gesture| self.inner.gesture(gesture))
-            .map_err(|error| refused(py, "gesture", &error.to_string()))
+            .map_err(|error| refused("gesture", &error.to_string()))
     }
 
     /// Lowest and highest position of a gesture's written points and paths [m].
-    fn range_of(&self, py: Python<'_>, gesture: usize) -> PyResult<(f64, f64)> {
+    fn range_of(&self, gesture: usize) -> PyResult<(f64, f64)> {
         let known = self.inner.range_of(gesture);
-        known.ok_or_else(|| refused(py, "gesture", &format!("there is no gesture {gesture}")))
+        known.ok_or_else(|| refused("gesture", &format!("there is no gesture {gesture}")))
     }
 
     /// A take played as a gesture from `at`: x·scale at t·stretch.
@@ -83,7 +82,6 @@ impl Timeline {
     #[allow(clippy::too_many_arguments)]
     fn take(
         &mut self,
-        py: Python<'_>,
         key: usize,
         take: &Take,
         at: f64,
@@ -99,8 +97,8 @@ impl Timeline {
         layer: bool,
         source: u32,
     ) -> PyResult<usize> {
-        let manner = manner(py, touch, ergons, grain, join, force_limit, layer)?;
-        let refuse = |message: String| refused(py, "take", &message);
+        let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
+        let refuse = |message: String| refused("take", &message);
         let path = take
             .0
             .placed(at, scale, stretch, reverse)
@@ -115,7 +113,6 @@ impl Timeline {
     #[allow(clippy::too_many_arguments)]
     fn strike(
         &mut self,
-        py: Python<'_>,
         mat: usize,
         at: f64,
         impulse: Option<f64>,
@@ -123,7 +120,7 @@ impl Timeline {
         speed: Option<f64>,
         source: u32,
     ) -> PyResult<()> {
-        self.there(py, "strike", mat)?;
+        self.there("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {
                 self.inner.strike(&self.network, mat, at, impulse, source)
@@ -134,13 +131,12 @@ impl Timeline {
             }
             _ => {
                 return Err(refused(
-                    py,
                     "strike",
                     "a strike has an impulse, or a mass and a speed",
                 ));
             }
         }
-        .map_err(|error| refused(py, "strike", &error.to_string()))
+        .map_err(|error| refused("strike", &error.to_string()))
     }
 
     /// Each MAT struck by a Poisson process of its own; returns the number of strikes.
@@ -158,7 +154,7 @@ impl Timeline {
         name: &str,
         source: u32,
     ) -> PyResult<u64> {
-        mats.iter().try_for_each(|&mat| self.there(py, name, mat))?;
+        mats.iter().try_for_each(|&mat| self.there(name, mat))?;
         py.detach(|| {
             let chance = |member| Chance::new(seed, "strikes", name, member, 0);
             let rain = Rain {
@@ -170,21 +166,15 @@ impl Timeline {
             };
             self.inner.rain(&self.network, &mats, &rain, chance)
         })
-        .map_err(|error| refused(py, name, &error.to_string()))
+        .map_err(|error| refused(name, &error.to_string()))
     }
 
     /// The LIA acts only from `start` to `stop`.
     #[pyo3(signature = (link, start, stop=None))]
-    fn couple(
-        &mut self,
-        py: Python<'_>,
-        link: usize,
-        start: f64,
-        stop: Option<f64>,
-    ) -> PyResult<()> {
+    fn couple(&mut self, link: usize, start: f64, stop: Option<f64>) -> PyResult<()> {
         self.inner
             .couple(&self.network, link, start, stop)
-            .map_err(|error| from_engine(py, error))
+            .map_err(from_engine)
     }
 
     /// ENX / ENF: a constant, or a take from `at`.
@@ -192,7 +182,6 @@ impl Timeline {
     #[allow(clippy::too_many_arguments)]
     fn drive(
         &mut self,
-        py: Python<'_>,
         mat: usize,
         kind: &str,
         constant: Option<f64>,
@@ -201,19 +190,19 @@ impl Timeline {
         scale: f64,
         own: bool,
     ) -> PyResult<()> {
-        self.there(py, "drive", mat)?;
-        let kind = word(py, "kind", kind, &words::DRIVES)?;
+        self.there("drive", mat)?;
+        let kind = word("kind", kind, &words::DRIVES)?;
         let source = match (constant, take) {
             (Some(constant), None) => Source::Constant(constant),
             (None, Some(take)) => {
                 let path = take.0.placed(at, scale, 1.0, false);
-                Source::Take(path.map_err(|error| refused(py, "drive", &error.to_string()))?)
+                Source::Take(path.map_err(|error| refused("drive", &error.to_string()))?)
             }
-            _ => return Err(refused(py, "drive", "a drive has a constant or a take")),
+            _ => return Err(refused("drive", "a drive has a constant or a take")),
         };
         self.inner
             .drive(mat, kind, source, own)
-            .map_err(|error| refused(py, "drive", &error.to_string()))
+            .map_err(|error| refused("drive", &error.to_string()))
     }
 }
 
@@ -222,12 +211,11 @@ impl Timeline {
         &self.network
     }
 
-    fn there(&self, py: Python<'_>, name: &str, mat: usize) -> PyResult<()> {
+    fn there(&self, name: &str, mat: usize) -> PyResult<()> {
         if mat < self.network.n_mat() {
             return Ok(());
         }
         Err(refused(
-            py,
             name,
             &format!("there are {} MATs, and no #{mat}", self.network.n_mat()),
         ))
@@ -235,7 +223,6 @@ impl Timeline {
 }
 
 fn manner(
-    py: Python<'_>,
     touch: &str,
     ergons: &str,
     grain: Option<f64>,
@@ -243,8 +230,8 @@ fn manner(
     limit: Option<f64>,
     layer: bool,
 ) -> PyResult<Manner> {
-    let touch = word(py, "touch", touch, &words::TOUCHES)?;
-    let ergons = word(py, "ergons", ergons, &words::ERGONS)?;
+    let touch = word("touch", touch, &words::TOUCHES)?;
+    let ergons = word("ergons", ergons, &words::ERGONS)?;
     Ok(Manner {
         touch,
         ergons,

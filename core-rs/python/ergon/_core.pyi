@@ -17,7 +17,7 @@ _Floats = NDArray[np.float64]
 class EngineError(ValueError):
     """A network, law or timeline that the engine will not run."""
 
-    module: str | None  # as the composer wrote it, e.g. `bell.m`
+    module: str | None  # as the composer wrote it, e.g. `bell.m`; or an argument, e.g. `trim`
 
 class UnstableError(EngineError):
     """The scheme would diverge at this rate; `module` moves most."""
