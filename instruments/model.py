@@ -72,8 +72,3 @@ class Instrument:
     outputs: tuple[Output, ...]
     ca_rate: float | None
     place: Place
-
-    @property
-    def is_generator(self) -> bool:
-        """Written without `modules:`: its one module bears its name."""
-        return len(self.modules) == 1 and self.modules[0].name == ""

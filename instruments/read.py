@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.instruments.kinds import HOLDERS, tables
-from ergon.instruments.model import Instrument, Layout, Module, Output
+from ergon.instruments.model import Instrument, Module, Output
 from ergon.scores.tables import kinds as k
 from ergon.scores.tables.fields import Field, Record, Values
 from ergon.scores.tables.shapes import (
@@ -257,6 +257,3 @@ def _retuned(values: Values, body: Values) -> Values:
             value = value[0]
         given[name], nodes[name] = value, values.nodes[name]
     return Values(body.record, body.node, body.context, given, nodes, body.free, body.kind)
-
-
-__all__ = ["INSTRUMENT", "Layout", "instrument", "module"]

@@ -158,13 +158,3 @@ def _locator(module: Module, body: Values | None) -> Callable[[str, int, int], P
         return place_at(offset, length) if place_at else module.place
 
     return locate
-
-
-def names_clash(parts: list[Part], collector: Collector, places: Mapping[str, Place]) -> None:
-    """A network's names are unique: a key and an instrument cannot share one."""
-    seen: set[str] = set()
-    for part in parts:
-        if part.name in seen:
-            message = f"{quote(part.name)} is a key and an instrument; a network's names are unique"
-            collector.error("E303", message, places[part.name])
-        seen.add(part.name)

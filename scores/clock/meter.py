@@ -93,10 +93,6 @@ class Bars:
         beats = self._meters[i].beats
         return self._starts[i] + (bar - self._bars[i]) * beats, beats
 
-    def meter(self, beats: float) -> Meter:
-        """The meter in force at a beat of the piece."""
-        return self._meters[max(0, bisect_right(self._starts, beats + SAME) - 1)]
-
     def changes(self) -> list[tuple[float, int, Meter]]:
         """Every meter as (beat of the piece, bar, meter)."""
         return list(zip(self._starts, self._bars, self._meters, strict=True))

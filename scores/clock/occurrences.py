@@ -7,13 +7,13 @@ end the series ends it.
 
 import re
 
+from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.positions import Length
 from ergon.scores.clock.tempo import TempoMap
 from ergon.scores.text.errors import TextError
 from ergon.scores.text.values import Time
 
 MAX_OCCURRENCES = 1_000_000  # in a piece
-SAME = 1e-9  # beats that are rounding, not music
 
 
 def parse_times(text: str) -> int:

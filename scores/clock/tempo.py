@@ -7,7 +7,7 @@ a piece is in 4/4 at 60 bpm.
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ergon._core import exp, ln
@@ -165,25 +165,6 @@ class TempoMap:
         """A beat of the piece as `bar|beat`, with as many digits of the beat as a reader wants."""
         bar, beat = self.bars.bar_beat(beats)
         return f"{bar}|{round(beat, 3):g}"
-
-    def steps(self, resolution: float = 1 / 16) -> Iterator[tuple[float, float]]:
-        """Yield (beat, seconds per beat) for a map of constant tempos, as MIDI files want.
-
-        A ramp becomes steps of `resolution` beats, each of the ramp's mean over it, so that every
-        step begins at its true instant.
-        """
-        for i, stretch in enumerate(self._stretches):
-            last = i + 1 == len(self._stretches)
-            if stretch.b0 == stretch.b1 or last:
-                yield stretch.start, 60.0 / stretch.b0
-                continue
-            length = self._starts[i + 1] - stretch.start
-            step = 0
-            while (begin := step * resolution) < length:
-                end = min(begin + resolution, length)
-                seconds = stretch.seconds_in(end) - stretch.seconds_in(begin)
-                yield stretch.start + begin, seconds / (end - begin)
-                step += 1
 
     def _place(self, i: int, entry: Entry, at: float) -> None:
         inside = at < self._ramp_end - SAME

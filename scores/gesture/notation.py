@@ -47,11 +47,6 @@ class Notation:
     points: tuple[Point, ...]
     bar_checks: tuple[BarCheck, ...] = ()
 
-    @property
-    def length(self) -> Time:
-        """The time of the last point, a final hold included."""
-        return self.points[-1].at
-
 
 class _Event(NamedTuple):
     """A point (or, where x is None, a bar check) at a time from the start of its group."""
@@ -189,8 +184,9 @@ def parse_table(text: str, curve: str = "smooth") -> Notation:
 
 def _need_point(stack: list[_Group], offset: int, word: str) -> None:
     if len(stack) == 1 and not stack[0].events:
+        example = "0mm@0 before the group: 0mm@0 ( … )*4" if word == "(" else "one, such as 0mm@0"
         raise TextError(
-            "a notation begins with a point, such as 0mm@0",
+            f"a notation begins with a point; write {example}",
             offset=offset,
             length=len(word),
             suggestion=None if word in "(|" or word in CURVES else nearest(word, CURVES),

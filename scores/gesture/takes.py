@@ -53,15 +53,21 @@ class Samples(NamedTuple):
 
 
 class TakeError(TextError):
-    """A file that is not a usable take; `line` (from 1) where a CSV file is wrong."""
+    """A take that cannot be read: the `field` of it at fault, and the `line` (from 1) of a CSV."""
 
     def __init__(
-        self, message: str, path: Path, line: int | None = None, suggestion: str | None = None
+        self,
+        message: str,
+        path: Path,
+        line: int | None = None,
+        suggestion: str | None = None,
+        field: str = "file",
     ) -> None:
         """Name the file, and the line where there is one."""
         place = path.name if line is None else f"{path.name}:{line}"
         super().__init__(f"{place}: {message}", suggestion=suggestion)
         self.line = line
+        self.field = field
 
 
 def read(
@@ -77,7 +83,7 @@ def read(
         known = ", ".join(_READERS)
         raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {known}", path)
     if rate is not None and not 0.0 < rate <= MAX_RATE:
-        raise TakeError(f"a rate lies above 0 and up to {MAX_RATE:,.0f} Hz", path)
+        raise TakeError(f"a rate lies above 0 and up to {MAX_RATE:,.0f} Hz", path, field="rate")
     try:
         if not path.is_file():
             raise TakeError("there is no such file", path)
@@ -182,6 +188,7 @@ def _chosen(
             f"no channel '{channel[:40]}'; there are {listed}",
             path,
             suggestion=nearest(channel, channels),
+            field="channel",
         )
     return columns[channel]
 
@@ -200,7 +207,7 @@ def _check_size(path: Path) -> None:
 
 def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
     if timed and rate is not None:
-        raise TakeError("the file says its own times; leave out the rate", path)
+        raise TakeError("the file says its own times; leave out the rate", path, field="rate")
     if not timed and rate is None:
         raise TakeError("no column 't [s]': say the rate of the samples, such as rate: 1kHz", path)
 

@@ -34,6 +34,14 @@ class Chance(Protocol):
         """Draw a number between `low` and `high`."""
 
 
+class Middle:
+    """Draws the middle: a length, and what has nothing to draw, need no chance."""
+
+    def uniform(self, low: float, high: float) -> float:
+        """The middle."""
+        return (low + high) / 2
+
+
 @dataclass(frozen=True, slots=True)
 class Transform:
     """One transformation; which of `amount`, `time` and `x` [m] it uses depends on its word."""

@@ -96,6 +96,13 @@ def parse(text: str, start: int = 0) -> PlayWords:
                 )
             else:
                 options[word], i = Word(value.text, start + value.offset), i + 2
+        elif OPTIONS.get(words[i - 1].text, "") is None:
+            flag = words[i - 1].text
+            raise TextError(
+                f"'{flag}' stands alone; leave out '{word[:40]}'",
+                offset=place,
+                length=len(word),
+            )
         else:
             raise TextError(
                 f"unknown word '{word[:40]}'",
@@ -114,7 +121,7 @@ def parse(text: str, start: int = 0) -> PlayWords:
 
 
 def rows(text: str) -> Iterator[tuple[str, int]]:
-    """Yield the rows of a table without their comments, and where each begins."""
+    """Yield the rows of a part's table without their comments (`#`), and where each begins."""
     offset = 0
     for line in text.split("\n"):
         row = _COMMENT.sub("", line) if "#" in line else line
@@ -128,6 +135,13 @@ def parse_row(row: str, offset: int = 0) -> Row:
     cells = row.split()
     at = cells[0]
     lead = row.index(at)
+    if len(cells) == 1:
+        example = f"{at} knock" if at[0].isdigit() else f"1|1 {at}"
+        raise TextError(
+            f"a row says where and what is played; write {example[:40]}",
+            offset=offset + lead,
+            length=len(at),
+        )
     if (
         len(cells) == 2 and "," not in cells[1] and cells[1] not in _KNOWN
     ):  # most rows of most tables
@@ -139,12 +153,6 @@ def parse_row(row: str, offset: int = 0) -> Row:
             "a row says where it is by its first word", offset=play.options["at"].offset, length=1
         )
     return Row(Word(at, offset + lead), play)
-
-
-def parse_rows(text: str) -> Iterator[Row]:
-    """Read a part's table: rows of a position and a play; `#` starts a comment."""
-    for row, offset in rows(text):
-        yield parse_row(row, offset)
 
 
 def _end_of_transform(words: list[Word], first: int) -> int:

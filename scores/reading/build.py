@@ -9,7 +9,7 @@ from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
 from ergon.scores.clock.positions import Position
 from ergon.scores.gesture import notation
-from ergon.scores.reading.part import manner
+from ergon.scores.reading.manner import manner
 from ergon.scores.reading.piece import (
     Coupling,
     Gesture,
@@ -143,7 +143,16 @@ def take(values: Values, files: Files) -> TakeFile:
     elif not is_file(path):
         values.error("E107", f"{values.context.of('file')}: no file {path}", "file")
     v = values
-    return TakeFile(v.context.name, path, v["channel"], v["trim"], v["smooth"], v["rate"], v.place)
+    return TakeFile(
+        name=v.context.name,
+        path=path,
+        channel=v["channel"],
+        trim=v["trim"],
+        smooth=v["smooth"],
+        rate=v["rate"],
+        place=v.place,
+        places={name: node.place for name, node in v.nodes.items()},
+    )
 
 
 def strikes(values: Values) -> Strikes:
@@ -269,8 +278,5 @@ def render(values: Values | None) -> RenderSpec:
     """What is written."""
     if values is None:
         return RenderSpec(None, 24, 5.0, None, None)
-    bits: Literal[16, 24, "float"] = {"16": 16, "24": 24}.get(values["bits"], "float")  # type: ignore[assignment]
-    channels = (
-        values["channels"][0] if isinstance(values["channels"], tuple) else values["channels"]
-    )
-    return RenderSpec(values["file"], bits, values["tail"], channels, values.place)
+    bits = _BITS[values["bits"]]
+    return RenderSpec(values["file"], bits, values["tail"], values["channels"], values.place)

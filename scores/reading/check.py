@@ -16,7 +16,7 @@ from ergon.scores.reading import build
 from ergon.scores.reading.piece import Gesture, Key, Piece, Player, TakeFile
 from ergon.scores.reading.schedule import schedule
 from ergon.scores.reading.times import Times
-from ergon.scores.reading.uses import NOUNS, Entry, Names, Uses
+from ergon.scores.reading.uses import Entry, Names, Uses
 from ergon.scores.tables.fields import Values
 from ergon.scores.tables.shapes import MISSING, Name
 from ergon.scores.text.errors import quote
@@ -81,10 +81,10 @@ class Checker:
             place=score.place,
             tempo_map=times.map,
         )
-        times.check(score, piece)
-        if not self.collector.has_errors():
-            schedule(piece, self.collector)
-        return piece
+        begins = times.check(score, piece)
+        if self.collector.has_errors():
+            return piece
+        return replace(piece, starts=schedule(piece, begins, self.collector))
 
     # --- what is there --------------------------------------------------------------------------
 
@@ -359,6 +359,3 @@ def _bodies(values: Values) -> dict[str, Values]:
     if values.kind and isinstance(values.given.get(values.kind), Values):
         bodies[""] = values.given[values.kind]
     return bodies
-
-
-__all__ = ["NOUNS", "Checker"]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.scores.gesture import words
-from ergon.scores.reading.piece import UNSAID, Manner, Play
+from ergon.scores.reading.manner import OF_ENTRY, manner
+from ergon.scores.reading.piece import Play
 from ergon.scores.tables import kinds as k
 from ergon.scores.tables.fields import Field, Record, Values
 from ergon.scores.tables.shapes import (
@@ -17,7 +18,6 @@ from ergon.scores.tables.shapes import (
     Reference,
     Shape,
     Text,
-    choice,
     wrong_shape,
 )
 from ergon.scores.text.document import Node, Scalar, Sequence
@@ -25,15 +25,6 @@ from ergon.scores.text.errors import TextError
 from ergon.scores.text.values import Place
 
 MAX_ROWS = 1_000_000
-
-
-_MANNER = ("touch", "ergons", "grain", "join", "force_limit", "layer")
-
-
-def manner(values: dict[str, Any]) -> Manner:
-    """The manner that was written; None where nothing was."""
-    said = {name: values[name] for name in _MANNER if name in values}
-    return Manner(**said) if said else UNSAID
 
 
 def _play(values: Values) -> Play:
@@ -66,12 +57,7 @@ _OPTIONS = (
     Field("every", k.LENGTH, "time between repetitions", shown="its own length"),
     Field("times", k.TIMES, "how often", shown="once, or until `until`"),
     Field("until", k.WHEN, "no repetition begins from here on"),
-    Field("touch", choice("open", "tracked"), "ergons for the free key, or exact"),
-    Field("ergons", choice("event", "particle"), "impulses, or masses with a BUT"),
-    Field("grain", k.DURATION, "one ergon this often"),
-    Field("join", k.DURATION, "how long before its first point it leads in"),
-    Field("force_limit", k.FORCE, "the strongest force of one ergon"),
-    Field("layer", k.TRUTH, "sound with the gesture before instead of cutting it"),
+    *OF_ENTRY,
     Field("rate", k.RATE, "accepted, not used yet: all runs at the audio rate"),
 )
 PLAY = Record(

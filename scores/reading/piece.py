@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -114,6 +114,7 @@ class TakeFile:
     smooth: float | None
     rate: float | None
     place: Place
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,6 +246,8 @@ class Piece:
     accuracy: str | None
     place: Place
     tempo_map: TempoMap = field(compare=False, repr=False)
+    # Of each part: the beats on which it is played; None where a take's file says how long it is.
+    starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
 
     def digest(self) -> str:
         """SHA-256 of the values: not of text, comments, order of names, places or paths.
@@ -262,9 +265,10 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
     Transform: ("offset", "length"),
     Gesture: ("bar_checks", "written"),
     Module: ("places",),
+    TakeFile: ("places",),
     Position: ("text",),
     Target: ("text",),
-    Piece: ("tempo_map",),
+    Piece: ("tempo_map", "starts"),  # follow from the others
     RenderSpec: ("file",),
 }
 

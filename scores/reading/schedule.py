@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ergon.scores.clock.occurrences import MAX_OCCURRENCES, starts
 from ergon.scores.gesture.notation import BarCheck
-from ergon.scores.gesture.transforms import Transform, apply, apply_to_take
+from ergon.scores.gesture.transforms import Middle, Transform, apply, apply_to_take
 from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
 from ergon.scores.text.errors import Collector, TextError, quote
 from ergon.scores.text.values import Place, Time
@@ -12,49 +14,43 @@ from ergon.scores.text.values import Place, Time
 MAX_STRIKES = 4_000_000  # about 1 GB of events while they are put in order
 
 
-class _NoChance:
-    """Draws the middle, so that a length does not depend on jitter."""
+def schedule(
+    piece: Piece, begins: Sequence[float], collector: Collector
+) -> tuple[Sequence[float] | None, ...]:
+    """Beats on which each line of the parts is played; None where only a take's file can tell.
 
-    def uniform(self, low: float, high: float) -> float:
-        return (low + high) / 2
-
-
-def schedule(piece: Piece, collector: Collector) -> None:
-    """Report occurrences without end and bar checks that are not on a bar (W311)."""
+    `begins` are the beats of their first times. Reports occurrences without end and bar checks
+    that are not on a bar (W311).
+    """
     room = MAX_OCCURRENCES
-    lengths: dict[tuple[str, tuple[Transform, ...], float], Time | None] = {}
-    for play in piece.parts:
-        tempo = piece.tempo_map
-        at = tempo.resolve(play.at)
-        beat = 60.0 / tempo.bpm(at)
-        memo = (str(play.what), play.do, beat)
-        if memo not in lengths:
-            lengths[memo] = _length(piece, play, beat)
-        length = lengths[memo]
-        until = None if play.until is None else tempo.resolve(play.until)
-        if play.what in piece.takes and not _take_can(play, collector):
-            continue
-        if length is None and play.every is None:
-            continue  # a take whole: its length is in its file
-        try:
-            found = starts(
-                tempo,
-                at,
-                length or Time(),
-                every=play.every,
-                times=play.times,
-                until=until,
-                room=room,
-            )
-        except TextError as error:
-            collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
-            continue
-        room -= len(found)
+    lengths: dict[tuple[str, tuple[Transform, ...], float], Time] = {}
+    result: list[Sequence[float] | None] = []
+    for play, at in zip(piece.parts, begins, strict=True):
+        found = None
         gesture = piece.gestures.get(play.what)
+        length = _length(piece, gesture, play, at, lengths) if gesture is not None else Time()
+        told = gesture is not None or (_take_can(play, collector) and play.every is not None)
+        if told:
+            found = _found(piece, play, at, length, room, collector)
+            room -= len(found)
         if gesture is not None and gesture.bar_checks and not play.do:
-            _bars(piece, gesture, found[:1], collector)
+            _bars(piece, gesture, found[:1] if found else [], collector)
+        result.append(found)
     for strikes in piece.strikes:
         _count(strikes, piece, collector)
+    return tuple(result)
+
+
+def _found(
+    piece: Piece, play: Play, at: float, length: Time, room: int, collector: Collector
+) -> list[float]:
+    tempo = piece.tempo_map
+    until = None if play.until is None else tempo.resolve(play.until)
+    try:
+        return starts(tempo, at, length, every=play.every, times=play.times, until=until, room=room)
+    except TextError as error:
+        collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
+        return []
 
 
 def _count(strikes: Strikes, piece: Piece, collector: Collector) -> None:
@@ -93,13 +89,22 @@ def _take_can(play: Play, collector: Collector) -> bool:
     return True
 
 
-def _length(piece: Piece, play: Play, beat: float) -> Time | None:
-    """The length of what is played after its transformations; None for a take read whole."""
-    gesture = piece.gestures.get(play.what)
-    if gesture is None:
-        return None
+def _length(
+    piece: Piece,
+    gesture: Gesture,
+    play: Play,
+    at: float,
+    known: dict[tuple[str, tuple[Transform, ...], float], Time],
+) -> Time:
+    """The length of a gesture from beat `at` on, after its transformations."""
     chain = (*gesture.do, *play.do)
-    return apply(gesture.points, chain, _NoChance(), beat)[0][-1].at
+    if not chain:
+        return gesture.points[-1].at
+    beat = 60.0 / piece.tempo_map.bpm(at)
+    memo = gesture.name, play.do, beat
+    if memo not in known:
+        known[memo] = apply(gesture.points, chain, Middle(), beat)[0][-1].at
+    return known[memo]
 
 
 def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collector) -> None:

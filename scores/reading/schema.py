@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from ergon.scores.reading.sections import SCORE
@@ -18,8 +17,3 @@ def schema() -> dict[str, Any]:
         "description": SCORE.doc,
         **SCORE.schema(),
     }
-
-
-def text() -> str:
-    """The schema as it is printed: one line a keyword, the same bytes every time."""
-    return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"

@@ -7,6 +7,7 @@ from typing import Any
 
 from ergon.instruments.kinds import LINKS, tables
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
+from ergon.scores.reading.manner import OF_GESTURE
 from ergon.scores.reading.part import PART
 from ergon.scores.tables import kinds as k
 from ergon.scores.tables.fields import Field, Record, Values
@@ -48,18 +49,6 @@ class Raw(Shape):
         return self.what
 
 
-def manner_fields() -> tuple[Field, ...]:
-    """How a gesture is played: the same on gestures and on parts."""
-    return (
-        Field("touch", choice("open", "tracked"), "ergons for the free key, or exact", "open"),
-        Field("ergons", choice("event", "particle"), "impulses, or masses with a BUT", "event"),
-        Field("grain", k.DURATION, "one ergon this often", shown="every audio sample"),
-        Field("join", k.DURATION, "how long before its first point a gesture leads in", "20ms"),
-        Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
-        Field("layer", k.TRUTH, "sound with the gesture before instead of cutting it", "false"),
-    )
-
-
 GESTURE = Record(
     "gesture",
     "a narrative gesture: a notation alone, or these fields",
@@ -69,7 +58,7 @@ GESTURE = Record(
         Field("curve", CURVE, "the way into points without a curve word", "smooth"),
         Field("like", Reference("a gesture"), "begin with another gesture"),
         Field("do", k.DO, "transformations, left to right (after those of `like`)"),
-        *manner_fields(),
+        *OF_GESTURE,
     ),
 )
 
@@ -134,9 +123,7 @@ STRIKES = Record(
     "strikes",
     "ergons that hit modules directly, without a key",
     (
-        Field(
-            "to", ListOf(Reference("modules, such as sky.all"), 1, single=True), "what", None, True
-        ),
+        Field("to", _TARGETS, "what", required=True),
         Field("at", k.WHEN, "when they begin", required=True),
         Field("for", k.LENGTH, "how long"),
         Field("until", k.WHEN, "when they end, instead of `for`"),
@@ -237,7 +224,7 @@ RENDER = Record(
     (
         Field("file", k.PATH, "its name, relative to the score"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
-        Field("tail", k.DURATION, "how long after the last event", 5.0, shown="5s"),
+        Field("tail", k.PAUSE, "how long after the last event", 5.0, shown="5s"),
         Field("channels", _CHANNEL, "as in the mix"),
     ),
 )
@@ -276,32 +263,6 @@ def version(text: str) -> str:
     return text
 
 
-SCORE = Record(
-    "score",
-    "a whole score; a file that `use:` names has the same sections",
-    (
-        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
-        Field("title", k.TITLE, "the piece's name", ""),
-        Field("seed", k.integer(0, MAX_SEED, "7"), "every chance derives from it", 0),
-        Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
-        Field("rates", RATES, "sample rates"),
-        Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
-        Field("marks", NamesOf(k.WHEN, "mark"), "names of instants"),
-        Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
-        Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),
-        Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),
-        Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
-        Field("takes", NamesOf(TAKE, "take"), "captured hands"),
-        Field("strikes", NamesOf(STRIKES, "strikes"), "ergons without a key"),
-        Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
-        Field("duet", ListOf(COUPLING, single=True), "links between keys"),
-        Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
-        Field("mix", MIX, "loudspeakers and the ways to them"),
-        Field("render", RENDER, "the file that is written"),
-        Field("accuracy", ACCURACY, "what the planner may spend"),
-    ),
-    refused={"link": "Ableton Link is not built yet"},
-)
 CALIBRATION = Record(
     "calibration",
     "a key as measured",
@@ -327,4 +288,41 @@ LAYOUT = Record(
             required=True,
         ),
     ),
+)
+
+
+def _own_fields(table: Record) -> tuple[str, ...]:
+    """What stands in such a file alone: a score that has it is one of them, not a score."""
+    return tuple(f.name for f in table.fields if f.name not in ("ergon", "title"))
+
+
+SCORE = Record(
+    "score",
+    "a whole score; a file that `use:` names has the same sections",
+    (
+        Field("ergon", Text(version, "1", "^1$"), "version of the format"),
+        Field("title", k.TITLE, "the piece's name", ""),
+        Field("seed", k.integer(0, MAX_SEED, "7"), "every chance derives from it", 0),
+        Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
+        Field("rates", RATES, "sample rates"),
+        Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
+        Field("marks", NamesOf(k.WHEN, "mark"), "names of instants"),
+        Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
+        Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),
+        Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),
+        Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
+        Field("takes", NamesOf(TAKE, "take"), "captured hands"),
+        Field("strikes", NamesOf(STRIKES, "strikes"), "ergons without a key"),
+        Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
+        Field("duet", ListOf(COUPLING, single=True), "links between keys"),
+        Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
+        Field("mix", MIX, "loudspeakers and the ways to them"),
+        Field("render", RENDER, "the file that is written"),
+        Field("accuracy", ACCURACY, "what the planner may spend"),
+    ),
+    refused={"link": "Ableton Link is not built yet"},
+    foreign={
+        **dict.fromkeys(_own_fields(CALIBRATION), "a calibration is named by a key: `calib: FILE`"),
+        **dict.fromkeys(_own_fields(LAYOUT), "a layout is named by the mix: `layout: FILE`"),
+    },
 )

@@ -22,7 +22,6 @@ class Times:
     def __init__(self, score: Values, collector: Collector) -> None:
         """Read them and make the map."""
         self.collector = collector
-        self._score = score
         lines = [v for v in score["tempo"] or () if isinstance(v, Values)]
         self._lines = [(v, build.tempo(v)) for v in lines]
         self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
@@ -79,12 +78,17 @@ class Times:
             self.collector.error("E305", error.message, place())
             return None
 
-    def check(self, score: Values, piece: Piece) -> None:
-        """Every position in the piece exists, and nothing ends before it begins."""
+    def check(self, score: Values, piece: Piece) -> list[float]:
+        """Every position in the piece exists, and nothing ends before it begins.
+
+        Returns the beats on which the lines of the parts begin; 0 after a report.
+        """
+        begins = []
         for mark in self.marks:
             self._beats(mark.at, lambda mark=mark: mark.place)  # type: ignore[misc]
         for play in piece.parts:
             start = self._beats(play.at, lambda play=play: play.at_place)  # type: ignore[misc]
+            begins.append(start or 0.0)
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
@@ -99,6 +103,7 @@ class Times:
             for module in part.modules:
                 if isinstance(at := module.fields.get("at"), Position):
                     self._beats(at, lambda m=module: m.places["at"])  # type: ignore[misc]
+        return begins
 
     def _order(self, start: float | None, stop: float | None, place: Place) -> None:
         if start is not None and stop is not None and stop <= start:

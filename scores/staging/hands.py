@@ -10,8 +10,8 @@ from typing import Literal, TypedDict, cast, overload
 from ergon import _core
 from ergon.scores.clock.occurrences import starts
 from ergon.scores.clock.positions import Position
-from ergon.scores.gesture.takes import read
-from ergon.scores.gesture.transforms import Chance, Transform, apply, apply_to_take
+from ergon.scores.gesture.takes import TakeError, read
+from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
 from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
     UNSAID,
@@ -54,6 +54,7 @@ class StagedGesture:
     points: tuple[tuple[float, float], ...] = ()  # as written on this occurrence (t [s], x [m])
     curves: tuple[Curve, ...] = ()  # the ways into them
     layer: bool = False
+    tracked: bool = False
 
     @property
     def throws(self) -> tuple[int, ...]:
@@ -108,13 +109,18 @@ class Takes:
         try:
             samples = read(take.path, take.channel, rate=take.rate)
             return _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
-        except (TextError, _core.EngineError) as error:
-            message = getattr(error, "message", None) or str(error)
-            suggestion = getattr(error, "suggestion", None)
-            self.collector.error(
-                "E310", f"take {quote(take.name)}: {message}", take.place, suggestion=suggestion
-            )
-            return None
+        except TakeError as error:
+            self._refuse(take, error.field, error.message, error.suggestion)
+        except _core.EngineError as error:
+            self._refuse(take, error.module or "file", str(error))
+        return None
+
+    def _refuse(
+        self, take: TakeFile, field: str, message: str, suggestion: str | None = None
+    ) -> None:
+        place = take.places.get(field, take.place)
+        message = f"take {quote(take.name)}: {message}"
+        self.collector.error("E310", message, place, suggestion=suggestion)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,38 +155,34 @@ class Hands:
         """A key whose struck MAT is known."""
         self._keys[name] = self.timeline.key(name, struck), struck
 
-    def play(self, play: Play) -> None:
-        """All occurrences of one line of a part."""
-        tempo = self.piece.tempo_map
-        at = tempo.resolve(play.at)
-        until = None if play.until is None else tempo.resolve(play.until)
-        if play.what in self.piece.gestures:
-            gesture = self.piece.gestures[play.what]
+    def play(self, play: Play, starts: Sequence[float] | None) -> None:
+        """All occurrences of one line of a part, on the beats `starts`.
+
+        Without them it is a take, and one begins where the one before ends.
+        """
+        if (gesture := self.piece.gestures.get(play.what)) is not None:
             chain = (*gesture.do, *play.do)
-            length = apply(gesture.points, chain, _Middle(), 60.0 / tempo.bpm(at))[0][-1].at
-            for start in self._starts(play, at, length, until):
+            for start in starts or ():
                 self._written(play, gesture, chain, start)
-        else:
-            take = self.takes.get(play.what)
-            if take is None:
-                return
-            shape = apply_to_take(play.do)
-            length = Time(shape.shift.beats, shape.shift.seconds + take.duration * shape.stretch)
-            for start in self._starts(play, at, length, until):
+        elif (take := self.takes.get(play.what)) is not None:
+            for start in self._ends(play, take) if starts is None else starts:
                 self._taken(play, take, start)
 
     def standin(self, player: Player) -> None:
         """A live hand's stand-in, from the beginning of the piece."""
         what, place = str(player.standin), player.place
-        self.play(
-            Play(player.name, what, Position(), None, 1, None, (), Manner(), place, place, None)
-        )
+        play = Play(player.name, what, Position(), None, 1, None, (), Manner(), place, place, None)
+        self.play(play, (0.0,))
 
-    def _starts(self, play: Play, at: float, length: Time, until: float | None) -> list[float]:
+    def _ends(self, play: Play, take: _core.Take) -> list[float]:
+        """Beats on which a take is played end to end."""
+        tempo = self.piece.tempo_map
+        at = tempo.resolve(play.at)
+        until = None if play.until is None else tempo.resolve(play.until)
+        shape = apply_to_take(play.do)
+        length = Time(shape.shift.beats, shape.shift.seconds + take.duration * shape.stretch)
         try:
-            return starts(
-                self.piece.tempo_map, at, length, every=play.every, times=play.times, until=until
-            )
+            return starts(tempo, at, length, times=play.times, until=until)
         except TextError as error:
             self.collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
             return []
@@ -212,6 +214,7 @@ class Hands:
                 tuple(zip(t, shape.x, strict=True)),
                 shape.curves,
                 shape.options["layer"],
+                shape.options["touch"] == "tracked",
             )
         )
 
@@ -229,7 +232,7 @@ class Hands:
         said = None if play.manner is UNSAID else play.manner
         known = (*who, play.do, said, self.piece.tempo_map.bpm(start) if chain else 0.0)
         if known not in self._shapes:
-            self._shapes[known] = self._shaped(play, gesture, chain, start, _Middle())
+            self._shapes[known] = self._shaped(play, gesture, chain, start, Middle())
         return self._shapes[known]
 
     def _shaped(
@@ -266,7 +269,7 @@ class Hands:
         tempo = self.piece.tempo_map
         shape = apply_to_take(play.do)
         at = tempo.instant(start, shape.shift)
-        manner = play.manner.over(DEFAULT_MANNER)
+        options = self._options(play, play.manner.over(DEFAULT_MANNER))
         index, struck = self._keys[self._key_of(play)]
         try:
             self.timeline.take(
@@ -277,7 +280,7 @@ class Hands:
                 stretch=shape.stretch,
                 reverse=shape.reverse,
                 source=self.sources.add(lambda: play.place),
-                **self._options(play, manner),
+                **options,
             )
         except _core.EngineError as error:
             self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
@@ -285,7 +288,16 @@ class Hands:
         stop = at + take.duration * shape.stretch
         self.gestures.append(
             StagedGesture(
-                play.what, play.player, self._key_of(play), index, struck, at, stop, play.place
+                play.what,
+                play.player,
+                self._key_of(play),
+                index,
+                struck,
+                at,
+                stop,
+                play.place,
+                layer=options["layer"],
+                tracked=options["touch"] == "tracked",
             )
         )
 
@@ -313,13 +325,6 @@ class Hands:
 
     def _reach(self, play: Play) -> float:
         return self.piece.keys[self._key_of(play)].reach
-
-
-class _Middle:
-    """Draws the middle: what does not sound needs no chance."""
-
-    def uniform(self, low: float, high: float) -> float:
-        return (low + high) / 2
 
 
 def _sentence(error: _core.EngineError) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
-from ergon.instruments.kinds import LINKS
 from ergon.instruments.model import Instrument, Layout, Output, Target
 from ergon.scores.reading.piece import Piece, Route
 
@@ -61,22 +60,8 @@ def listen(piece: Piece, assembly: Assembly) -> Listening:
     position: dict[Route, int] = {}
     for route, instrument, output in heard:
         index = position[route] = position.get(route, -1) + 1
-        if output.nearest is not None:
-            _nearest(
-                listening, piece, assembly, instrument, output, route, output.nearest, forces=True
-            )
-        elif route.to == "nearest":
-            assert piece.mix.layout is not None
-            _nearest(
-                listening,
-                piece,
-                assembly,
-                instrument,
-                output,
-                route,
-                piece.mix.layout,
-                forces=False,
-            )
+        if output.nearest is not None or route.to == "nearest":
+            _nearest(listening, piece, assembly, instrument, output, route)
         else:
             name = instrument.name, output.name
             if name not in taps:
@@ -141,11 +126,10 @@ def _nearest(
     instrument: Instrument,
     output: Output,
     route: Route,
-    room: Layout,
-    *,
-    forces: bool,
 ) -> None:
     """Each member to the loudspeaker that lies nearest to it: one tap for each loudspeaker."""
+    room = output.nearest or piece.mix.layout
+    assert room is not None
     near: dict[int, list[_Range]] = {}
     targets = output.targets or _everything(instrument)
     for target in targets:
@@ -158,7 +142,7 @@ def _nearest(
     for speaker in sorted(near):
         name = ".".join(filter(None, (instrument.name, output.name, str(speaker + 1))))
         ranges = near[speaker]
-        heard = {"ground_forces": ranges} if forces else {"positions": ranges}
+        heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
         tap = assembly.network.listen(name, **heard)
         _ways(listening, piece, tap, (speaker,), route)
@@ -169,7 +153,7 @@ def _everything(instrument: Instrument) -> list[Target]:
     return [
         Target(instrument.name, module.name, 0, module.fields["count"], "", module.place)
         for module in instrument.modules
-        if module.kind == "BANK" and module.kind not in LINKS
+        if module.kind == "BANK"
     ]
 
 

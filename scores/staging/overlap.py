@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.hands import StagedGesture
@@ -14,22 +15,37 @@ _SEAM = 0.02
 
 
 def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: Collector) -> None:
-    """Report gestures that begin before the one before has ended (W310), once for each line."""
-    tempo = piece.tempo_map
+    """Report gestures that begin before the one before has ended (W310), and layers over a tracked
+    gesture (W313), once for each line."""
     keys: dict[str, list[StagedGesture]] = {}
     for gesture in gestures:
-        if not gesture.layer:
-            keys.setdefault(gesture.key, []).append(gesture)
+        keys.setdefault(gesture.key, []).append(gesture)
     told: set[Place] = set()
-    for line in keys.values():
-        line.sort(key=lambda gesture: gesture.start)
-        latest = line[0]
-        for gesture in line[1:]:
+    for on_key in keys.values():
+        line = sorted((g for g in on_key if not g.layer), key=lambda gesture: gesture.start)
+        for latest, gesture in pairwise(line):
             if gesture.start < latest.stop - _SEAM and gesture.place not in told:
                 told.add(gesture.place)
-                what = "itself" if latest.place == gesture.place else quote(latest.name)
-                at, until = (tempo.written(tempo.beats(t)) for t in (gesture.start, latest.stop))
-                message = f"{quote(gesture.name)} at {at} cuts {what}, which lasts until {until}"
-                help = "`layer: true` lets both sound"
-                collector.error("W310", message, gesture.place, help=help)
-            latest = gesture
+                _tell_cut(piece, latest, gesture, collector)
+        tracked = [gesture for gesture in line if gesture.tracked]
+        for layer in (gesture for gesture in on_key if gesture.layer and tracked):
+            under = (g for g in tracked if g.start < layer.stop and layer.start < g.stop)
+            held = next(under, None)
+            if held is not None and layer.place not in told:
+                told.add(layer.place)
+                message = (
+                    f"{quote(layer.name)} is a layer over {quote(held.name)}, which is tracked: "
+                    "the key stays on that path, and nothing of the layer is heard"
+                )
+                collector.error("W313", message, layer.place)
+
+
+def _tell_cut(
+    piece: Piece, latest: StagedGesture, gesture: StagedGesture, collector: Collector
+) -> None:
+    tempo = piece.tempo_map
+    what = "itself" if latest.place == gesture.place else quote(latest.name)
+    at, until = (tempo.written(tempo.beats(t)) for t in (gesture.start, latest.stop))
+    message = f"{quote(gesture.name)} at {at} cuts {what}, which lasts until {until}"
+    help = "`layer: true` lets both sound"
+    collector.error("W310", message, gesture.place, help=help)

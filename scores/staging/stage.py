@@ -67,10 +67,6 @@ class Stage:
             for part in self.listening.parts()
         ]
 
-    def name_of(self, mat: int) -> str:
-        """A MAT as the composer wrote it."""
-        return self.network.name_of(mat)
-
     def fault(self, error: _core.DivergedError) -> Diagnostic:
         """A part that went non-finite while it ran, in the place where it is written."""
         return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
@@ -120,7 +116,8 @@ def solo(piece: Piece, name: str, key: str) -> Stage:
     play = Play(
         hand.name, name, Position(), None, 1, None, (), Manner(), what.place, what.place, None
     )
-    return stage(replace(piece, parts=(play,), players={hand.name: hand}, strikes=()))
+    alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())
+    return stage(alone)
 
 
 def _network(piece: Piece, assembly: Assembly) -> list[int]:
@@ -142,8 +139,8 @@ def _play(piece: Piece, assembly: Assembly, hands: Hands, couplings: Sequence[in
     for name, key in piece.keys.items():
         hands.key(name, assembly.mats[name, key.struck])
     _drives(piece, assembly, hands)
-    for play in piece.parts:
-        hands.play(play)
+    for play, starts in zip(piece.parts, piece.starts, strict=True):
+        hands.play(play, starts)
     written = {play.player for play in piece.parts}
     for player in piece.players.values():
         if player.hand == "live" and player.standin and player.name not in written:

@@ -48,6 +48,7 @@ class Values:
     free: dict[str, Any] = field(default_factory=dict)
     kind: str = ""  # of a record with kinds: the one that was written
     strange: int = 0  # names that mean nothing here, reported
+    is_foreign: bool = False  # one of them was a field of another kind of file
 
     def __getitem__(self, name: str) -> Any:
         """The value given, or the default."""
@@ -88,6 +89,7 @@ class Record(Shape):
     kind_required: bool = False
     free: Shape | None = None
     refused: Mapping[str, str] = field(default_factory=dict)  # planned fields: name → sentence
+    foreign: Mapping[str, str] = field(default_factory=dict)  # fields of other files: name → help
     by_name: dict[str, Field] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -141,8 +143,13 @@ class Record(Shape):
             values.strange += 1
             noun = "section" if not context.owner else "field"
             where = f" in {context.owner}" if context.owner else ""
-            help = "put a space after ':'" if ":" in word else None
             message = f"unknown {noun} {quote(word)}{where}"
+            if word in self.foreign:
+                if not values.is_foreign:  # one file in the place of another is one mistake
+                    context.error("E101", message, key.place, help=self.foreign[word])
+                values.is_foreign = True
+                return
+            help = "put a space after ':'" if ":" in word else None
             context.error("E101", message, key.place, word=word, names=names, help=help)
 
     def _is_free(self, free: Shape, word: str, child: Node) -> bool:

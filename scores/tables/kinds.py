@@ -95,13 +95,14 @@ HARDENING = quantity(q.HARDENING)
 HERTZ = quantity(q.FREQUENCY)
 RATE = quantity(q.RATE)
 DURATION = quantity(q.DURATION)
+PAUSE = quantity(q.INSTANT)  # a duration that may be none
 LEVEL = quantity(q.LEVEL)
 NUMBER = quantity(q.NUMBER)
 RATIO = quantity(q.RATIO)
 UNIT_RATIO = quantity(q.UNIT_RATIO)
 CONSTANT = quantity(q.CONSTANT, "a constant of the law, such as 900N/m")
-POSITIVE = quantity(q._dimension("number", "", "1.5", "positive"))
-EXPONENT = quantity(q._dimension("exponent", "", "1.5", low=1.0, high=16.0))
+POSITIVE = quantity(q.FACTOR)
+EXPONENT = quantity(q.EXPONENT)
 PITCH = Text(
     _cached(q.frequency),
     "a frequency or a note, such as 220Hz or A3",

@@ -41,6 +41,11 @@ class Dimension:
     low: float = -MAX_SIZE
     high: float = MAX_SIZE
 
+    @property
+    def si(self) -> str:
+        """The unit in which values and bounds are kept; "" for plain numbers."""
+        return next((unit for unit, power in self.units.items() if power == 0), "")
+
 
 def _dimension(
     name: str,
@@ -81,6 +86,8 @@ INSTANT = _dimension(
 LEVEL = _dimension("level", "dB", "-6dB", bare=False, low=-400.0, high=200.0)
 NUMBER = _dimension("plain number", "", "0.5")
 RATIO = _dimension("plain number", "", "0.5", "not negative")
+FACTOR = _dimension("number", "", "1.5", "positive")
+EXPONENT = _dimension("exponent", "", "1.5", low=1.0, high=16.0)
 UNIT_RATIO = _dimension("number from 0 to 1", "", "0.5", "not negative", high=1.0)
 
 # A constant of a law may have any of these; what it must measure depends on the law's text.
@@ -123,8 +130,10 @@ def bounded(value: float, word: str, dimension: Dimension) -> float:
         reason = f"not positive; {with_article(dimension.name)} is, such as {dimension.example}"
     elif dimension.sign == "not negative" and value < 0:
         reason = f"negative; {with_article(dimension.name)} is not, such as {dimension.example}"
-    elif not dimension.low <= value <= dimension.high:
-        reason = f"outside {dimension.low:g} to {dimension.high:g}"
+    elif value < dimension.low:
+        reason = f"below {dimension.low:g}{dimension.si}, the least that it can be"
+    elif value > dimension.high:
+        reason = f"above {dimension.high:g}{dimension.si}, the most that it can be"
     if reason:
         raise TextError(f"{quote(word)} is {reason}", length=len(word), code="E202")
     return value
@@ -140,7 +149,7 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
         if dimension.bare or not word.strip("+-0."):
             return 0
         first = next(iter(dimension.units))
-        message = f"{quote(word)} has no unit (use {units}): write {word}{first}"
+        message = f"{quote(word)} has no unit (use {units})"
         raise TextError(message, length=length, suggestion=word + first, code="E203")
     length = len(unit)
     if unit[0] in ":_," or unit[0].isdigit():

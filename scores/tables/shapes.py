@@ -100,7 +100,6 @@ class Text(Shape):
     types: tuple[str, ...] = ("string", "number")
     choices: tuple[str | int, ...] = ()
     inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
-    literal: bool = False  # a text of many lines
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""

@@ -108,11 +108,10 @@ class Collector:
 
     def finish(self) -> list[Diagnostic]:
         """Everything found, in file order: at most 20 of each severity, with suggestions."""
-        order = {name: index for name, index in self._files.items()}
         found = sorted(
             self._found.values(),
             key=lambda item: (
-                order.get(item[0].place.file, len(order)),
+                self._files.get(item[0].place.file, len(self._files)),
                 item[0].place.line,
                 item[0].place.column,
                 item[0].code,

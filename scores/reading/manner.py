@@ -1,0 +1,29 @@
+"""How a gesture is played: fields that gestures and the entries of parts have alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ergon.scores.reading.piece import UNSAID, Manner
+from ergon.scores.tables import kinds as k
+from ergon.scores.tables.fields import Field
+from ergon.scores.tables.shapes import choice
+
+# What holds where neither says a thing is DEFAULT_MANNER.
+OF_GESTURE = (
+    Field("touch", choice("open", "tracked"), "ergons for the free key, or exact", shown="open"),
+    Field("ergons", choice("event", "particle"), "impulses, or masses with a BUT", shown="event"),
+    Field("grain", k.DURATION, "one ergon this often", shown="every audio sample"),
+    Field("join", k.PAUSE, "how long before its first point it leads in", shown="20ms"),
+    Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
+    Field("layer", k.TRUTH, "sound with the gesture before instead of cutting it", shown="false"),
+)
+OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # unsaid: the gesture's own
+
+
+def manner(given: Mapping[str, Any]) -> Manner:
+    """The manner that was written; None where nothing was."""
+    said = {field.name: given[field.name] for field in OF_GESTURE if field.name in given}
+    return Manner(**said) if said else UNSAID
