@@ -29,7 +29,12 @@ def compile_score(
     staged = score.stage_piece(console, loaded, seed=seed, record=True)
     piece, stage = staged.piece, staged.stage
     form: Form = "json" if console.json else "csv"
-    names = Names(struck=stage.name_of, source=lambda index: str(stage.sources[index]))
+    reaches = {name: key.reach for name, key in piece.keys.items()}
+    names = Names(
+        struck=stage.network.name_of,
+        source=lambda index: str(stage.sources[index]),
+        reach=lambda struck: reaches.get(struck.partition(".")[0], 1.0),
+    )
     # Under --json a bar's records would mix with the rows.
     quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (

@@ -54,7 +54,7 @@ def export(
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
     for path in (tempo_path, marks_path):
         check_target(path, force=force)
-    tempo = score.tempo_of(piece)
+    tempo = piece.tempo_map
     marks = [
         (name, score.where(piece, tempo.seconds(beats)), tempo.seconds(beats))
         for name, beats in score.marks_of(piece)
@@ -85,7 +85,7 @@ def _tempo_file(piece: Piece, end: float) -> bytes:
     """The tempo map up to `end` [s], or to the end of its last ramp if that is later."""
     from ergon.exchange.midi import Marker, tempo_file
 
-    tempo = score.tempo_of(piece)
+    tempo = piece.tempo_map
     ramps = [tempo.after(tempo.resolve(e.at), e.over) for e in piece.tempo if e.over is not None]
     length = max([tempo.beats(end), *ramps, *(tempo.resolve(e.at) for e in piece.tempo)])
     markers = [Marker(name, beats) for name, beats in score.marks_of(piece)]
@@ -98,10 +98,8 @@ def _tempo_file(piece: Piece, end: float) -> bytes:
 def _meters(piece: Piece) -> list[Meter]:
     from ergon.exchange.midi import Meter
 
-    tempo = score.tempo_of(piece)
-    starts = {0.0, *(tempo.resolve(entry.at) for entry in piece.tempo if entry.meter)}
-    meters = [(beat, tempo.bars.meter(beat)) for beat in sorted(starts)]
-    return [Meter(beat, meter.beats, meter.unit) for beat, meter in meters]
+    changes = piece.tempo_map.bars.changes()
+    return [Meter(beat, meter.beats, meter.unit) for beat, _, meter in changes]
 
 
 def _say(console: Console, path: Path) -> None:

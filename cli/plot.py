@@ -83,7 +83,8 @@ def _curves(
     first = gestures[0]
     start = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
     stop = max(gesture.stop for gesture in gestures)
-    curves = asked_and_done(stage.simulation, first.key_index, first.struck, start, stop)
+    reach = piece.keys[first.key].reach
+    curves = asked_and_done(stage.simulation, first.key_index, first.struck, start, stop, reach)
     at = "" if key is not None else f" at {score.where(piece, first.start)}"
     return curves, f"{name}{at} on {first.key}"
 

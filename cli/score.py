@@ -18,7 +18,6 @@ from .console import Console, plural
 from .outcome import Findings, Refused
 
 if TYPE_CHECKING:
-    from ergon.scores.clock.tempo import TempoMap
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
@@ -96,7 +95,7 @@ def instant(piece: Piece, text: str, option: str) -> float:
     from ergon.scores.clock.positions import parse_position
     from ergon.scores.text.errors import TextError
 
-    tempo = tempo_of(piece)
+    tempo = piece.tempo_map
     try:
         return tempo.seconds(tempo.resolve(parse_position(text)))
     except TextError as error:
@@ -106,18 +105,13 @@ def instant(piece: Piece, text: str, option: str) -> float:
 
 def where(piece: Piece, seconds: float) -> str:
     """An instant as `bar|beat`."""
-    tempo = tempo_of(piece)
+    tempo = piece.tempo_map
     return tempo.written(tempo.beats(seconds))
-
-
-def tempo_of(piece: Piece) -> TempoMap:
-    """The tempo map."""
-    return piece.tempo_map
 
 
 def marks_of(piece: Piece) -> list[tuple[str, float]]:
     """Marks with their beats, in order of time."""
-    tempo = tempo_of(piece)
+    tempo = piece.tempo_map
     beats = ((mark.name, tempo.resolve(mark.at)) for mark in piece.marks)
     return sorted(beats, key=lambda mark: (mark[1], mark[0]))
 

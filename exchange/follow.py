@@ -51,10 +51,12 @@ def follow(stage: Any, progress: Callable[[int], None]) -> list[Followed]:
     for report in simulation.reports():
         gesture = stage.gestures[report.gesture]
         groups.setdefault((gesture.player, gesture.name, gesture.key), []).append(report)
-    return [_together(*who, reports) for who, reports in groups.items()]
+    keys = stage.piece.keys
+    return [_together(*who, reports, keys[who[2]].reach) for who, reports in groups.items()]
 
 
-def _together(player: str, name: str, key: str, reports: list[Report]) -> Followed:
+def _together(player: str, name: str, key: str, reports: list[Report], reach: float) -> Followed:
+    # The engine knows a key as the scene sees it, `reach` times as far; a hand knows the key.
     worst = max(reports, key=lambda report: report.worst)
     compared = sum(report.compared for report in reports)
     squares = sum(report.rms * report.rms * report.compared for report in reports)
@@ -66,13 +68,13 @@ def _together(player: str, name: str, key: str, reports: list[Report]) -> Follow
         times=len(reports),
         is_layer=not compared and n_ergons > 0,
         n_ergons=n_ergons,
-        rms=sqrt(squares / compared) if compared else 0.0,
-        worst=worst.worst,
+        rms=sqrt(squares / compared) / reach if compared else 0.0,
+        worst=worst.worst / reach,
         worst_at=worst.worst_at,
         pushed_by=worst.pushed_by,
-        strongest=max(report.strongest for report in reports),
-        low=min(report.low for report in reports),
-        high=max(report.high for report in reports),
+        strongest=max(report.strongest for report in reports) / reach,
+        low=min(report.low for report in reports) / reach,
+        high=max(report.high for report in reports) / reach,
         missed=sum(report.missed for report in reports),
         first_points_missed=sum(report.first_point_missed for report in reports),
     )

@@ -33,10 +33,14 @@ _KEYS = ("time_s", "struck", "sign", "mass_kg", "speed_m_s", "impulse_n_s", "sou
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What the numbers of the engine are called: MAT index and source number to text."""
+    """What the numbers of the engine are called: MAT index and source number to text.
+
+    `reach` of a struck MAT's name: the engine knows a key behind a lever as the scene sees it.
+    """
 
     struck: Callable[[int], str]
     source: Callable[[int], str]
+    reach: Callable[[str], float] = lambda _: 1.0
 
 
 def header(form: Form, *, title: str, rate: float, score: str) -> str:
@@ -81,15 +85,18 @@ def rows(form: Form, ergons: Ergons, names: Names) -> str:
 
 
 def _rows(ergons: Ergons, names: Names) -> Iterator[Sequence[object]]:
-    struck: dict[int, str] = {}
+    struck: dict[int, tuple[str, float]] = {}
     source: dict[int, str] = {}
     columns = ("time", "mat", "mass", "speed", "impulse", "source")
     lists = [ergons[column].tolist() for column in columns]
     for time, mat, mass, speed, impulse, place in zip(*lists, strict=True):
         if mat not in struck:
-            struck[mat] = names.struck(int(mat))
+            name = names.struck(int(mat))
+            struck[mat] = name, names.reach(name)
         if place not in source:
             source[place] = names.source(int(place))
         # The sign stands in a column of its own, as in the paper: which way the ergon strikes.
         sign = "-" if impulse < 0 else "+"
-        yield time, struck[mat], sign, mass, abs(speed), abs(impulse), source[place]
+        name, reach = struck[mat]
+        mass, speed, impulse = mass * reach * reach, abs(speed) / reach, abs(impulse) * reach
+        yield time, name, sign, mass, speed, impulse, source[place]

@@ -14,15 +14,16 @@ _MM = 1000.0
 
 
 def asked_and_done(
-    simulation: Simulation, key: int, struck: int, start: float, stop: float
+    simulation: Simulation, key: int, struck: int, start: float, stop: float, reach: float = 1.0
 ) -> tuple[Curve, Curve]:
     """Run from the beginning to `stop` [s] and trace the key from `start` on, in millimetres.
 
-    `key` is the key's index on the timeline, `struck` its struck MAT.
+    `key` is the key's index on the timeline, `struck` its struck MAT, which the scene sees move
+    `reach` times as far as the key does.
     """
     import numpy as np
 
-    rate = simulation.rate
+    rate, scale = simulation.rate, _MM / reach
     first, last = int(start * rate + 0.5), int(stop * rate + 0.5)
     step = max(1, (last - first) // POINTS)
     block = np.zeros((4096, simulation.n_out))
@@ -31,8 +32,8 @@ def asked_and_done(
     t, asked, done = [], [], []
     while True:
         t.append(simulation.frame / rate)
-        asked.append(float(simulation.asked()[key]) * _MM)
-        done.append(float(simulation.positions()[struck]) * _MM)
+        asked.append(float(simulation.asked()[key]) * scale)
+        done.append(float(simulation.positions()[struck]) * scale)
         if simulation.frame >= last:
             break
         simulation.process(np.zeros((min(step, last - simulation.frame), simulation.n_out)))
