@@ -179,3 +179,19 @@ def test_a_key_is_asked_for_its_gesture_and_its_layers():
     assert sim.asked()[0] == pytest.approx(4e-3, abs=1e-9)
     assert sim.positions()[0] == pytest.approx(4e-3, abs=1e-9)
     assert sim.reports()[0].worst < 1e-9
+
+
+def test_a_free_key_with_an_exact_contact_inside_stays_on_its_path():
+    """The key's own damper stops are part of the free key that the ergons are computed for."""
+    network = _core.Network()
+    network.part("k")
+    struck = network.cel("m", M=0.08, f=8.0, t60=0.6)
+    stop = network.cel("stop", M=0.08, f=8.0, t60=0.6)
+    network.but("b", struck, stop, K=1e9, gap=1e-3, contact="exact")
+    network.listen("x", positions=[(struck, 1, 1.0)])
+    timeline = _core.Timeline(network, RATE)
+    timeline.gesture(timeline.key("k", struck), [0.0, 0.2], [0.0, 5e-3], SMOOTH[:2])
+    sim = _core.Simulation(network, timeline)
+    out = play(sim, int(0.2 * RATE))
+    asked = path([0.0, 0.2], [0.0, 5e-3], SMOOTH[:2], grid(len(out)))
+    assert worst(out[:, 0], asked) < 1e-9

@@ -21,6 +21,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import test_library
+import yaml
 
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -177,6 +179,23 @@ def test_the_picture_is_of_the_score_beside_it() -> None:
     title = next(line for line in text.splitlines() if line.startswith("title: "))
     assert title.removeprefix("title: ") in picture
     assert len(picture) < 150_000
+
+
+def test_what_ships_is_listed_with_its_length() -> None:
+    """docs/README.md: every piece and its seconds, every instrument that a file defines."""
+    text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    pieces = re.findall(r"^\| `([\w-]+)` \| (\d+) s \|", text, re.MULTILINE)
+    assert {name: int(seconds) for name, seconds in pieces} == {
+        name: int(seconds + 0.5) for name, seconds in test_library.SECONDS.items()
+    }
+    rows = re.findall(r"^\| `([\w-]+)\.yaml` \|([^|]*)\|", text, re.MULTILINE)
+    files = {path.stem: path for path in (ROOT / "instruments" / "library").glob("*.yaml")}
+    assert {name for name, _ in rows} == set(files)
+    for name, instruments in rows:
+        defined = yaml.safe_load(files[name].read_text(encoding="utf-8"))
+        assert re.findall(r"`([\w-]+)`", instruments) == list(defined.get("instruments", {}))
+    laws = yaml.safe_load(files["laws"].read_text(encoding="utf-8"))["laws"]
+    assert len(laws) == 9  # "nine laws"
 
 
 def test_a_smooth_run_swings_beyond_a_point_that_is_not_in_the_middle() -> None:

@@ -1,25 +1,13 @@
-import textwrap
 from pathlib import Path
 
 import pytest
+from checked import check, codes, found
 
 from ergon.scores.reading.load import load
 
-DATA = Path(__file__).parent / "data"
+ROOT = Path(__file__).parents[1]
+DATA = ROOT / "tests/data"
 DUET = (DATA / "duet-2.2.yaml").read_text(encoding="utf-8")
-
-
-def check(text, **overlay):
-    overlay = {f"{name}.yaml": textwrap.dedent(body) for name, body in overlay.items()}
-    return load("s.yaml", text=textwrap.dedent(text), overlay=overlay)
-
-
-def found(text, **overlay):
-    return [(d.code, d.place.line, d.message) for d in check(text, **overlay).diagnostics]
-
-
-def codes(text, **overlay):
-    return [code for code, *_ in found(text, **overlay)]
 
 
 def duet(text=DUET):
@@ -181,6 +169,18 @@ def test_a_clash_of_names_is_an_error():
     )
 
 
+@pytest.mark.parametrize(
+    ("file", "help"),
+    [
+        ("layouts/stereo.yaml", "a layout is named by the mix: `layout: FILE`"),
+        ("calib/crm-key-03.yaml", "a calibration is named by a key: `calib: FILE`"),
+    ],
+)
+def test_a_file_of_another_kind_is_told_once(file, help):
+    (found,) = load(ROOT / "scores/library" / file).diagnostics
+    assert (found.code, found.help) == ("E101", help)
+
+
 def test_missing_files():
     assert codes("ergon: 1\nuse: [none.yaml]\n") == ["E107"]
     assert codes("ergon: 1\ntakes: {t: {file: none.csv}}\n") == ["E107"]
@@ -192,83 +192,6 @@ def test_missing_files():
 def test_like_in_a_circle():
     text = "ergon: 1\ngestures:\n  a: {like: b}\n  b: {like: a}\n"
     assert codes(text) == ["E302", "E302"]
-
-
-# --- the formalism -------------------------------------------------------------------------------
-
-NETWORK = """\
-ergon: 1
-instruments:
-  i:
-    modules:
-      m: {MAS: {M: 1g}}
-      n: {MAS: {M: 1g}}
-      s: {STRING: {masses: 9, M: 1g, f: A3}}
-      r: {REF: {between: [m, n], K: 1}}
-      %s
-    out: %s
-"""
-
-
-@pytest.mark.parametrize(
-    ("module", "out", "code", "part"),
-    [
-        ("x: {REF: {between: [m, m], K: 1}}", "{}", "E304", "two different points"),
-        ("x: {REF: {between: [m, r], K: 1}}", "{}", "E304", "joins <M> points only"),
-        ("x: {REF: {between: [m], K: 1}}", "{}", "E106", "2 expected, 1 written"),
-        ("x: {REF: {between: [m, s], K: 1}}", "{}", "E304", "9 masses"),
-        ("x: {REF: {between: [m, s.9], K: 1}}", "{}", "E304", "members 0 to 8"),
-        ("x: {REF: {between: [m, s.all], K: 1}}", "{}", "E304", "one MAT"),
-        ("x: {REF: {between: [m, m.0], K: 1}}", "{}", "E304", "no members"),
-        ("x: {REF: {between: [m, q], K: 1}}", "{}", "E301", "nothing is called 'q'"),
-        ("x: {REF: {between: [m, n]}}", "{}", "E103", "K or Z"),
-        ("x: {CEL: {M: 1g, K: 1, f: A3}}", "{}", "E111", "too"),
-        ("x: {CEL: {M: 1g}}", "{}", "E103", "needs K"),
-        ("x: {CEL: {M: -1g, K: 1}}", "{}", "E202", "not positive"),
-        ("x: {CEL: {M: 1g, K: .inf}}", "{}", "E201", "finite"),
-        ("x: {BANK: {count: 1e11, M: 1g, f: 20Hz..1kHz, t60: 1s}}", "{}", "E202", "outside"),
-        ("x: {BUT: {between: [m, n], K: 1, contact: magic}}", "{}", "E111", "magic"),
-        ("x: {MAS: {M: 1g}, SOL: {}}", "{}", "E111", "one kind"),
-        ("x: {}", "{}", "E103", "no kind"),
-        ("x: {ENX: &e {to: m, from: 1mm}}\n      y: {ENX: *e}", "{}", "E304", "only forces"),
-        ("x: {ENX: {to: m, from: hand}}", "{}", "E301", "no take"),
-        ("x: {ENF: {to: m, from: tgr0.3}}", "{}", "E108", "axis"),
-        ("x: {LNL: {between: [m, n], law: k*d, k: 1N/m, q: 3}}", "{}", "E101", "no constant 'q'"),
-        ("x: {LNL: {between: [m, n], law: cubik}}", "{}", "E301", "no law"),
-        ("x: {SOL: {}}", "{SOX: r}", "E304", "a REF"),
-        ("x: {SOL: {}}", "{SOF: m}", "E304", "force of a link"),
-        ("x: {SOL: {}}", "{SOX: [m, o]}", "E301", "'o'"),
-        ("m: {SOL: {}}", "{}", "E102", "already defined"),
-    ],
-)
-def test_rules(module, out, code, part):
-    reports = found(NETWORK % (module, out))
-    assert [report[0] for report in reports] == [code]
-    assert part in reports[0][2]
-
-
-def test_members():
-    text = NETWORK % (
-        "x: {SOL: {}}",
-        "{a: {SOX: s.3..5}, b: {SOX: [m, s.last]}, c: {SOF: {REF: r}}}",
-    )
-    a, b, c = check(text).piece.instruments["i"].outputs
-    assert [(t.first, t.count) for t in a.targets] == [(3, 3)]
-    assert [(t.module, t.first) for t in b.targets] == [("m", 0), ("s", 8)]
-    assert c.targets[0].module == "r"
-
-
-def test_algorithmic_units():
-    text = """\
-    ergon: 1
-    instruments:
-      i: {units: ca, at: 44100Hz, modules: {m: {CEL: {M: 1, K: 0.01, Z: 1e-4}}}, out: {SOX: m}}
-    """
-    made = check(text).piece.instruments["i"]
-    assert made.ca_rate == 44100.0
-    assert made.modules[0].fields["K"] == 0.01
-    assert codes(text.replace("K: 0.01", "K: 1N/m")) == ["E203"]
-    assert codes(text.replace(", at: 44100Hz", "")) == ["E103"]
 
 
 # --- time ----------------------------------------------------------------------------------------
@@ -365,69 +288,3 @@ def test_the_digest_is_of_values(before, after):
 )
 def test_the_digest_sees_every_value(before, after):
     assert duet(DUET.replace(before, after)).piece.digest() != duet().piece.digest()
-
-
-# --- laws ----------------------------------------------------------------------------------------
-
-
-def law(fields: str) -> str:
-    return (
-        "ergon: 1\n"
-        "instruments:\n"
-        "  i:\n"
-        "    modules:\n"
-        "      g: {SOL: {}}\n"
-        "      m: {MAS: {M: 10g}}\n"
-        f"      l: {{LNL: {{between: [g, m], {fields}}}}}\n"
-        "    out: {SOX: m}\n"
-    )
-
-
-def test_points_of_a_law_have_units():
-    bare, written = (
-        check(law(f"points: {points}")).piece.digest()
-        for points in ("[[-0.001, -2], [0, 0]]", "[[-1mm, -2N], [0, 0]]")
-    )
-    assert bare == written
-
-
-@pytest.mark.parametrize(
-    ("points", "expected"),
-    [
-        ("[[-1N, -2N], [0, 0]]", ["E203"]),
-        ("[[-1mm, 2mm], [0, 0], [x, 1]]", ["E203", "E201"]),
-        ("[[0, 0, 0], [1mm, 1N]]", ["E106"]),
-        ("[[1mm, 1N], [0, 0]]", ["E207"]),
-    ],
-)
-def test_a_broken_point_is_reported_in_its_place(points, expected):
-    assert codes(law(f"points: {points}")) == expected
-
-
-def test_an_unknown_constant_is_told_from_functions():
-    (found,) = check(law("law: rope, kk: 3")).diagnostics
-    assert found.suggestion == "k"
-    (found,) = check(law("law: rope, stiff: 3")).diagnostics
-    assert found.help is not None
-    assert "max" not in found.help
-
-
-COUPLED = """\
-ergon: 1
-laws: {mine: {law: k*d + q*d**3, k: 40N/m, q: 1e5}}
-keys: {k1: {M: 400g, K: 60N/m}, k2: {like: k1}}
-duet: {couple: [k1, k2], LNL: {%s}}
-"""
-
-
-def test_a_coupling_names_laws_as_a_module_does():
-    link = check(COUPLED % "law: mine, k: 50N/m").piece.duet[0].link
-    assert link.fields["law"] == "k*d + q*d**3"
-    assert link.fields["constants"] == {"k": 50.0, "q": 1e5}
-    assert codes(COUPLED % "law: cubic") == []
-    assert codes(COUPLED % "law: cubick") == ["E301"]
-    assert codes(COUPLED % "law: k*d") == ["E207"]
-
-
-def test_a_key_that_does_not_say_where_it_is_struck_is_told_once():
-    assert codes("ergon: 1\nkeys: {k: {modules: {m: {MAS: {M: 1}}}}}\n") == ["E103"]

@@ -42,7 +42,7 @@ def test_units_are_metres_beats_and_seconds():
 
 
 def test_the_length_includes_a_final_hold():
-    assert parse("0@0 6@1 hold 6@3").length == Time(3, 0)
+    assert parse("0@0 6@1 hold 6@3").points[-1].at == Time(3, 0)
 
 
 def test_a_group_starts_again_from_the_last_point():
@@ -117,7 +117,7 @@ def test_the_option_curve_leads_until_the_first_word():
         ("0@0 6@1 hold", "hold", "leads into no point", None),
         ("0@0 throw smooth 6@1", "throw", "leads into no point", None),
         ("smooth 0@0", "smooth", "begins with a point", None),
-        ("(0@0 1@1)*4", "(", "begins with a point", None),
+        ("(0@0 1@1)*4", "(", "begins with a point; write 0mm@0 before the group", None),
         ("0@0 (6@1)", ")", "how often", None),
         ("0@0 (6@1)*0", "0", "number of times", None),
         ("0@0 (6@1)*x", "x", "number of times", None),

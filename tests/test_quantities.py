@@ -59,6 +59,8 @@ def test_every_unit_is_correctly_rounded(number, unit):
         ("-1N/m", q.STIFFNESS, "E202", "negative"),
         (".nan", q.MASS, "E201", "finite"),
         ("-.inf", q.POSITION, "E201", "finite"),
+        ("1e12Hz", q.FREQUENCY, "E202", "above 1e+06Hz"),
+        ("10Hz", q.RATE, "E202", "below 1000Hz"),
         ("1e400", q.STIFFNESS, "E202", "too large"),
         ("1e9999g", q.MASS, "E202", "too large"),
         ("1e99999999999", q.STIFFNESS, "E201", "not a number"),

@@ -42,6 +42,9 @@ def warned(plays: str) -> list[Diagnostic]:
         ("{at: 6|1, play: g, every: 1, times: 3}", ["W310"]),
         ("{at: 6|1, play: g, every: 2, times: 9, do: [jitter 4ms 0.1mm]}", []),
         ("{at: 6|1, play: t}, {at: 7|1, play: t}", ["W310"]),
+        ("{at: 6|1, play: t}, {at: 7|1, play: t, layer: true}", []),
+        ("{at: 6|1, play: t, touch: tracked}, {at: 7|1, play: g, layer: true}", ["W313"]),
+        ("{at: 6|1, play: g, touch: tracked}, {at: 7|1, play: g, layer: true}", []),
         ("{at: 1|2, play: g}", ["W310"]),  # cuts the stand-in
     ],
 )
@@ -70,9 +73,38 @@ def test_a_stand_in_plays_for_a_live_hand():
     ]
 
 
+@pytest.mark.parametrize(
+    ("fields", "at_fault"),
+    [
+        ("channel: nope", "nope"),
+        ("trim: 0s..900s", "0s..900s"),
+        ("smooth: 90kHz", "90kHz"),
+        ("rate: 50Hz", "50Hz"),
+    ],
+)
+def test_a_take_is_refused_at_the_field_at_fault(fields: str, at_fault: str):
+    text = PLAYED.replace("hand-point-1.csv", "hand-point-1.csv, " + fields)
+    text = text.format(plays="{at: 6|1, play: t}", takes=TAKES)
+    loaded = load("s.yaml", text=text)
+    assert loaded.piece is not None
+    with pytest.raises(StageError) as raised:
+        stage(loaded.piece)
+    (found,) = raised.value.diagnostics
+    assert found.code == "E310"
+    line = text.splitlines()[found.place.line - 1]
+    assert line[found.place.column - 1 :].startswith(at_fault)
+
+
 def test_a_gesture_alone_begins_the_piece():
     piece = staged("{at: 6|1, play: g}").piece
     alone = solo(piece, "g", "k")
     assert [(g.name, g.start, g.stop) for g in alone.gestures] == [("g", 0.0, 1.0)]
     alone.simulation.process(np.zeros((int(alone.rate), alone.simulation.n_out)))
     assert alone.simulation.positions()[0] == pytest.approx(1e-3, abs=1e-9)
+
+
+def test_a_piece_may_have_no_tail_and_a_gesture_no_join():
+    text = PLAYED.format(plays="{at: 6|1, play: g, join: 0s}", takes=TAKES)
+    loaded = load("s.yaml", text=text + "render: {tail: 0s}\n")
+    assert loaded.piece is not None, loaded.diagnostics
+    assert stage(loaded.piece).n_frames == 11 * 44100  # 2 beats at 120 from 10 s on

@@ -1,6 +1,7 @@
 """Plays in words, rows of parts, and when their occurrences begin."""
 
 import itertools
+import re
 
 import pytest
 from hypothesis import given
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from ergon.scores.clock.occurrences import parse_times, starts
 from ergon.scores.clock.positions import Length, parse_length, parse_position
 from ergon.scores.clock.tempo import Entry, TempoMap
-from ergon.scores.gesture.words import parse, parse_row, parse_rows, rows
+from ergon.scores.gesture.words import parse, parse_row, rows
 from ergon.scores.text.errors import TextError
 from ergon.scores.text.values import Time
 
@@ -57,6 +58,7 @@ def test_transformations_are_words_too():
         ("lean do miror", "miror", "unknown transformation", "mirror"),
         ("lean do scale", "scale", "write it as", None),
         ("lean, every 1", ",", "unknown word", None),
+        ("lean layer true", "true", "'layer' stands alone", None),
         ("every 1", "every", "begins with what", None),
         ("", "", "begins with what", None),
     ],
@@ -84,8 +86,12 @@ A      lean every 8 times 2   # twice
 """
 
 
+def parse_rows(text):
+    return [parse_row(row, offset) for row, offset in rows(text)]
+
+
 def test_a_part_may_be_a_table():
-    read = list(parse_rows(TABLE))
+    read = parse_rows(TABLE)
     assert [(r.at.text, r.play.what.text) for r in read] == [("A", "lean"), ("3|2.5", "remi-7")]
     for row in read:
         for word in (row.at, row.play.what, *row.play.options.values()):
@@ -101,13 +107,23 @@ def test_each_row_can_be_read_alone():
             parse_row(row, offset)
         except TextError as error:
             mistakes.append(error.offset)
-    assert mistakes == [7, 31, 34]
+    assert mistakes == [7, 31, 33]
+
+
+@pytest.mark.parametrize(
+    ("row", "example"), [("  bad", "write 1|1 bad"), ("3|1", "write 3|1 knock")]
+)
+def test_a_row_has_two_words(row, example):
+    with pytest.raises(TextError, match=re.escape(example)) as caught:
+        parse_row(row)
+    error = caught.value
+    assert row[error.offset : error.offset + error.length] == row.strip()
 
 
 @given(st.text(alphabet="abdeilmnorstuvxy ,0123456789.#\n", max_size=50))
 def test_any_text_is_read_or_refused(text):
     try:
-        list(parse_rows(text))
+        parse_rows(text)
     except TextError as error:
         assert 0 <= error.offset <= len(text)  # noqa: PT017
 
