@@ -115,11 +115,6 @@ impl Topology {
         self.n_fixed == 0
     }
 
-    /// Number of links.
-    pub fn n_links(&self) -> usize {
-        self.runs.iter().map(|run| run.len).sum()
-    }
-
     /// y = K x of the network with springs of `factor`, x and y (n_mat,).
     pub fn apply(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);

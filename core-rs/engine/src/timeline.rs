@@ -141,9 +141,9 @@ impl Timeline {
         Ok(self.gestures.len() - 1)
     }
 
-    /// Lowest and highest position of a gesture's written points and paths [m].
-    pub fn range_of(&self, gesture: usize) -> Option<(f64, f64)> {
-        self.gestures.get(gesture).map(Gesture::range)
+    /// Lowest and highest position of each gesture's written points and paths [m], (n_gestures).
+    pub fn ranges(&self) -> Vec<(f64, f64)> {
+        self.gestures.iter().map(Gesture::range).collect()
     }
 
     /// Strike a MAT with an impulse [N·s] at an instant [s].

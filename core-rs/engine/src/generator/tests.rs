@@ -78,7 +78,7 @@ fn plates_link_all_neighbours_and_nothing_else() {
         assert_eq!(plate.n_fixed, if rim == Rim::Fixed { ring } else { 0 });
     }
     let gong = plate(Shape::Hex, 58, Rim::Free).expect("gong");
-    assert_eq!((gong.n_mat, gong.n_links()), (10_267, 30_450));
+    assert_eq!((gong.n_mat, links(&gong).len()), (10_267, 30_450));
     assert!(
         gong.runs.len() <= 3 * 117 - 2,
         "one run a row and direction"
@@ -92,14 +92,14 @@ fn strings_have_their_springs() {
     for (ends, springs, fixed) in [(Ends::Fixed, 8, 2), (Ends::Left, 7, 1), (Ends::Free, 6, 0)] {
         let plain = string(7, ends, 0.0).expect("string");
         assert_eq!(
-            (plain.n_links(), plain.n_fixed, plain.centre),
+            (links(&plain).len(), plain.n_fixed, plain.centre),
             (springs, fixed, 3)
         );
         let gap = distance(&plain, (0, 1));
         assert_eq!(links(&plain), neighbours(&plain, gap));
         let stiff = string(7, ends, 0.02).expect("string");
         // Neighbours but one, of which a fixed end may be one.
-        assert_eq!(stiff.n_links(), springs + 5 + fixed);
+        assert_eq!(links(&stiff).len(), springs + 5 + fixed);
         let extra: usize = stiff
             .runs
             .iter()
@@ -109,7 +109,7 @@ fn strings_have_their_springs() {
         assert_eq!(extra, 5 + fixed);
         assert!(stiff.lowest().expect("mode") > plain.lowest().expect("mode"));
     }
-    assert!(string(2, Ends::Free, 0.5).is_ok_and(|s| s.n_links() == 1));
+    assert!(string(2, Ends::Free, 0.5).is_ok_and(|s| links(&s).len() == 1));
 }
 
 // Formulas and iteration against dense matrices of another library.

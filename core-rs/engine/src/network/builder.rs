@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::checks::Rule;
 use super::kinds::{Error, Tie};
 use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
 use crate::cell::{self, Cell};
@@ -28,9 +29,9 @@ impl Network {
         self.check(
             name,
             &[
-                ("M", m, 0.0, false),
-                ("X0", x0, f64::MIN, true),
-                ("V0", v0, f64::MIN, true),
+                ("M", m, Rule::Positive),
+                ("X0", x0, Rule::Finite),
+                ("V0", v0, Rule::Finite),
             ],
         )?;
         self.mat(name, MatKind::Mas, [m, 0.0, 0.0, 0.0, x0, v0])
@@ -38,7 +39,7 @@ impl Network {
 
     /// Add a SOL [m].
     pub fn sol(&mut self, name: &str, x0: f64) -> Result<usize, Error> {
-        self.check(name, &[("X0", x0, f64::MIN, true)])?;
+        self.check(name, &[("X0", x0, Rule::Finite)])?;
         self.mat(name, MatKind::Sol, [0.0, 0.0, 0.0, 0.0, x0, 0.0])
     }
 
@@ -55,10 +56,10 @@ impl Network {
         self.check(
             name,
             &[
-                ("M", m, 0.0, false),
-                ("rest", rest, f64::MIN, true),
-                ("X0", x0, f64::MIN, true),
-                ("V0", v0, f64::MIN, true),
+                ("M", m, Rule::Positive),
+                ("rest", rest, Rule::Finite),
+                ("X0", x0, Rule::Finite),
+                ("V0", v0, Rule::Finite),
             ],
         )?;
         let (k, z) = match tie {
@@ -68,7 +69,10 @@ impl Network {
                 self.tie(m, f, t60)
             }
         };
-        self.check(name, &[("K", k, 0.0, true), ("Z", z, 0.0, true)])?;
+        self.check(
+            name,
+            &[("K", k, Rule::NotNegative), ("Z", z, Rule::NotNegative)],
+        )?;
         self.mat(name, MatKind::Cel, [m, k, z, rest, x0, v0])
     }
 
@@ -80,7 +84,7 @@ impl Network {
         form: &BankForm,
         seed: i128,
     ) -> Result<usize, Error> {
-        self.check(name, &[("M", m, 0.0, false)])?;
+        self.check(name, &[("M", m, Rule::Positive)])?;
         let full = self.full(name);
         let draw = |member: usize| {
             let mut chance = Chance::new(seed, "bank", &full, member as u64, 0);
@@ -122,7 +126,10 @@ impl Network {
     ) -> Result<usize, Error> {
         self.check(
             name,
-            &[("M", mass, 0.0, false), ("hardening", hardening, 0.0, true)],
+            &[
+                ("M", mass, Rule::Positive),
+                ("hardening", hardening, Rule::NotNegative),
+            ],
         )?;
         self.check_tuning(name, f, t60)?;
         self.room(name, topology.n_mat + topology.n_fixed)?;

@@ -6,6 +6,26 @@ use super::kinds::Error;
 /// Most MATs or LIAs of one network: 4 GB of state.
 const MODULES_MAX: usize = 20_000_000;
 
+/// What a number must be.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Rule {
+    Finite,
+    NotNegative,
+    Positive,
+}
+
+impl Rule {
+    /// The rule in words, where a value breaks it.
+    fn broken(self, value: f64) -> Option<&'static str> {
+        match self {
+            _ if !value.is_finite() => Some("it must be a finite number"),
+            Self::NotNegative if value < 0.0 => Some("it must not be negative"),
+            Self::Positive if value <= 0.0 => Some("it must be above 0"),
+            _ => None,
+        }
+    }
+}
+
 impl Network {
     /// The refusal of a module of the present part.
     pub fn refused(&self, name: &str, message: &str) -> Error {
@@ -35,17 +55,11 @@ impl Network {
         Ok(())
     }
 
-    /// Each value must be finite and at least (`closed`) or above its bound.
-    pub(super) fn check(&self, name: &str, values: &[(&str, f64, f64, bool)]) -> Result<(), Error> {
-        for &(what, value, bound, closed) in values {
-            let fits = value.is_finite() && (value > bound || (closed && value == bound));
-            if !fits {
-                let rule = match (value.is_finite(), closed) {
-                    (false, _) => "it must be a finite number",
-                    (_, true) => "it must not be negative",
-                    (_, false) => "it must be above 0",
-                };
-                return Err(self.refused(name, &format!("{what} is {value}: {rule}")));
+    /// Each value must keep its rule.
+    pub(super) fn check(&self, name: &str, values: &[(&str, f64, Rule)]) -> Result<(), Error> {
+        for &(what, value, rule) in values {
+            if let Some(broken) = rule.broken(value) {
+                return Err(self.refused(name, &format!("{what} is {value}: {broken}")));
             }
         }
         Ok(())

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::checks::Rule;
 use super::kinds::{But, Contact, Error, Side};
 use super::{LinkKind, Network};
 use crate::law::Law;
@@ -20,9 +21,9 @@ impl Network {
         self.check(
             name,
             &[
-                ("K", k, 0.0, true),
-                ("Z", z, 0.0, true),
-                ("rest", rest, f64::MIN, true),
+                ("K", k, Rule::NotNegative),
+                ("Z", z, Rule::NotNegative),
+                ("rest", rest, Rule::Finite),
             ],
         )?;
         self.link(name, LinkKind::Ref, a, b, [k, z, rest])
@@ -34,9 +35,9 @@ impl Network {
         self.check(
             name,
             &[
-                ("K", k, 0.0, true),
-                ("Z", z, 0.0, true),
-                ("gap", gap, f64::MIN, true),
+                ("K", k, Rule::NotNegative),
+                ("Z", z, Rule::NotNegative),
+                ("gap", gap, Rule::Finite),
             ],
         )?;
         if !(1.0..=8.0).contains(&but.exponent) {
@@ -80,7 +81,7 @@ impl Network {
         law: Arc<Law>,
         rest: f64,
     ) -> Result<usize, Error> {
-        self.check(name, &[("rest", rest, f64::MIN, true)])?;
+        self.check(name, &[("rest", rest, Rule::Finite)])?;
         self.link(name, LinkKind::Lnl(law), a, b, [0.0, 0.0, rest])
     }
 
