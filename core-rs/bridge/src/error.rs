@@ -62,7 +62,7 @@ create_exception!(
 );
 
 /// EngineError about a module or an argument.
-pub(crate) fn refused(module: &str, message: &str) -> PyErr {
+pub(crate) fn refused(module: &str, message: impl Display) -> PyErr {
     with(
         EngineError::new_err(format!("{module}: {message}")),
         Some(module),
@@ -99,13 +99,13 @@ pub(crate) fn word<T: Copy>(what: &str, given: &str, words: &[(&str, T)]) -> PyR
         .map(|(_, value)| *value);
     found.ok_or_else(|| {
         let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
-        refused(what, &format!("'{given}' is none of {}", known.join(", ")))
+        refused(what, format!("'{given}' is none of {}", known.join(", ")))
     })
 }
 
 /// A rate; EngineError unless it is one.
 pub(crate) fn hertz(rate: f64) -> PyResult<Rate> {
-    Rate::new(rate).map_err(|error| refused("rate", &error.to_string()))
+    Rate::new(rate).map_err(|error| refused("rate", error))
 }
 
 /// EngineError with a sentence about no module in particular.

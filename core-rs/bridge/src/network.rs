@@ -336,7 +336,7 @@ impl Network {
         }
         Err(refused(
             &format!("#{index}"),
-            &format!("there are {} MATs", self.0.n_mat()),
+            format!("there are {} MATs", self.0.n_mat()),
         ))
     }
 }

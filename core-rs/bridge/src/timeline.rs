@@ -68,13 +68,12 @@ impl Timeline {
         };
         Gesture::written(key, &written, manner, self.inner.rate.hertz())
             .and_then(|gesture| self.inner.gesture(gesture))
-            .map_err(|error| refused("gesture", &error.to_string()))
+            .map_err(|error| refused("gesture", error))
     }
 
-    /// Lowest and highest position of a gesture's written points and paths [m].
-    fn range_of(&self, gesture: usize) -> PyResult<(f64, f64)> {
-        let known = self.inner.range_of(gesture);
-        known.ok_or_else(|| refused("gesture", &format!("there is no gesture {gesture}")))
+    /// Lowest and highest position of each gesture's written points and paths [m].
+    fn ranges(&self) -> Vec<(f64, f64)> {
+        self.inner.ranges()
     }
 
     /// A take played as a gesture from `at`: x·scale at t·stretch.
@@ -98,14 +97,13 @@ impl Timeline {
         source: u32,
     ) -> PyResult<usize> {
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
-        let refuse = |message: String| refused("take", &message);
         let path = take
             .0
             .placed(at, scale, stretch, reverse)
-            .map_err(|error| refuse(error.to_string()))?;
+            .map_err(|error| refused("take", error))?;
         Gesture::taken(key, path, until, source, manner, self.inner.rate.hertz())
             .and_then(|gesture| self.inner.gesture(gesture))
-            .map_err(|error| refuse(error.to_string()))
+            .map_err(|error| refused("take", error))
     }
 
     /// An ergon meets a MAT: with an impulse, or a mass and speed.
@@ -136,7 +134,7 @@ impl Timeline {
                 ));
             }
         }
-        .map_err(|error| refused("strike", &error.to_string()))
+        .map_err(|error| refused("strike", error))
     }
 
     /// Each MAT struck by a Poisson process of its own; returns the number of strikes.
@@ -166,7 +164,7 @@ impl Timeline {
             };
             self.inner.rain(&self.network, &mats, &rain, chance)
         })
-        .map_err(|error| refused(name, &error.to_string()))
+        .map_err(|error| refused(name, error))
     }
 
     /// The LIA acts only from `start` to `stop`.
@@ -196,13 +194,13 @@ impl Timeline {
             (Some(constant), None) => Source::Constant(constant),
             (None, Some(take)) => {
                 let path = take.0.placed(at, scale, 1.0, false);
-                Source::Take(path.map_err(|error| refused("drive", &error.to_string()))?)
+                Source::Take(path.map_err(|error| refused("drive", error))?)
             }
             _ => return Err(refused("drive", "a drive has a constant or a take")),
         };
         self.inner
             .drive(mat, kind, source, own)
-            .map_err(|error| refused("drive", &error.to_string()))
+            .map_err(|error| refused("drive", error))
     }
 }
 
@@ -217,7 +215,7 @@ impl Timeline {
         }
         Err(refused(
             name,
-            &format!("there are {} MATs, and no #{mat}", self.network.n_mat()),
+            format!("there are {} MATs, and no #{mat}", self.network.n_mat()),
         ))
     }
 }

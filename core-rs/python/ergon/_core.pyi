@@ -258,8 +258,8 @@ class Timeline:
         """A narrative gesture: pass x[i] [m] at t[i] [s] of the piece; curve[i] is the way into
         point i (curve[0] is ignored). `sources[i]` is any number that comes back in the stream of
         ergons (a source place). Returns the gesture's index (reports come in that order)."""
-    def range_of(self, gesture: int) -> tuple[float, float]:
-        """Lowest and highest position of a gesture's written points and paths [m]."""
+    def ranges(self) -> list[tuple[float, float]]:
+        """Lowest and highest position of each gesture's written points and paths [m], in order."""
     def take(
         self,
         key: int,
