@@ -9,6 +9,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 from ergon.scores.text.errors import TextError
+from ergon.scores.text.numbers import stripped
 
 MAX_BEATS = 256  # in one bar
 SAME = 1e-9  # beats that are rounding, not music
@@ -31,8 +32,7 @@ class Meter:
 
 def parse_meter(text: str) -> Meter:
     """Read `4/4`, `7/8` or `3+2+2/8`. Raises TextError."""
-    word = text.strip()
-    start = len(text) - len(text.lstrip())
+    word, start = stripped(text)
     match = _METER.fullmatch(word)
     if match is None:
         raise TextError(

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, field
 
 from ergon.scores.text.errors import TextError
-from ergon.scores.text.numbers import MAX_TIME, NUMBER, UNIT
+from ergon.scores.text.numbers import NUMBER, UNIT, stripped, time_of
 
 # bars, beats, seconds in one of each unit, times a divisor that rounds once
 _UNITS = {
@@ -57,9 +57,8 @@ _NOTHING = Length()  # most positions add nothing: they share it
 
 def parse_length(text: str) -> Length:
     """Read `4bar`, `2`, `1/4`, `500ms`, `12s`. Raises TextError."""
-    word = text.strip()
+    word, start = stripped(text)
     match = _ONLY_LENGTH.fullmatch(word)
-    start = len(text) - len(text.lstrip())
     if match is None:
         raise TextError(
             f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms",
@@ -74,11 +73,10 @@ def parse_position(text: str) -> Position:
 
     Marks are looked up when the position is resolved. Raises TextError.
     """
-    word = text.strip()
-    start = len(text) - len(text.lstrip())
+    word, start = stripped(text)
     if match := _BAR_BEAT.fullmatch(word):
         bar = int(match[1])
-        beat = _number(match[2], match[3], start + match.start(2))
+        beat = time_of(match[2], match[3], start + match.start(2))
         if bar < 1 or beat < 1.0:
             raise TextError(
                 "bars and beats count from 1: the beginning is 1|1",
@@ -113,7 +111,7 @@ def _plus(match: re.Match[str], first: int, start: int) -> Length:
 
 
 def _length(match: re.Match[str], first: int, start: int) -> Length:
-    value = _number(match[first], match[first + 1], start + match.start(first))
+    value = time_of(match[first], match[first + 1], start + match.start(first))
     unit = match[first + 2]
     if unit not in _UNITS:
         raise TextError(
@@ -124,16 +122,3 @@ def _length(match: re.Match[str], first: int, start: int) -> Length:
         )
     name, divisor = _UNITS[unit]
     return Length(**{name: value / divisor})
-
-
-def _number(number: str, part: str | None, offset: int) -> float:
-    value = float(number)
-    length = len(number)
-    if part is not None:
-        length += 1 + len(part)
-        if float(part) == 0.0:
-            raise TextError("a time divided by zero", offset=offset, length=length)
-        value /= float(part)
-    if not value <= MAX_TIME:
-        raise TextError("this time is too large", offset=offset, length=length)
-    return value

@@ -14,7 +14,7 @@ from ergon._core import exp, ln
 from ergon.scores.clock.meter import SAME, Bars, Meter
 from ergon.scores.clock.positions import Length, Position
 from ergon.scores.text.errors import TextError
-from ergon.scores.text.numbers import MAX_TIME, NUMBER
+from ergon.scores.text.numbers import MAX_TIME, NUMBER, stripped
 from ergon.scores.text.spelling import nearest
 from ergon.scores.text.values import Time
 
@@ -47,8 +47,7 @@ class TempoError(TextError):
 
 def parse_bpm(text: str) -> tuple[float, float | None]:
     """Read `60` or `60 -> 96`. Raises TextError."""
-    word = text.strip()
-    start = len(text) - len(text.lstrip())
+    word, start = stripped(text)
     match = _BPM.fullmatch(word)
     if match is None:
         raise TextError(
@@ -135,14 +134,14 @@ class TempoMap:
         """Seconds from the start to a beat of the piece."""
         if beats < 0.0:
             return 60.0 * beats / self._stretches[0].b0
-        stretch = self._stretches[max(0, bisect_right(self._starts, beats) - 1)]
+        stretch = self._stretches[bisect_right(self._starts, beats) - 1]
         return stretch.seconds + stretch.seconds_in(beats - stretch.start)
 
     def beats(self, seconds: float) -> float:
         """The beat of the piece at an instant."""
         if seconds < 0.0:
             return seconds * self._stretches[0].b0 / 60.0
-        stretch = self._stretches[max(0, bisect_right(self._instants, seconds) - 1)]
+        stretch = self._stretches[bisect_right(self._instants, seconds) - 1]
         return stretch.start + stretch.beats_in(seconds - stretch.seconds)
 
     def bpm(self, beats: float) -> float:

@@ -3,7 +3,7 @@
 import re
 
 from ergon.scores.text.errors import TextError
-from ergon.scores.text.numbers import MAX_TIME, NUMBER, UNIT
+from ergon.scores.text.numbers import NUMBER, UNIT, time_of
 from ergon.scores.text.spelling import nearest
 
 CURVES = ("smooth", "line", "hold", "throw")
@@ -54,20 +54,12 @@ def metres(number: str, unit: str, offset: int) -> float:
 
 def instant(number: str, part: str | None, unit: str, offset: int) -> tuple[float, float]:
     """Return (beats, seconds), one of them 0; `offset` is where the number begins."""
-    t = float(number)
-    length = len(number)
-    if part is not None:
-        length += 1 + len(part)
-        divisor = float(part)
-        if divisor == 0.0:
-            raise TextError("a time divided by zero", offset=offset, length=length)
-        t /= divisor
-    if not t <= MAX_TIME:
-        raise TextError("this time is too large", offset=offset, length=length)
+    t = time_of(number, part, offset)
     if (scale := BEAT.get(unit)) is not None:
         return t / scale, 0.0
     if (scale := SECOND.get(unit)) is not None:
         return 0.0, t / scale
+    length = len(number) if part is None else len(number) + 1 + len(part)
     if unit in ("bar", "bars"):
         raise TextError(
             "a bar's length depends on where the gesture is played: write beats",

@@ -155,8 +155,8 @@ def take(values: Values, files: Files) -> TakeFile:
     )
 
 
-def strikes(values: Values) -> Strikes:
-    """Strikes; targets are names until they are looked up."""
+def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
+    """Strikes on the targets that their names reach."""
     v = values
     _one_of(v, ("impulse",), ("mass", "speed"))
     if v.written("mass", "speed") and len(v.written("mass", "speed")) < 2:
@@ -174,7 +174,7 @@ def strikes(values: Values) -> Strikes:
         v.error("E103", message, many[0])
     return Strikes(
         name=v.context.name,
-        to=v["to"],
+        to=to,
         at=v["at"],
         span=v["for"],
         until=v["until"],

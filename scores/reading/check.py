@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
 from ergon.instruments import rules
 from ergon.instruments.kinds import member_count
 from ergon.instruments.laws import LawText, is_name
-from ergon.instruments.model import Instrument, Module
+from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
 from ergon.scores.reading import build
-from ergon.scores.reading.piece import Gesture, Key, Piece, Player, TakeFile
+from ergon.scores.reading.piece import (
+    Coupling,
+    Gesture,
+    Key,
+    Mix,
+    Piece,
+    Play,
+    Player,
+    Strikes,
+    TakeFile,
+)
 from ergon.scores.reading.schedule import schedule
+from ergon.scores.reading.sections import RATE
 from ergon.scores.reading.times import Times
+from ergon.scores.reading.unused import unused
 from ergon.scores.reading.uses import Entry, Names, Uses
 from ergon.scores.tables.fields import Values
 from ergon.scores.tables.shapes import MISSING, Name
@@ -52,19 +63,18 @@ class Checker:
         times = Times(score, self.collector)
         self._played()
         self._parts()
-        strikes = [build.strikes(v) for v in self._own("strikes")]
-        strikes = [self._aimed(s) for s in strikes]
+        strikes = [self._strikes(v) for v in self._own("strikes")]
         players = {v.context.name: self._player(v) for v in self._own("players")}
         mix = self._mix()
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._modules()
-        plays = self._plays(players)
-        self._notes()
+        plays = self._plays()
+        unused(score)
         gestures = {n: g for n, g in self.gestures.items() if g is not None}
         piece = Piece(
             title=score["title"],
             seed=score["seed"],
-            rate=self._rates()["audio"],
+            rate=score["rates"]["audio"] if score["rates"] else RATE,
             tempo=times.entries,
             marks=times.marks,
             keys=self.keys,
@@ -90,10 +100,6 @@ class Checker:
 
     def _own(self, section: str) -> list[Values]:
         return [v for v in (self.score[section] or {}).values() if isinstance(v, Values)]
-
-    def _rates(self) -> Mapping[str, float]:
-        rates = self.score["rates"]
-        return {"audio": rates["audio"] if rates else 44100.0}
 
     def _played(self) -> None:
         """One's own gestures and takes; those of other files when something plays them."""
@@ -227,7 +233,7 @@ class Checker:
                     laws[name] = LawText(v["law"], v["damping"], v.free)
         return laws
 
-    def _layout(self, name: str, place: Place) -> Any:
+    def _layout(self, name: str, place: Place) -> Layout | None:
         folder = self.uses.files.documents[place.file].folder
         return build.layout(name, folder, place, self.uses.files)
 
@@ -245,8 +251,8 @@ class Checker:
             self._reach_played(player.standin, values.context.of("standin"))
         return player
 
-    def _plays(self, players: Mapping[str, Player]) -> list[Any]:
-        found = []
+    def _plays(self) -> list[Play]:
+        found: list[Play] = []
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
         for name, part in (self.score["parts"] or {}).items():
@@ -263,12 +269,12 @@ class Checker:
                 found.append(play)
         return found
 
-    def _aimed(self, strikes: Any) -> Any:
-        who = f"strikes {quote(strikes.name)}"
-        found = (self.scene.target(name, "mats", who) for name in strikes.to or ())
-        return replace(strikes, to=tuple(t for t in found if t is not None))
+    def _strikes(self, values: Values) -> Strikes:
+        who = f"strikes {quote(values.context.name)}"
+        found = (self.scene.target(name, "mats", who) for name in values["to"] or ())
+        return build.strikes(values, tuple(t for t in found if t is not None))
 
-    def _coupling(self, values: Any, number: int) -> Any:
+    def _coupling(self, values: Any, number: int) -> Coupling | None:
         made = build.coupling(values, number) if isinstance(values, Values) else None
         if made is None:
             return None
@@ -291,7 +297,7 @@ class Checker:
         link = rules.lawful(made.link, laws, values.given[values.kind], who, self.collector)
         return replace(made, link=link, a=a, b=b)
 
-    def _mix(self) -> Any:
+    def _mix(self) -> Mix:
         mix = build.mix(self.score["mix"], self.uses.files)
         routes = []
         for route in mix.routes:
@@ -318,26 +324,6 @@ class Checker:
             self.scene.reached.add(part)
             routes.append(replace(route, part=part, out=out))
         return replace(mix, routes=tuple(routes))
-
-    def _notes(self) -> None:
-        """What is accepted and not used yet."""
-        score = self.score
-        rates, accuracy = score["rates"], score["accuracy"]
-        at_audio_rate = "for now all runs at the audio rate"
-        if rates and rates.written("gesture"):
-            rates.error("N403", f"rates: gesture: {at_audio_rate}", "gesture")
-        for section in ("keys", "instruments"):
-            for values in self._own(section):
-                if values.written("rate"):
-                    message = f"{values.context.of('rate')}: {at_audio_rate}"
-                    values.error("N403", message, "rate")
-        if accuracy:
-            budgets = [*accuracy.free]
-            if accuracy["method"] not in (None, "ca"):
-                budgets.append("method")
-            for name in budgets:
-                message = f"accuracy: {name}: there is no planner yet; the CA scheme runs"
-                accuracy.error("N402", message, name)
 
 
 def _called(made: _Named, name: str) -> _Named:

@@ -21,9 +21,11 @@ OF_GESTURE = (
     Field("layer", k.TRUTH, "sound with the gesture before instead of cutting it", shown="false"),
 )
 OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # unsaid: the gesture's own
+_NAMES = frozenset(field.name for field in OF_GESTURE)
 
 
 def manner(given: Mapping[str, Any]) -> Manner:
     """The manner that was written; None where nothing was."""
-    said = {field.name: given[field.name] for field in OF_GESTURE if field.name in given}
-    return Manner(**said) if said else UNSAID
+    if _NAMES.isdisjoint(given):  # most rows of most tables
+        return UNSAID
+    return Manner(**{name: value for name, value in given.items() if name in _NAMES})

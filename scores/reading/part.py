@@ -8,6 +8,7 @@ from typing import Any
 from ergon.scores.gesture import words
 from ergon.scores.reading.manner import OF_ENTRY, manner
 from ergon.scores.reading.piece import Play
+from ergon.scores.reading.unused import rate_of
 from ergon.scores.tables import kinds as k
 from ergon.scores.tables.fields import Field, Record, Values
 from ergon.scores.tables.shapes import (
@@ -29,7 +30,7 @@ MAX_ROWS = 1_000_000
 
 def _play(values: Values) -> Play:
     if values.written("rate"):
-        _note_rate(values.context, values.place_of("rate"))
+        rate_of(values.context, values.place_of("rate"))
     until = values.place_of("until") if values.written("until") else None
     return _made(values.given, values.context, values["play"], values.place_of("at"), until)
 
@@ -124,7 +125,7 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
         return None
     given["do"] = row.play.do
     if "rate" in given:
-        _note_rate(context, _place(row.play.options["rate"], node))
+        rate_of(context, _place(row.play.options["rate"], node))
     what, until = row.play.what, row.play.options.get("until")
     at = _place(row.at, node)
     # In a literal block both words stand in one line of the file.
@@ -139,11 +140,6 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     )
 
 
-def _note_rate(context: Context, place: Place) -> None:
-    message = f"{context.of('rate')}: for now all runs at the audio rate"
-    context.error("N403", message, place)
-
-
 def _place(word: words.Word, node: Scalar) -> Place:
     return node.place_at(word.offset, len(word.text))
 
@@ -156,14 +152,8 @@ def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
     try:
         return shape.parse(word.text)
     except TextError as error:
-        shifted = TextError(
-            error.message,
-            offset=word.offset + error.offset,
-            length=error.length,
-            suggestion=error.suggestion,
-            code=error.code,
-        )
-        context.text_error(shifted, node, name, inside=False)
+        error.offset += word.offset
+        context.text_error(error, node, name, inside=False)
         return MISSING
 
 

@@ -25,6 +25,7 @@ from ergon.scores.tables.shapes import (
 from ergon.scores.text.document import Node, Scalar
 from ergon.scores.text.errors import TextError
 
+RATE = 44100.0  # frames a second of a score that says nothing
 MAX_CHANNELS = 1024
 MAX_SEED = 2**64 - 1  # the generator's key holds 64 bits of it
 CURVE = choice("smooth", "line", "hold", "throw")
@@ -232,7 +233,7 @@ RATES = Record(
     "rates",
     "sample rates",
     (
-        Field("audio", k.RATE, "frames a second", 44100.0),
+        Field("audio", k.RATE, "frames a second", RATE),
         Field("gesture", k.RATE, "accepted, not used yet: all runs at the audio rate"),
     ),
 )

@@ -32,10 +32,13 @@ def check_travel(
     seen: set[tuple[object, ...]] = set()
     farthest: dict[Place, tuple[float, str, str]] = {}
     singular: set[Place] = set()
-    for index, gesture in enumerate(gestures):
-        key = piece.keys[gesture.key]
-        if gesture.layer or (not gesture.throws and _stays(key, timeline, index)):
+    limits = {name: _limits(key) for name, key in piece.keys.items()}
+    for gesture, (low, high) in zip(gestures, timeline.ranges(), strict=True):
+        least, most = limits[gesture.key]
+        is_inside = low >= least - _SLACK and high <= most + _SLACK
+        if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
+        key = piece.keys[gesture.key]
         relative = tuple((t - gesture.start, x) for t, x in gesture.points)
         known = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
         if known in seen:
@@ -46,27 +49,23 @@ def check_travel(
             collector.error("W312", message, gesture.place)
         if key.travel is None:
             continue
-        low, high = timeline.range_of(index)
         span = ""
         if gesture.throws:
             thrown_low, thrown_high, at = _rehearse(piece, key, gesture)
             if thrown_low < low or thrown_high > high:
                 span = f"between {_leg(gesture, at)} the free key swings"
             low, high = min(low, thrown_low), max(high, thrown_high)
-        beyond = max(key.travel[0] * key.reach - low, high - key.travel[1] * key.reach)
+        beyond = max(least - low, high - most)
         if beyond > max(_SLACK, farthest.get(gesture.place, (0.0,))[0]):
             farthest[gesture.place] = beyond, *_sentence(key, gesture, low, high, span)
     for place, (_, message, help) in farthest.items():
         collector.error("E307", message, place, help=help)
 
 
-def _stays(key: Key, timeline: _core.Timeline, index: int) -> bool:
-    """Whether the written way, as the scene sees it, lies within the key's travel."""
-    if key.travel is None:
-        return True
-    low, high = timeline.range_of(index)
-    least, most = key.travel
-    return low >= least * key.reach - _SLACK and high <= most * key.reach + _SLACK
+def _limits(key: Key) -> tuple[float, float]:
+    """Both ends of a key's travel as the scene sees them; without a travel there is no end."""
+    least, most = key.travel or (-math.inf, math.inf)
+    return least * key.reach, most * key.reach
 
 
 def _sentence(

@@ -64,27 +64,26 @@ class Scalar(Node):
     def _literal_place(self, offset: int, length: int) -> Place:
         """Lines of a literal block are the ends of the source's lines below the `|`."""
         table = self.document.table(self)
-        row = bisect_right(table.starts, offset) - 1
-        if table.latest[0] != row:
-            table.latest = (row, *self._row_margin(table, row))
-        _, indent, width = table.latest
-        if indent < 0:
+        if table.indent is None:
+            table.indent = self._indent(table)
+        if table.indent < 0:
             return self.place
-        column = indent + offset - table.starts[row]
-        length = max(1, min(length, width - column))
-        return Place(self.document.file, table.first_row + row + 1, column + 1, length)
+        row = bisect_right(table.starts, offset) - 1
+        column = offset - table.starts[row]
+        room = len(table.row_text(self.text, row)) - column
+        line, column = table.first_row + row + 1, table.indent + column + 1
+        return Place(self.document.file, line, column, max(1, min(length, room)))
 
-    def _row_margin(self, table: Table, row: int) -> tuple[int, int]:
-        """Indentation of a row and width of its line; (-1, 0) where the two do not match."""
-        document = self.document
-        start, end = document.line_span(table.first_row + row)
-        text = table.row_text(self.text, row)
-        indent = end - start - len(text)
-        if indent < 0 or not document.text.startswith(text, start + indent):
-            if text.strip():
-                return -1, 0
-            indent = 0  # blank lines may hold less indentation than the block's
-        return indent, end - start
+    def _indent(self, table: Table) -> int:
+        """How far the block stands in, one for all its rows; -1 where text and source disagree."""
+        for row in range(len(table.starts)):
+            text = table.row_text(self.text, row)
+            if text:  # an empty row may stand in less
+                start, end = self.document.line_span(table.first_row + row)
+                indent = end - start - len(text)
+                agree = indent >= 0 and self.document.text.startswith(text, start + indent)
+                return indent if agree else -1
+        return 0
 
     def _flow_index(self, offset: int) -> int | None:
         """Walk text and source together: folding makes one space of a break and its indent."""
@@ -127,15 +126,11 @@ class Mapping(Node):
 
 @dataclass(eq=False, slots=True)
 class Table:
-    """Rows of a literal block: the first one's line (from 0), and where each begins in the text.
-
-    `latest` remembers a row with its indentation and the width of its line: places are asked for
-    row by row.
-    """
+    """Rows of a literal block: the first one's line (from 0), and where each begins in the text."""
 
     first_row: int
     starts: list[int]
-    latest: tuple[int, int, int] = (-1, -1, 0)
+    indent: int | None = None  # of the block in its source, once it is asked for
 
     def row_text(self, text: str, row: int) -> str:
         """One row, without its line break."""
