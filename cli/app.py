@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import sys
 from importlib import import_module
@@ -54,8 +53,10 @@ class LazyGroup(click.Group):
         if name not in COMMANDS and not name.startswith("-"):
             if name.endswith((".yaml", ".yml")):
                 raise click.UsageError(f"a command comes first: ergon render {name}", ctx)
-            close = difflib.get_close_matches(name, COMMANDS, n=1)
-            asked = f" Did you mean '{close[0]}'?" if close else ""
+            from ergon.scores.text.spelling import nearest
+
+            close = nearest(name, COMMANDS)
+            asked = f" Did you mean '{close}'?" if close else ""
             raise click.UsageError(f"No such command '{name}'.{asked}", ctx)
         return super().resolve_command(ctx, args)
 

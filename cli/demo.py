@@ -72,15 +72,15 @@ def about(path: Path) -> str:
 
 
 def _chosen(scores: dict[str, Path], name: str | None) -> Path:
-    import difflib
+    from ergon.scores.text.spelling import nearest
 
     if not scores:
         raise Refused("no scores ship with this installation")
     if name is None:
         return scores.get(_FIRST) or next(iter(scores.values()))
     if name not in scores:
-        close = difflib.get_close_matches(name, scores, n=1)
-        asked = f"; did you mean '{close[0]}'?" if close else ""
+        close = nearest(name, scores)
+        asked = f"; did you mean '{close}'?" if close else ""
         raise Refused(f"no score '{name}' ships with ergon{asked} (ergon demo --list)")
     return scores[name]
 
