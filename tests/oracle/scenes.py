@@ -72,7 +72,8 @@ def whole(seconds: float = 1.0) -> Scene:
     scene.part("links")
     hit = scene.but("hit", one, bell, K=900.0, Z=0.1, gap=1e-3)
     felt = scene.but("felt", two, mats[9], K=3e5, exponent=1.5, Z=0.05, gap=5e-4)
-    push = scene.but("push", one, centre, K=600.0, gap=2e-3, clamp=True, Z=0.2)
+    # A light Z: the oracle takes it times a difference of positions, which rounds at 1e-18 m.
+    push = scene.but("push", one, centre, K=600.0, gap=2e-3, clamp=True, Z=0.02)
     hook = scene.but("hook", two, old, K=300.0, gap=5e-4, side="above")
     scene.ref("duet", one, two, K=40.0, Z=0.2)
     scene.listen("keys", positions=[(one, 1.0), (two, -1.0)])
