@@ -6,12 +6,13 @@ use super::fault::Mutes;
 use super::ledger::Ledger;
 use super::{OnFault, Script, Simulation, State, Stream};
 use crate::gesture::free::FreeKey;
-use crate::gesture::script::{Report, Touch};
+use crate::gesture::script::{Gesture, Report, Touch};
 use crate::gesture::voice::{Voice, VoiceScript};
-use crate::network::{Error, MatKind, Network};
-use crate::plan::{Plan, backward_steps};
+use crate::network::{Error, Network};
+use crate::plan::{Plan, backward_steps, moves};
 use crate::state::Body;
-use crate::timeline::{Drive, DriveKind, Timeline, frame};
+use crate::timeline::{Drive, DriveKind, Key, Timeline, frame};
+use crate::units::Rate;
 
 /// How a simulation is to run.
 #[derive(Clone, Copy, Debug)]
@@ -35,13 +36,12 @@ impl Simulation {
         plan.certify(&network)?;
         gate(&mut plan, timeline);
         let laws = plan.laws();
-        let body = start(&network, &plan, timeline, &timeline.drives);
+        let mut body = start(&network, &plan, timeline, &timeline.drives);
         let (scripts, voices) = hands(&network, timeline)?;
         let mut pushes = timeline.pushes.clone();
         pushes.sort_by_key(|push| push.frame);
         let mut ergons = timeline.ergons.clone();
         ergons.sort_by_key(|ergon| ergon.frame);
-        let mut body = body;
         let ledger = options
             .ledger
             .then(|| Ledger::new(&plan, &timeline.gates, &mut body));
@@ -128,76 +128,20 @@ fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
 /// The voices of all keys: one for the gestures that follow one another, one for each that is laid
 /// over them.
 fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
+    let gestures = &timeline.gestures;
     let mut scripts = Vec::new();
     let mut voices = Vec::new();
     for (key, known) in timeline.keys.iter().enumerate() {
-        if network.mats().kind[known.struck] != MatKind::Mas
-            && network.mats().kind[known.struck] != MatKind::Cel
-        {
-            return Err(Error::Refused {
-                module: network.mat_name(known.struck),
-                message: "a key is struck on a MAS or a CEL".to_owned(),
-            });
-        }
-        let part = network.mats().part[known.struck] as usize;
-        let (alone, members) = network.alone(part);
-        let inside = |mat: usize| members.binary_search(&mat).ok();
-        for link in timeline.gates.iter().map(|gate| gate.link) {
-            let run = network.run_of(link);
-            if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
-                return Err(Error::Refused {
-                    module: network.link_name(link),
-                    message: "a link inside a key acts all the time: gestures are written for the \
-                              key with all its links"
-                        .to_owned(),
-                });
-            }
-        }
-        let drives: Vec<Drive> = timeline
-            .drives
-            .iter()
-            .filter(|drive| drive.own)
-            .filter_map(|drive| {
-                inside(drive.mat).map(|mat| Drive {
-                    mat,
-                    ..drive.clone()
-                })
-            })
+        let (free, body) = free_key(network, timeline, known)?;
+        let mut own: Vec<usize> = (0..gestures.len())
+            .filter(|&i| gestures[i].key == key)
             .collect();
-        let plan = Arc::new(Plan::new(&alone, timeline.rate)?);
-        let body = start(&alone, &plan, &Timeline::new(timeline.rate), &drives);
-        let free = FreeKey {
-            struck: inside(known.struck).unwrap_or(0),
-            plan,
-            members,
-            drives,
-        };
-        let mut own: Vec<usize> = (0..timeline.gestures.len())
-            .filter(|&i| timeline.gestures[i].key == key)
-            .collect();
-        own.sort_by(|&i, &j| {
-            timeline.gestures[i]
-                .start
-                .total_cmp(&timeline.gestures[j].start)
-        });
-        for gesture in own.iter().map(|&i| &timeline.gestures[i]) {
-            // No flight lasts longer than the gesture.
-            let most = gesture.last().saturating_sub(gesture.first);
-            let flight = |grain: &f64| frame(*grain, timeline.rate.hertz()).min(most);
-            let is_long = |grain: &f64| free.is_past_quarter(flight(grain));
-            if let Some(grain) = gesture.grain.filter(is_long) {
-                return Err(Error::Refused {
-                    module: known.name.clone(),
-                    message: format!(
-                        "a grain of {:.1} ms is longer than a quarter of the key's own period: between \
-                         ergons the key would swing back",
-                        1e3 * grain
-                    ),
-                });
-            }
+        own.sort_by(|&i, &j| gestures[i].start.total_cmp(&gestures[j].start));
+        for &i in &own {
+            fits(&gestures[i], &free, known, timeline.rate)?;
         }
         let (layers, line): (Vec<usize>, Vec<usize>) =
-            own.into_iter().partition(|&i| timeline.gestures[i].layer);
+            own.into_iter().partition(|&i| gestures[i].layer);
         let script = VoiceScript {
             key,
             struck: known.struck,
@@ -209,20 +153,11 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
         voices.push(Voice::new(&script, body));
         scripts.push(script.clone());
         for gesture in layers {
-            if timeline.gestures[gesture].touch == Touch::Tracked {
-                return Err(Error::Refused {
-                    module: known.name.clone(),
-                    message: "layer adds ergons to a gesture: it cannot be tracked".to_owned(),
-                });
-            }
             let layer = VoiceScript {
+                free: script.free.deviation(),
                 gestures: vec![gesture],
                 layer: true,
                 ..script.clone()
-            };
-            let layer = VoiceScript {
-                free: layer.free.deviation(),
-                ..layer
             };
             let still = vec![0.0; layer.free.plan.n_mat()];
             let body = Body::new(&layer.free.plan, still.clone(), still);
@@ -231,4 +166,71 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
         }
     }
     Ok((scripts, voices))
+}
+
+/// A key's part on its own, and its motion at frame 0. Refuses a key that cannot be struck.
+fn free_key(network: &Network, timeline: &Timeline, key: &Key) -> Result<(FreeKey, Body), Error> {
+    let mats = network.mats();
+    if !moves(mats.kind[key.struck]) {
+        return Err(Error::Refused {
+            module: network.mat_name(key.struck),
+            message: "a key is struck on a MAS or a CEL".to_owned(),
+        });
+    }
+    let (alone, members) = network.alone(mats.part[key.struck] as usize);
+    let inside = |mat: usize| members.binary_search(&mat).ok();
+    for link in timeline.gates.iter().map(|gate| gate.link) {
+        let run = network.run_of(link);
+        if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
+            return Err(Error::Refused {
+                module: network.link_name(link),
+                message: "a link inside a key acts all the time: gestures are written for the \
+                          key with all its links"
+                    .to_owned(),
+            });
+        }
+    }
+    let own = timeline.drives.iter().filter(|drive| drive.own);
+    let drives: Vec<Drive> = own
+        .filter_map(|drive| {
+            inside(drive.mat).map(|mat| Drive {
+                mat,
+                ..drive.clone()
+            })
+        })
+        .collect();
+    let plan = Arc::new(Plan::new(&alone, timeline.rate)?);
+    let body = start(&alone, &plan, &Timeline::new(timeline.rate), &drives);
+    let free = FreeKey {
+        struck: inside(key.struck).unwrap_or(0),
+        plan,
+        members,
+        drives,
+    };
+    Ok((free, body))
+}
+
+/// Refuses a gesture that its key cannot play.
+fn fits(gesture: &Gesture, free: &FreeKey, key: &Key, rate: Rate) -> Result<(), Error> {
+    let refuse = |message| {
+        Err(Error::Refused {
+            module: key.name.clone(),
+            message,
+        })
+    };
+    // No flight lasts longer than the gesture.
+    let most = gesture.last().saturating_sub(gesture.first);
+    let flight = |grain: &f64| frame(*grain, rate.hertz()).min(most);
+    let is_long = |grain: &f64| free.is_past_quarter(flight(grain));
+    if let Some(grain) = gesture.grain.filter(is_long) {
+        return refuse(format!(
+            "a grain of {:.1} ms is longer than a quarter of the key's own period: between \
+             ergons the key would swing back",
+            1e3 * grain
+        ));
+    }
+    if gesture.layer && gesture.touch == Touch::Tracked {
+        return refuse("layer adds ergons to a gesture: it cannot be tracked".to_owned());
+    }
+    Ok(())
 }
