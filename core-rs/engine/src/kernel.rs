@@ -7,7 +7,7 @@ mod taps;
 mod wide;
 
 pub(crate) use exact::contacts;
-pub(crate) use mats::{advance, predict, sound};
+pub(crate) use mats::{advance, centred, needed, predict, sound};
 pub(crate) use runs::{links, power, push, side};
 pub(crate) use taps::tap;
 

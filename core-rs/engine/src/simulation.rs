@@ -280,7 +280,7 @@ fn strike(script: &Script, state: &mut State, n: u64) {
             continue; // muted meanwhile
         }
         if push.impulse != 0.0 && state.stream.is_kept() {
-            let velocity = centred(plan, body, mat);
+            let velocity = kernel::centred(plan, body, mat);
             let mass = t * t / plan.w[mat];
             state.stream.push(Record::event(
                 push.at,
@@ -306,7 +306,7 @@ fn strike(script: &Script, state: &mut State, n: u64) {
         // p = 2 m m_S/(m + m_S)·(v − V), V the centred velocity without the ergon: then the work on the
         // struck is exactly the energy the ergon loses.
         let mass = t * t / plan.w[mat];
-        let velocity = centred(plan, body, mat);
+        let velocity = kernel::centred(plan, body, mat);
         let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);
         body.push(mat, impulse * plan.rate);
         let (mass, speed, source) = (ergon.mass, ergon.speed, ergon.source);
@@ -319,10 +319,4 @@ fn strike(script: &Script, state: &mut State, n: u64) {
             impulse,
         });
     }
-}
-
-/// Velocity of a MAT now, were it not struck: (x̂[n+1] − x[n−1])/2T [m/s].
-fn centred(plan: &Plan, body: &Body, mat: usize) -> f64 {
-    let before = body.x[mat] - body.d[mat];
-    (kernel::predict(plan, body, mat) - before) * (0.5 * plan.rate)
 }

@@ -86,7 +86,7 @@ impl FreeKey {
     pub(crate) fn needed(&self, body: &Body, x: f64, targets: &[Target], room: &mut Room) -> f64 {
         let (plan, struck) = (&*self.plan, self.struck);
         if plan.exact.is_empty() {
-            return (x - kernel::predict(plan, body, struck)) / plan.w[struck];
+            return kernel::needed(plan, body, struck, x);
         }
         // What exact contacts give depends on where the ergon takes the MAT: solve them there.
         let coast = &mut room.coast;
@@ -100,7 +100,7 @@ impl FreeKey {
             was: 0.0,
         });
         kernel::contacts(plan, &[], &room.targets, coast);
-        (x - kernel::predict(plan, coast, struck)) / plan.w[struck]
+        kernel::needed(plan, coast, struck, x)
     }
 
     /// Add a force on the struck MAT and move to frame n + 1.

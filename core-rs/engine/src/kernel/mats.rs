@@ -15,6 +15,17 @@ pub(crate) fn predict(plan: &Plan, body: &Body, i: usize) -> f64 {
     body.x[i] + (body.d[i] + step)
 }
 
+/// The force that brings a MAT to x at the next frame, beside the forces summed so far [N].
+pub(crate) fn needed(plan: &Plan, body: &Body, i: usize, x: f64) -> f64 {
+    (x - predict(plan, body, i)) / plan.w[i]
+}
+
+/// Velocity of a MAT now, by the forces summed so far: (x̂[n+1] − x[n−1])/2T [m/s].
+pub(crate) fn centred(plan: &Plan, body: &Body, i: usize) -> f64 {
+    let before = body.x[i] - body.d[i];
+    (predict(plan, body, i) - before) * (0.5 * plan.rate)
+}
+
 /// Move every MAT one frame, those with a target onto it. Says whether all stayed within reason.
 pub(crate) fn advance(plan: &Plan, targets: &mut [Target], body: &mut Body) -> bool {
     for target in &mut *targets {
@@ -29,7 +40,6 @@ pub(crate) fn advance(plan: &Plan, targets: &mut [Target], body: &mut Body) -> b
     within
 }
 
-#[allow(clippy::neg_cmp_op_on_partial_ord)] // NaN must count as beyond
 fn free(plan: &Plan, body: &mut Body) -> bool {
     let Plan {
         w,
@@ -68,7 +78,7 @@ wide! {
     }
 }
 
-/// Whether one MAT is where a MAT can be.
+/// Whether one MAT is where a MAT can be: a NaN is not.
 #[inline(always)]
 pub(crate) fn sound(x: f64) -> bool {
     x.abs() <= RUNAWAY

@@ -2,7 +2,8 @@
 
 use super::Plan;
 use crate::cell::Cell;
-use crate::network::{LinkKind, MatKind, Network, Side};
+use crate::kernel;
+use crate::network::{LinkKind, MatKind, Network};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -67,11 +68,8 @@ fn forces(network: &Network, timeline: &Timeline, x: &[f64], pushes: &[(usize, f
                 LinkKind::Ref => run.k * e + run.z * v,
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::But(but) => {
-                    let s = match but.side {
-                        Side::Below => -1.0,
-                        Side::Above => 1.0,
-                    };
-                    crate::kernel::push(but, run.k, run.z, s * e, s * v) * s
+                    let s = kernel::side(but);
+                    kernel::push(but, run.k, run.z, s * e, s * v) * s
                 }
             };
             force[a] += f;

@@ -154,7 +154,7 @@ impl Ledger {
         self.hold
             .extend(targets.iter().map(|target| match plan.w[target.mat] {
                 0.0 => -body.force[target.mat],
-                w => (target.x - kernel::predict(plan, body, target.mat)) / w,
+                _ => kernel::needed(plan, body, target.mat, target.x),
             }));
     }
 

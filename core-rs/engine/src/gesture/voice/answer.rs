@@ -107,13 +107,13 @@ impl Voice {
         // a·T² = limit/M, in metres a step, squared.
         let closing = (limit * plan.w[i] * away.abs()).sqrt().min(away.abs());
         let aim = self.free.x[i] + (next - here) + maths::copysign(closing, away);
-        needed(plan, &self.free, i, aim).clamp(-limit, limit)
+        kernel::needed(plan, &self.free, i, aim).clamp(-limit, limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
     pub(crate) fn settle(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
         if let Some(held) = self.held.take() {
-            let force = needed(scene.plan, scene.body, script.struck, held.x);
+            let force = kernel::needed(scene.plan, scene.body, script.struck, held.x);
             let blow = Blow {
                 frame: n,
                 mat: script.struck,
@@ -134,7 +134,9 @@ impl Voice {
             (Ask::Pass(x), Touch::Open) => {
                 free.needed(&self.free, x, &self.targets, &mut self.room)
             }
-            (Ask::Pass(x), Touch::Tracked) => needed(scene.plan, scene.body, script.struck, x),
+            (Ask::Pass(x), Touch::Tracked) => {
+                kernel::needed(scene.plan, scene.body, script.struck, x)
+            }
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {
                     // Aim from where the loaded key is.
@@ -150,11 +152,6 @@ impl Voice {
     }
 }
 
-/// The force that brings a MAT to x at the next frame, beside the forces summed so far [N].
-fn needed(plan: &Plan, body: &Body, mat: usize, x: f64) -> f64 {
-    (x - kernel::predict(plan, body, mat)) / plan.w[mat]
-}
-
 impl Blow {
     /// Into the report and the stream, before the force is added to the sum.
     fn tell(&self, plan: &Plan, body: &Body, report: &mut Report, stream: &mut Stream) {
@@ -166,9 +163,8 @@ impl Blow {
         if !stream.is_kept() {
             return;
         }
-        // Centred velocity without the ergon.
-        let before = body.x[self.mat] - body.d[self.mat];
-        let velocity = (kernel::predict(plan, body, self.mat) - before) * (0.5 * plan.rate);
+        // Without the ergon, whose force is not in the sum yet.
+        let velocity = kernel::centred(plan, body, self.mat);
         let time = self.frame as f64 * t;
         let mut record = Record::event(time, self.mat, self.source, mass, velocity, impulse);
         if let Some((mass, speed)) = self.particle {
