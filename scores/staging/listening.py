@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -54,9 +55,7 @@ def listen(piece: Piece, assembly: Assembly) -> Listening:
     heard = [(route, *one) for route in routes for one in _of(piece, route)]
     listening = Listening(max(1, piece.mix.channels))
     taps: dict[tuple[str, str], int] = {}
-    alone: dict[Route, int] = {}
-    for route, _, _ in heard:
-        alone[route] = alone.get(route, 0) + 1
+    alone = Counter(route for route, *_ in heard)
     position: dict[Route, int] = {}
     for route, instrument, output in heard:
         index = position[route] = position.get(route, -1) + 1
