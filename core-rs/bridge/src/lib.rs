@@ -13,6 +13,7 @@ mod meter;
 mod mixer;
 mod network;
 mod pcm;
+mod plan;
 mod simulation;
 mod take;
 mod timeline;
@@ -41,6 +42,8 @@ mod _core {
     use super::network::{Certificate, Network};
     #[pymodule_export]
     use super::pcm::{pcm, single};
+    #[pymodule_export]
+    use super::plan::{Plan, PlanRow};
     #[pymodule_export]
     use super::simulation::{Energy, Report, Simulation, Snapshot};
     #[pymodule_export]

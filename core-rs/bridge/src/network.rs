@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::generator::{self, BankForm, GeneratorError, Topology};
 use ergon_engine::network::{self, But, Term, Tie};
-use ergon_engine::plan::{Means, Plan, Word};
+use ergon_engine::scheme::{Means, Scheme, Word};
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, hertz, refused, word};
@@ -297,7 +297,7 @@ impl Network {
     /// Whether the CA scheme is stable at `rate`.
     fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
         let rate = hertz(rate)?;
-        let certificate = py.detach(|| Plan::new(&self.0, rate)?.certify(&self.0));
+        let certificate = py.detach(|| Scheme::new(&self.0, rate)?.certify(&self.0));
         let certificate = certificate.map_err(from_engine)?;
         Ok(Certificate {
             lambda_max: certificate.lambda_max,

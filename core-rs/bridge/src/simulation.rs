@@ -8,6 +8,7 @@ use pyo3::types::PyDict;
 use crate::error::{from_engine, from_fault, refused, word};
 use crate::frames::rows_mut;
 use crate::network::Network;
+use crate::plan::Plan;
 use crate::timeline::Timeline;
 use crate::words;
 
@@ -22,29 +23,34 @@ pub(crate) struct Simulation(simulation::Simulation);
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (network, timeline, *, ledger=false, record=false, on_fault="stop"))]
+    #[pyo3(signature = (network, timeline, *, plan=None, ledger=false, record=false, on_fault="stop"))]
     fn new(
         py: Python<'_>,
         network: &Network,
         timeline: &Timeline,
+        plan: Option<&Plan>,
         ledger: bool,
         record: bool,
         on_fault: &str,
     ) -> PyResult<Self> {
-        if network.0.n_mat() != timeline.network().n_mat()
-            || network.0.n_lia() != timeline.network().n_lia()
-        {
-            return Err(refused(
-                "timeline",
-                "it was made for another state of the network",
-            ));
-        }
+        timeline.fits(network)?;
         let on_fault = word("on_fault", on_fault, &words::ON_FAULT)?;
         let options = simulation::Options {
             ledger,
             record,
             on_fault,
         };
+        if let Some(plan) = plan {
+            if ledger || record {
+                let message = "a plan keeps neither a ledger nor a stream of ergons";
+                return Err(refused("plan", message));
+            }
+            let plan = plan.0.clone();
+            return py
+                .detach(|| simulation::Simulation::planned(plan, options))
+                .map(Self)
+                .map_err(from_engine);
+        }
         // The network as it is now: outputs may have been added since the timeline was made.
         let network = std::sync::Arc::new(network.0.clone());
         py.detach(|| simulation::Simulation::new(network, &timeline.inner, options))
@@ -83,7 +89,7 @@ impl Simulation {
 
     /// Positions now (n_mat,) [m].
     fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.0.positions().to_vec().into_pyarray(py)
+        self.0.positions().into_pyarray(py)
     }
 
     /// Backward differences now (n_mat,) [m/s].
@@ -125,7 +131,7 @@ impl Simulation {
 
     /// What became of each gesture, in the timeline's order.
     fn reports(&self) -> Vec<Report> {
-        let reports = self.0.reports().iter().enumerate();
+        let reports = self.0.reports().into_iter().enumerate();
         reports
             .map(|(gesture, report)| Report {
                 gesture,

@@ -205,8 +205,17 @@ impl Timeline {
 }
 
 impl Timeline {
-    pub(crate) fn network(&self) -> &Arc<network::Network> {
-        &self.network
+    /// Refuse a network that has grown since.
+    pub(crate) fn fits(&self, network: &Network) -> PyResult<()> {
+        let same =
+            network.0.n_mat() == self.network.n_mat() && network.0.n_lia() == self.network.n_lia();
+        if same {
+            return Ok(());
+        }
+        Err(refused(
+            "timeline",
+            "it was made for another state of the network",
+        ))
     }
 
     fn there(&self, name: &str, mat: usize) -> PyResult<()> {

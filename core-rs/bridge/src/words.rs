@@ -5,6 +5,7 @@ use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Touch};
 use ergon_engine::gesture::written::Way;
 use ergon_engine::network::{Contact, Side};
+use ergon_engine::plan::Method;
 use ergon_engine::simulation::OnFault;
 use ergon_engine::timeline::DriveKind;
 
@@ -40,3 +41,4 @@ pub(crate) const DRIVES: Words<DriveKind, 2> = [
     ("force", DriveKind::Force),
 ];
 pub(crate) const ON_FAULT: Words<OnFault, 2> = [("stop", OnFault::Stop), ("mute", OnFault::Mute)];
+pub(crate) const METHODS: Words<Method, 2> = [("ca", Method::Ca), ("modal", Method::Modal)];

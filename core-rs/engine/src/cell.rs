@@ -180,7 +180,7 @@ impl Cell {
     }
 
     /// Displacement per unit of initial velocity, `t` [s] >= 0 after it: m times the impulse response.
-    fn response(&self, t: f64) -> f64 {
+    pub(crate) fn response(&self, t: f64) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } if omega > 0.0 => {
                 exp(-self.sigma * t) * sin(omega * t) / omega

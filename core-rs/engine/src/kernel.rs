@@ -1,10 +1,11 @@
 //! The inner loops: one file per kind of work. They know no names, no scores, no reasons.
 
+pub(crate) mod bank;
 mod exact;
 mod mats;
 mod runs;
 mod taps;
-mod wide;
+pub(crate) mod wide;
 
 pub(crate) use exact::contacts;
 pub(crate) use mats::{advance, centred, needed, predict, sound};

@@ -10,10 +10,12 @@ mod links;
 mod modes;
 mod names;
 mod output;
+mod subset;
 
 pub use kinds::{But, Contact, Error, Side, Tie};
 pub use modes::Tone;
 pub use output::{Output, Term};
+pub(crate) use subset::Subset;
 
 use std::sync::Arc;
 
@@ -172,42 +174,12 @@ impl Network {
     }
 
     /// The network of one part alone: its MATs, and the links between them, whichever part declared
-    /// these. Also the index, in this network, of each of its MATs.
-    pub fn alone(&self, part: usize) -> (Network, Vec<usize>) {
-        let inside = |i: usize| self.mats.part[i] as usize == part;
-        let members: Vec<usize> = (0..self.n_mat()).filter(|&i| inside(i)).collect();
-        let mut alone = Network {
-            parts: self.parts.clone(),
-            ..Network::default()
-        };
-        for &i in &members {
-            let m = &self.mats;
-            alone.mats.push(Mat {
-                kind: m.kind[i],
-                m: m.m[i],
-                k: m.k[i],
-                z: m.z[i],
-                rest: m.rest[i],
-                x0: m.x0[i],
-                v0: m.v0[i],
-                place: m.place[i],
-                part: m.part[i],
-            });
-        }
-        let local = |i: usize| members.binary_search(&i).ok();
-        for run in &self.runs {
-            for i in 0..run.len {
-                if let (Some(a), Some(b)) = (local(run.a + i), local(run.b + i)) {
-                    alone.push_run(Run {
-                        a,
-                        b,
-                        len: 1,
-                        ..run.clone()
-                    });
-                }
-            }
-        }
-        (alone, members)
+    /// these.
+    pub(crate) fn alone(&self, part: usize) -> Subset {
+        let inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
+        let mats: Vec<u32> = (0..self.n_mat() as u32).filter(inside).collect();
+        let links: Vec<u32> = (0..self.n_lia as u32).collect();
+        self.subset(&mats, &[], &links)
     }
 }
 

@@ -1,140 +1,226 @@
-//! Network → Plan: the numbers of the discrete scheme at one rate.
+//! Network + Timeline + Budget → Plan: what is computed, how, and why the rest is not.
 //!
-//! The one method of this engine is the CA scheme in delta form: with d = x[n] − x[n−1] kept,
-//! d += F/M − κ(x − rest) − ζd, x += d. It equals x⁺ = 2x − x⁻ + F/M and stays exact where positions
-//! are large and steps small.
+//! Nothing passes between two islands, so each is computed on its own, by the cheapest method that is exact
+//! enough for it. A plan is a function of its arguments alone, never of a timing.
 
-mod certify;
-mod discretise;
-mod listen;
-mod start;
+mod body;
+mod budget;
+mod cells;
+mod cost;
+mod islands;
+mod linear;
+mod modes;
+mod row;
+mod split;
+mod truncate;
 
-pub use certify::{Certificate, Means, Word};
-pub(crate) use listen::Tap;
-pub(crate) use start::backward_steps;
+pub use budget::{Budget, Method, PITCH_UPTO};
+pub use row::{Reason, Row, What};
 
 use std::sync::Arc;
 
-use crate::law::{Law, Scratch};
-use crate::network::{But, Error, MatKind, Network, Output};
-use crate::units::Rate;
+use crate::bank::{Oscillator, Strikes};
+use crate::network::{Error, Network, Subset};
+use crate::scheme::Scheme;
+use crate::timeline::Timeline;
+use islands::Island;
+use linear::NoModes;
+use split::Own;
 
-/// The law of a planned run, with algorithmic numbers.
+/// Modules that touch each other, if only now and then, and what happens to them.
 #[derive(Clone, Debug)]
-pub(crate) enum Kind {
-    Ref,
-    But(But),
-    Lnl {
-        law: Arc<Law>,
-        /// Per-sample velocity times this is the law's v: 1/T, or T_ca/T under `ca`.
-        rate: f64,
-        /// Index of the law's room.
-        room: usize,
-    },
+pub(crate) struct Isle {
+    pub(crate) network: Arc<Network>,
+    pub(crate) timeline: Timeline,
+    pub(crate) to_whole: Whole,
 }
 
-/// A run of links in algorithmic units: f = k·e + z·(e − e⁻) for springs.
-#[derive(Clone, Debug)]
-pub(crate) struct Run {
-    pub(crate) kind: Kind,
-    pub(crate) a: usize,
-    pub(crate) b: usize,
-    pub(crate) len: usize,
-    pub(crate) first: usize,
-    pub(crate) k: f64,
-    pub(crate) z: f64,
-    pub(crate) rest: f64,
-    /// Index of the gate that opens and closes the run (a coupling), if any.
-    pub(crate) gate: Option<usize>,
+/// Local index → index in the whole; `None` where the island is the whole.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Whole {
+    pub(crate) mats: Option<Vec<u32>>,
+    pub(crate) outputs: Option<Vec<u32>>,
+    pub(crate) keys: Option<Vec<u32>>,
+    pub(crate) gestures: Option<Vec<u32>>,
 }
 
-/// What is computed at every step: constant while a simulation runs.
+/// The index in the whole of a local one.
+pub(crate) fn whole(map: &Option<Vec<u32>>, local: usize) -> usize {
+    map.as_ref().map_or(local, |map| map[local] as usize)
+}
+
+/// Oscillators that nothing couples.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct BankPlan {
+    pub(crate) oscillators: Vec<Oscillator>,
+    pub(crate) strikes: Vec<Strikes>,
+    /// The MAT that an oscillator is, and where it rests; empty where they are modes.
+    pub(crate) mats: Vec<(u32, f64)>,
+}
+
+/// One thing to compute.
+#[derive(Clone, Debug)]
+pub(crate) enum Unit {
+    Isle(Isle),
+    Bank(BankPlan),
+}
+
+/// What is computed, how, and why the rest is not.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Frames a second [Hz].
-    pub rate: f64,
-    /// κ = K/M of the tie to the ground     (n_mat)
-    pub(crate) kappa: Vec<f64>,
-    /// ζ = Z/M of the tie to the ground     (n_mat)
-    pub(crate) zeta: Vec<f64>,
-    /// Stiffness of the tie [N/m], for those who listen to its force   (n_mat)
-    pub(crate) ground: Vec<f64>,
-    /// 1/M [m/N]: T²/m; 0 for fixed points  (n_mat)
-    pub(crate) w: Vec<f64>,
-    /// Where the ground is [m]              (n_mat)
-    pub(crate) rest: Vec<f64>,
-    /// Which part the MAT belongs to        (n_mat)
-    pub(crate) part: Vec<u32>,
-    /// Forces from the state, in order of declaration.
-    pub(crate) runs: Vec<Run>,
-    /// Energy-exact contacts: solved after all other forces are known.
-    pub(crate) exact: Vec<Run>,
-    /// Whether any two of them share a MAT.
-    pub(crate) exact_coupled: bool,
-    pub(crate) outputs: Vec<Output>,
-    /// The outputs' terms as they are summed   (n_out)
-    pub(crate) taps: Vec<Vec<Tap>>,
-    pub(crate) n_lia: usize,
-    pub(crate) n_parts: usize,
-    /// Whether the answer to a force is proportional to it.
-    pub(crate) linear: bool,
-}
-
-/// Room in which the laws of a plan are evaluated.
-#[derive(Clone, Debug)]
-pub(crate) struct Laws {
-    /// Elongations and their rates of one run of links   (longest run)
-    pub(crate) e: Vec<f64>,
-    pub(crate) v: Vec<f64>,
-    /// One for each law                                  (n_laws)
-    pub(crate) scratch: Vec<Scratch>,
+    pub(crate) network: Arc<Network>,
+    pub(crate) timeline_rate: crate::units::Rate,
+    pub(crate) n_keys: usize,
+    pub(crate) n_gestures: usize,
+    pub(crate) units: Vec<Unit>,
+    /// What outputs hear of modules that never move, and of where moving ones rest   (n_out)
+    pub(crate) still: Vec<f64>,
+    rows: Vec<Row>,
 }
 
 impl Plan {
-    /// Room for the plan's laws.
-    pub(crate) fn laws(&self) -> Laws {
-        let mut laws = Laws {
-            e: Vec::new(),
-            v: Vec::new(),
-            scratch: Vec::new(),
-        };
-        for run in &self.runs {
-            if let Kind::Lnl { law, room, .. } = &run.kind {
-                laws.e.resize(laws.e.len().max(run.len), 0.0);
-                if *room == laws.scratch.len() {
-                    laws.scratch.push(law.scratch());
+    /// Everything stepped as written, by the CA scheme.
+    pub fn plain(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
+        let certificate = Scheme::new(&network, timeline.rate)?.certify(&network)?;
+        let mut plan = Self::empty(network.clone(), timeline);
+        plan.rows
+            .push(Row::stepped(&network, timeline, certificate));
+        plan.units.push(Unit::Isle(Isle {
+            network,
+            timeline: timeline.clone(),
+            to_whole: Whole::default(),
+        }));
+        Ok(plan)
+    }
+
+    /// No more than is heard and moved, each island by the cheapest method within the budget.
+    pub fn new(network: Arc<Network>, timeline: &Timeline, budget: &Budget) -> Result<Self, Error> {
+        let mut plan = Self::empty(network.clone(), timeline);
+        let (mut cells, mut isles) = (Vec::new(), Vec::new());
+        for island in islands::islands(&network, timeline) {
+            match (island.is_heard, island.is_moved) {
+                (false, _) => plan.drop(&island, Reason::Unheard),
+                (true, false) => {
+                    plan.rest(&island)?;
+                    plan.drop(&island, Reason::Still);
+                }
+                (true, true)
+                    if budget.takes_modes()
+                        && cells::is_loose(&network, &island, timeline.rate) =>
+                {
+                    cells.extend(island.mats);
+                }
+                (true, true) => {
+                    isles.push(network.subset(&island.mats, &island.guests, &island.links));
                 }
             }
         }
-        laws.v.clone_from(&laws.e);
-        laws
+        if !cells.is_empty() {
+            isles.push(network.subset(&cells, &[], &[]));
+        }
+        let n_isles = isles.len() - usize::from(!cells.is_empty());
+        for (at, (subset, own)) in split::split(isles, timeline).into_iter().enumerate() {
+            if at == n_isles {
+                plan.cells(subset, own)?;
+            } else {
+                plan.island(subset, own, budget)?;
+            }
+        }
+        Ok(plan)
     }
 
-    /// Plan a network at `rate`. Fails where a magic contact cannot be exact.
-    pub fn new(network: &Network, rate: Rate) -> Result<Self, Error> {
-        discretise::plan(network, rate)
+    fn empty(network: Arc<Network>, timeline: &Timeline) -> Self {
+        Self {
+            timeline_rate: timeline.rate,
+            n_keys: timeline.keys.len(),
+            n_gestures: timeline.gestures.len(),
+            still: vec![0.0; network.outputs().len()],
+            rows: Vec::new(),
+            network,
+            units: Vec::new(),
+        }
     }
 
-    /// Whether the plan is stable.
-    pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
-        certify::certify(self, network)
+    /// What it does, part by part.
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
     }
 
-    /// Number of MATs.
-    pub fn n_mat(&self) -> usize {
-        self.w.len()
+    /// An island that is not computed: counted with the others of its part.
+    fn drop(&mut self, island: &Island, reason: Reason) {
+        let row = Row::left_out(&self.network, island, reason);
+        if row.mats + row.links == 0 {
+            return; // points that hold nothing
+        }
+        let alike = |known: &&mut Row| known.what == row.what && known.parts == row.parts;
+        match self.rows.iter_mut().find(alike) {
+            Some(known) => {
+                known.mats += row.mats;
+                known.links += row.links;
+            }
+            None => self.rows.push(row),
+        }
     }
 
-    /// Number of outputs.
-    pub fn n_out(&self) -> usize {
-        self.outputs.len()
+    /// Add what is heard of modules that never move.
+    fn rest(&mut self, island: &Island) -> Result<(), Error> {
+        let subset = self
+            .network
+            .subset(&island.mats, &island.guests, &island.links);
+        let scheme = Scheme::new(&subset.network, self.timeline_rate)?;
+        let mut heard = vec![0.0; subset.outputs.len()];
+        crate::island::at_rest(&subset.network, &scheme, &mut heard);
+        for (&output, heard) in subset.outputs.iter().zip(heard) {
+            self.still[output as usize] += heard;
+        }
+        Ok(())
+    }
+
+    /// Isolated CELs.
+    fn cells(&mut self, subset: Subset, own: Own) -> Result<(), Error> {
+        let banks = cells::oscillators(&subset, &own.timeline, &mut self.still)?;
+        self.rows
+            .extend(row::cells(&self.network, &banks, &own.timeline));
+        self.units.extend(banks.into_iter().map(Unit::Bank));
+        Ok(())
+    }
+
+    /// An island: by its modes where it has them, else stepped.
+    fn island(&mut self, subset: Subset, own: Own, budget: &Budget) -> Result<(), Error> {
+        let why = if budget.takes_modes() {
+            match body::bank(&subset, &own.timeline, budget) {
+                Ok(found) => {
+                    for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
+                        self.still[output as usize] += rest;
+                    }
+                    self.rows.push(Row::modal(&subset, &found, &own.timeline));
+                    self.units.push(Unit::Bank(found.bank));
+                    return Ok(());
+                }
+                Err(why) => Some(why),
+            }
+        } else {
+            None
+        };
+        self.stepped(subset, own, why)
+    }
+
+    fn stepped(&mut self, subset: Subset, own: Own, why: Option<NoModes>) -> Result<(), Error> {
+        let scheme = Scheme::new(&subset.network, self.timeline_rate)?;
+        let certificate = scheme.certify(&subset.network)?;
+        let mut row = Row::stepped(&subset.network, &own.timeline, certificate);
+        row.because = why.map(|why| why.why().to_owned());
+        self.rows.push(row);
+        self.units.push(Unit::Isle(Isle {
+            network: Arc::new(subset.network),
+            timeline: own.timeline,
+            to_whole: Whole {
+                mats: Some(subset.mats),
+                outputs: Some(subset.outputs),
+                keys: Some(own.keys),
+                gestures: Some(own.gestures),
+            },
+        }));
+        Ok(())
     }
 }
-
-/// Whether a MAT moves of itself.
-pub(crate) fn moves(kind: MatKind) -> bool {
-    matches!(kind, MatKind::Mas | MatKind::Cel)
-}
-
-#[cfg(test)]
-mod tests;

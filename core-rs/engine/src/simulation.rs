@@ -1,92 +1,105 @@
-//! Plan + State: steps frames, taps outputs, keeps the ledger.
+//! A plan that plays: its islands side by side, their sounds added up in a fixed order.
 //!
-//! While it steps it does not allocate (but for a recorded stream of ergons), lock, fail or panic.
-
-mod build;
-mod fault;
-mod ledger;
-pub(crate) mod record;
-
-pub use build::Options;
-pub use fault::{Fault, OnFault};
-pub use ledger::Energy;
-pub use record::{Record, Stream};
+//! While it steps in one thread it does not allocate (but for a recorded stream of ergons), lock, fail or
+//! panic. The bytes depend on neither the number of threads nor the size of blocks.
 
 use std::sync::Arc;
 
-use crate::gesture::script::{Gesture, Report};
-use crate::gesture::voice::{Scene, Voice, VoiceScript};
-use crate::kernel;
-use crate::network::Network;
-use crate::plan::{Laws, Plan};
-use crate::state::{Body, Target};
-use crate::timeline::{Drive, Ergon, Gate, Push};
+use crate::bank::Bank;
+use crate::gesture::script::Report;
+use crate::island::{Island, Taken};
+use crate::network::{Error, Network};
+use crate::plan::{Isle, Plan, Unit, whole};
+use crate::timeline::Timeline;
 
-use fault::Mutes;
-use ledger::Ledger;
+pub use crate::island::{Energy, Fault, OnFault, Options, Record};
 
-/// Everything that does not change while the simulation runs.
-#[derive(Clone, Debug)]
-struct Script {
-    plan: Plan,
-    gestures: Vec<Gesture>,
-    voices: Vec<VoiceScript>,
-    pushes: Vec<Push>,
-    ergons: Vec<Ergon>,
-    gates: Vec<Gate>,
-    drives: Vec<Drive>,
-    n_keys: usize,
-    on_fault: OnFault,
-}
-
-/// Everything that changes: cloning it is a snapshot.
-#[derive(Clone, Debug)]
-struct State {
-    frame: u64,
-    body: Body,
-    voices: Vec<Voice>,
-    reports: Vec<Report>,
-    /// Next push and next ergon.
-    pushed: usize,
-    ergons: usize,
-    /// How far each gate is open now, and (for the ledger) at the next frame.
-    gates: Vec<f64>,
-    gates_next: Vec<f64>,
-    targets: Vec<Target>,
-    /// How far layers take each key [m]   (n_keys)
-    layers: Vec<f64>,
-    laws: Laws,
-    stream: Stream,
-    ledger: Option<Ledger>,
-    mutes: Mutes,
-}
+/// Frames that an island goes on alone before its sound is added: its state stays in the cache.
+const STRETCH: usize = 256;
 
 /// A network that plays.
 #[derive(Clone, Debug)]
 pub struct Simulation {
-    network: Arc<Network>,
-    script: Arc<Script>,
-    state: State,
+    plan: Arc<Plan>,
+    /// In the order of the plan's units.
+    units: Vec<Playing>,
+    frame: u64,
+    /// One island's sound   (STRETCH · its n_out)
+    sound: Vec<f64>,
 }
 
-/// A moment of a simulation, to come back to: also the script, which muting a part changes.
+/// A unit of a plan that plays.
+#[derive(Clone, Debug)]
+enum Playing {
+    Island(Box<Island>),
+    Bank(Bank),
+}
+
+/// A moment of a simulation, to come back to.
 #[derive(Clone, Debug)]
 pub struct Snapshot(Box<Simulation>);
 
 impl Simulation {
+    /// Everything stepped as written, at frame 0 of its timeline.
+    pub fn new(
+        network: Arc<Network>,
+        timeline: &Timeline,
+        options: Options,
+    ) -> Result<Self, Error> {
+        Self::planned(Arc::new(Plan::plain(network, timeline)?), options)
+    }
+
+    /// What a plan computes, at frame 0.
+    pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
+        let mut most = 0;
+        let mut units = Vec::with_capacity(plan.units.len());
+        for unit in &plan.units {
+            units.push(match unit {
+                Unit::Isle(isle) => {
+                    let island = Island::new(isle.network.clone(), &isle.timeline, options)?;
+                    most = most.max(island.n_out());
+                    Playing::Island(Box::new(island))
+                }
+                Unit::Bank(bank) => Playing::Bank(Bank::new(
+                    &bank.oscillators,
+                    bank.strikes.clone(),
+                    plan.timeline_rate,
+                    STRETCH,
+                )),
+            });
+        }
+        Ok(Self {
+            plan,
+            units,
+            frame: 0,
+            sound: vec![0.0; most * STRETCH],
+        })
+    }
+
+    /// The islands that are stepped, each with what it is in the whole.
+    fn islands(&self) -> impl Iterator<Item = (&Island, &Isle)> {
+        self.units
+            .iter()
+            .zip(&self.plan.units)
+            .filter_map(|pair| match pair {
+                (Playing::Island(island), Unit::Isle(isle)) => Some((&**island, isle)),
+                _ => None,
+            })
+    }
+
     /// Number of outputs.
     pub fn n_out(&self) -> usize {
-        self.script.plan.n_out()
+        self.plan.network.outputs().len()
     }
 
     /// Frames done.
     pub fn frame(&self) -> u64 {
-        self.state.frame
+        self.frame
     }
 
     /// Frames a second [Hz].
     pub fn rate(&self) -> f64 {
-        self.script.plan.rate
+        self.plan.timeline_rate.hertz()
     }
 
     /// Fill `out` with whole frames of outputs, frame by frame, (n_frames · n_out).
@@ -95,109 +108,152 @@ impl Simulation {
     pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
         flushed(|| {
-            out.chunks_exact_mut(n_out)
-                .try_for_each(|frame| self.step(frame))
+            out.chunks_mut(STRETCH * n_out)
+                .try_for_each(|out| self.stretch(out, out.len() / n_out))
         })
     }
 
     /// Go on `n_frames` frames without listening.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
-        let mut unheard = vec![0.0; self.n_out()];
-        flushed(|| (0..n_frames).try_for_each(|_| self.step(&mut unheard)))
-    }
-
-    /// One frame: forces, outputs, hands, contacts, masses.
-    fn step(&mut self, out: &mut [f64]) -> Result<(), Fault> {
-        let (script, state) = (&*self.script, &mut self.state);
-        let (plan, n) = (&script.plan, state.frame);
-        for (open, gate) in state.gates.iter_mut().zip(&script.gates) {
-            *open = gate.open(n);
-        }
-        kernel::links(plan, &state.gates, &mut state.body, &mut state.laws);
-        state.targets.clear();
-        for drive in &script.drives {
-            drive.apply(n, plan.rate, &mut state.body, &mut state.targets);
-        }
-        layers(script, state);
-        hands(script, state, n, Voice::step);
-        strike(script, state, n);
-        kernel::contacts(plan, &state.gates, &state.targets, &mut state.body);
-        hands(script, state, n, Voice::settle);
-        kernel::tap(plan, &state.body, out);
-        state.mutes.fade(n, plan, out);
-        if let Some(ledger) = &mut state.ledger {
-            ledger.before(plan, &state.targets, &state.body);
-        }
-        let sound = kernel::advance(plan, &mut state.targets, &mut state.body);
-        if let Some(ledger) = &mut state.ledger {
-            for (next, gate) in state.gates_next.iter_mut().zip(&script.gates) {
-                *next = gate.open(n + 1);
+        flushed(|| {
+            let mut left = n_frames;
+            while left > 0 {
+                let n = left.min(STRETCH as u64);
+                self.stretch(&mut [], n as usize)?;
+                left -= n;
             }
-            ledger.after(
-                plan,
-                [&state.gates, &state.gates_next],
-                &state.targets,
-                &state.body,
-            );
+            Ok(())
+        })
+    }
+
+    /// A stretch of every island. Of several that fault in it, the first in time is told.
+    fn stretch(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
+        let n_out = self.plan.network.outputs().len();
+        for frame in out.chunks_exact_mut(n_out.max(1)) {
+            frame.copy_from_slice(&self.plan.still);
         }
-        state.frame += 1;
-        if sound { Ok(()) } else { self.fault() }
+        let mut fault: Option<Fault> = None;
+        let plan = self.plan.clone();
+        for (playing, unit) in self.units.iter_mut().zip(&plan.units) {
+            match (playing, unit) {
+                (Playing::Bank(bank), _) => bank.process(out, n_out, n_frames),
+                (Playing::Island(island), Unit::Isle(isle)) => {
+                    let own = island.n_out();
+                    let sound = &mut self.sound[..own * n_frames];
+                    if let Err(new) = island.process(sound, n_frames) {
+                        let is_first = fault.as_ref().is_none_or(|old| new.frame < old.frame);
+                        fault = if is_first { Some(new) } else { fault };
+                    }
+                    add(sound, own, isle, out, n_out);
+                }
+                (Playing::Island(_), Unit::Bank(_)) => {}
+            }
+        }
+        self.frame = match &fault {
+            Some(fault) => fault.frame,
+            None => self.frame + n_frames as u64,
+        };
+        fault.map_or(Ok(()), Err)
     }
 
-    /// Positions now [m], (n_mat).
-    pub fn positions(&self) -> &[f64] {
-        &self.state.body.x
+    /// Positions now [m], (n_mat); NaN where the plan computes none.
+    pub fn positions(&self) -> Vec<f64> {
+        self.motion(|x, _| x, Island::positions)
     }
 
-    /// Steps x[n] − x[n−1] now [m], (n_mat).
-    pub fn steps(&self) -> &[f64] {
-        &self.state.body.d
+    /// Steps x[n] − x[n−1] now [m], (n_mat); NaN where the plan computes none.
+    pub fn steps(&self) -> Vec<f64> {
+        self.motion(|x, before| x - before, Island::steps)
     }
 
-    /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys).
+    fn motion(&self, own: fn(f64, f64) -> f64, of: fn(&Island) -> &[f64]) -> Vec<f64> {
+        let mut all = vec![f64::NAN; self.plan.network.n_mat()];
+        for (playing, unit) in self.units.iter().zip(&self.plan.units) {
+            match (playing, unit) {
+                (Playing::Island(island), Unit::Isle(isle)) => {
+                    for (local, &value) in of(island).iter().enumerate() {
+                        all[whole(&isle.to_whole.mats, local)] = value;
+                    }
+                }
+                (Playing::Bank(bank), Unit::Bank(plan)) => {
+                    for (oscillator, &(mat, rest)) in plan.mats.iter().enumerate() {
+                        let (now, before) = bank.motion(oscillator);
+                        all[mat as usize] = own(now + rest, before + rest);
+                    }
+                }
+                _ => {}
+            }
+        }
+        all
+    }
+
+    /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys,).
     pub fn asked(&self) -> Vec<f64> {
-        let mut asked = vec![f64::NAN; self.script.n_keys];
-        for (voice, own) in self.state.voices.iter().zip(&self.script.voices) {
-            // A key's own voice stands before its layers.
-            if !own.layer {
-                asked[own.key] = voice.asked;
-            } else {
-                asked[own.key] += voice.deviation(own);
+        let mut all = vec![f64::NAN; self.plan.n_keys];
+        for (island, isle) in self.islands() {
+            for (local, asked) in island.asked().into_iter().enumerate() {
+                all[whole(&isle.to_whole.keys, local)] = asked;
             }
         }
-        asked
+        all
     }
 
     /// Name of a MAT as the composer wrote it.
     pub fn mat_name(&self, mat: usize) -> String {
-        self.network.mat_name(mat)
+        self.plan.network.mat_name(mat)
     }
 
     /// Reports of all gestures, in the timeline's order.
-    pub fn reports(&self) -> &[Report] {
-        &self.state.reports
+    pub fn reports(&self) -> Vec<Report> {
+        let mut all = vec![Report::default(); self.plan.n_gestures];
+        for (island, isle) in self.islands() {
+            for (local, report) in island.reports().iter().enumerate() {
+                let mut report = *report;
+                report.pushed_by = report.pushed_by.map(|mat| whole(&isle.to_whole.mats, mat));
+                all[whole(&isle.to_whole.gestures, local)] = report;
+            }
+        }
+        all
     }
 
-    /// Ergons since the last call.
+    /// Ergons since the last call, as they struck.
     pub fn take_ergons(&mut self) -> Vec<Record> {
-        self.state.stream.take()
+        let mut all = Vec::new();
+        for (playing, unit) in self.units.iter_mut().zip(&self.plan.units) {
+            let (Playing::Island(island), Unit::Isle(isle)) = (playing, unit) else {
+                continue;
+            };
+            all.extend(island.take_ergons().into_iter().map(|record| Taken {
+                record: Record {
+                    mat: whole(&isle.to_whole.mats, record.record.mat as usize) as u32,
+                    ..record.record
+                },
+                ..record
+            }));
+        }
+        // By the frame that they struck in; within it island by island.
+        all.sort_by_key(|taken| taken.frame);
+        all.into_iter().map(|taken| taken.record).collect()
     }
 
-    /// The ledger, if it is kept.
+    /// The ledger, if it is kept: not by a plan that computes anything as oscillators.
     pub fn energy(&self) -> Option<Energy> {
-        let state = &self.state;
-        state
-            .ledger
-            .as_ref()
-            .map(|ledger| ledger.energy(&self.script.plan, &state.body))
+        if self
+            .units
+            .iter()
+            .any(|unit| matches!(unit, Playing::Bank(_)))
+        {
+            return None;
+        }
+        let mut own = self.islands().map(|(island, _)| island.energy());
+        let first = own.next()??;
+        own.try_fold(first, |sum, energy| Some(sum + energy?))
     }
 
     /// Parts put to silence, with the frame of each.
     pub fn muted(&self) -> Vec<(String, u64)> {
-        self.state
-            .mutes
-            .list()
-            .map(|(part, frame)| (self.network.parts()[part].name.clone(), frame))
+        self.islands()
+            .flat_map(|(island, _)| island.muted())
             .collect()
     }
 
@@ -209,51 +265,22 @@ impl Simulation {
     /// Go back to a moment of this simulation.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         *self = (*snapshot.0).clone();
-        self.reserve();
-    }
-
-    /// Room for every target there can be: a cloned vector has only what it holds.
-    fn reserve(&mut self) {
-        let most = self.script.drives.len() + self.script.voices.len();
-        self.state.targets.reserve(most);
-        for (voice, own) in self.state.voices.iter_mut().zip(&self.script.voices) {
-            voice.reserve(own);
-        }
-        if let Some(ledger) = &mut self.state.ledger {
-            ledger.reserve(most);
+        for playing in &mut self.units {
+            if let Playing::Island(island) = playing {
+                island.reserve();
+            }
         }
     }
 }
 
-/// Where layers take the keys at this frame.
-fn layers(script: &Script, state: &mut State) {
-    state.layers.fill(0.0);
-    for (voice, own) in state.voices.iter().zip(&script.voices) {
-        if own.layer {
-            state.layers[own.key] += voice.deviation(own);
-        }
+/// Add an island's sound (n_frames · own) to the outputs that it is heard at (n_frames · n_out).
+fn add(sound: &[f64], own: usize, isle: &Isle, out: &mut [f64], n_out: usize) {
+    if out.is_empty() || own == 0 {
+        return;
     }
-}
-
-/// Let every voice do its part of frame `n`.
-fn hands(
-    script: &Script,
-    state: &mut State,
-    n: u64,
-    act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64),
-) {
-    let mut scene = Scene {
-        plan: &script.plan,
-        gestures: &script.gestures,
-        body: &mut state.body,
-        targets: &mut state.targets,
-        reports: &mut state.reports,
-        stream: &mut state.stream,
-        layers: &state.layers,
-    };
-    for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
-        if voice.is_awake(own, scene.gestures, n) {
-            act(voice, own, &mut scene, n);
+    for (frame, heard) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(own)) {
+        for (local, heard) in heard.iter().enumerate() {
+            frame[whole(&isle.to_whole.outputs, local)] += heard;
         }
     }
 }
@@ -262,61 +289,4 @@ fn hands(
 fn flushed<T>(run: impl FnOnce() -> T) -> T {
     // SAFETY: nothing inside relies on gradual underflow; the guard restores the mode on the way out.
     unsafe { no_denormals::no_denormals(run) }
-}
-
-/// Strikes that fall on frame `n`.
-fn strike(script: &Script, state: &mut State, n: u64) {
-    let plan = &script.plan;
-    let t = 1.0 / plan.rate;
-    let body = &mut state.body;
-    while let Some(push) = script
-        .pushes
-        .get(state.pushed)
-        .filter(|push| push.frame <= n)
-    {
-        state.pushed += 1;
-        let mat = push.mat as usize;
-        if plan.w[mat] == 0.0 {
-            continue; // muted meanwhile
-        }
-        if push.impulse != 0.0 && state.stream.is_kept() {
-            let velocity = kernel::centred(plan, body, mat);
-            let mass = t * t / plan.w[mat];
-            state.stream.push(Record::event(
-                push.at,
-                mat,
-                push.source,
-                mass,
-                velocity,
-                push.impulse,
-            ));
-        }
-        body.push(mat, push.force);
-    }
-    while let Some(ergon) = script
-        .ergons
-        .get(state.ergons)
-        .filter(|ergon| ergon.frame <= n)
-    {
-        state.ergons += 1;
-        let mat = ergon.mat as usize;
-        if plan.w[mat] == 0.0 {
-            continue;
-        }
-        // p = 2 m m_S/(m + m_S)·(v − V), V the centred velocity without the ergon: then the work on the
-        // struck is exactly the energy the ergon loses.
-        let mass = t * t / plan.w[mat];
-        let velocity = kernel::centred(plan, body, mat);
-        let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);
-        body.push(mat, impulse * plan.rate);
-        let (mass, speed, source) = (ergon.mass, ergon.speed, ergon.source);
-        state.stream.push(Record {
-            time: n as f64 / plan.rate,
-            mat: ergon.mat,
-            source,
-            mass,
-            speed,
-            impulse,
-        });
-    }
 }

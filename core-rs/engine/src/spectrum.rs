@@ -9,10 +9,12 @@ mod lowest;
 #[cfg(test)]
 mod tests;
 mod vector;
+mod whole;
 
 pub use filter::lowest_modes;
 pub use lanczos::{Largest, largest};
 pub use lowest::lowest;
+pub use whole::whole;
 
 /// `apply(x, y)`: y = A x, both (n,); y comes with old values.
 pub type Apply<'a> = &'a mut dyn FnMut(&[f64], &mut [f64]);

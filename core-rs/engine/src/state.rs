@@ -1,6 +1,6 @@
 //! What moves: everything that changes while a simulation runs, and nothing else.
 
-use crate::plan::Plan;
+use crate::scheme::Scheme;
 
 /// Where the MATs are and what acts on them.
 #[derive(Clone, Debug)]
@@ -19,10 +19,10 @@ pub(crate) struct Body {
 
 impl Body {
     /// A body at positions `x` that came there by steps `d`.
-    pub(crate) fn new(plan: &Plan, x: Vec<f64>, d: Vec<f64>) -> Self {
+    pub(crate) fn new(scheme: &Scheme, x: Vec<f64>, d: Vec<f64>) -> Self {
         Self {
             force: vec![0.0; x.len()],
-            link: vec![0.0; plan.n_lia],
+            link: vec![0.0; scheme.n_lia],
             outside: Vec::new(),
             x,
             d,

@@ -2,20 +2,21 @@
 
 mod drive;
 mod gate;
+mod push;
 
-use crate::cell::Cell;
 use crate::chance::Chance;
 use crate::gesture::script::Gesture;
 use crate::gesture::written::GestureError;
-use crate::network::{MatKind, Network};
-use crate::plan::moves;
+use crate::network::Network;
+use crate::scheme::moves;
 use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
 pub(crate) use gate::Gate;
+pub(crate) use push::{Push, pushes};
 
-/// Most strikes of one piece: two pushes each, of 40 bytes, and as much again to put them in order.
+/// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.
 const STRIKES_MAX: u64 = 5_000_000;
 /// The last frame there is: up to here an f64 counts every one (6,000 years at 48 kHz).
 const FRAME_MAX: f64 = 9_007_199_254_740_992.0;
@@ -55,24 +56,22 @@ pub enum StrikeError {
     Value(&'static str, &'static str, f64),
 }
 
-/// A force on a MAT at one frame: part of a strike.
+/// An impulse on a MAT.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Push {
-    pub(crate) frame: u64,
-    /// Instant of the strike [s], which may lie between frames.
+pub(crate) struct Strike {
+    /// Instant [s], which may lie between frames.
     pub(crate) at: f64,
     pub(crate) mat: u32,
     pub(crate) source: u32,
-    /// Force [N].
-    pub(crate) force: f64,
-    /// Impulse of the whole strike [N·s] at its first push; 0 at its second.
+    /// [N·s]
     pub(crate) impulse: f64,
 }
 
 /// An ergon given by its mass and speed: its impulse depends on what it meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ergon {
-    pub(crate) frame: u64,
+    /// Instant [s].
+    pub(crate) at: f64,
     pub(crate) mat: u32,
     pub(crate) source: u32,
     pub(crate) mass: f64,
@@ -93,7 +92,7 @@ pub struct Timeline {
     pub rate: Rate,
     pub(crate) keys: Vec<Key>,
     pub(crate) gestures: Vec<Gesture>,
-    pub(crate) pushes: Vec<Push>,
+    pub(crate) strikes: Vec<Strike>,
     pub(crate) ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
@@ -116,7 +115,7 @@ impl Timeline {
             rate,
             keys: Vec::new(),
             gestures: Vec::new(),
-            pushes: Vec::new(),
+            strikes: Vec::new(),
             ergons: Vec::new(),
             gates: Vec::new(),
             drives: Vec::new(),
@@ -147,10 +146,6 @@ impl Timeline {
     }
 
     /// Strike a MAT with an impulse [N·s] at an instant [s].
-    ///
-    /// On a key and under `ca` it acts in one step. An isolated CEL takes it between samples so that
-    /// every later sample is exact; any other MAT by the linear split, which keeps the impulse and
-    /// its first moment.
     pub fn strike(
         &mut self,
         network: &Network,
@@ -162,42 +157,17 @@ impl Timeline {
         finite("impulse", impulse)?;
         instant(at)?;
         movable(network, mat)?;
-        if self.pushes.len() >= 2 * STRIKES_MAX as usize {
+        if self.strikes.len() >= STRIKES_MAX as usize {
             return Err(StrikeError::TooMany);
         }
-        let rate = self.rate.hertz();
-        let mut push = |frame: u64, force: f64, impulse: f64| {
-            if force != 0.0 {
-                self.pushes.push(Push {
-                    frame,
-                    at,
-                    mat: mat as u32,
-                    source,
-                    force,
-                    impulse,
-                });
-            }
-        };
-        let mats = network.mats();
-        let part = mats.part[mat];
-        let ca = network
-            .parts()
-            .get(part as usize)
-            .is_some_and(|part| part.ca_rate.is_some());
-        let key = self.keys.iter().any(|key| mats.part[key.struck] == part);
-        if ca || key {
-            push(frame(at, rate), impulse * rate, impulse);
-            return Ok(());
+        if impulse != 0.0 {
+            self.strikes.push(Strike {
+                at,
+                mat: mat as u32,
+                source,
+                impulse,
+            });
         }
-        let n = whole(at * rate);
-        let alpha = (at * rate - n as f64).clamp(0.0, 1.0);
-        let [p0, p1] = if mats.kind[mat] == MatKind::Cel && network.degree(mat) == 0 {
-            Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]).split(impulse, alpha, self.rate)
-        } else {
-            [(1.0 - alpha) * impulse * rate, alpha * impulse * rate]
-        };
-        push(n, p0, impulse);
-        push(n + 1, p1, 0.0);
         Ok(())
     }
 
@@ -246,9 +216,8 @@ impl Timeline {
         if !(mass > 0.0 && mass.is_finite()) {
             return Err(StrikeError::Value("mass", " above 0", mass));
         }
-        let frame = frame(at, self.rate.hertz());
         self.ergons.push(Ergon {
-            frame,
+            at,
             mat: mat as u32,
             source,
             mass,

@@ -8,5 +8,7 @@ mod faults;
 mod hands;
 #[path = "scenes/ledger.rs"]
 mod ledger;
+#[path = "scenes/plans.rs"]
+mod plans;
 #[path = "scenes/scene.rs"]
 mod scene;

@@ -320,6 +320,40 @@ class Timeline:
         """ENX / ENF: a constant, or a take from `at` [s] (before it its first value, after it its
         last). `own`: as a module of the MAT's own part, which a free key feels too."""
 
+# --- what is computed ---------------------------------------------------------------------------
+
+@final
+class PlanRow:
+    """What is computed together, and how, or what is not."""
+
+    parts: list[str]
+    n_mat: int  # MATs that move
+    n_lia: int
+    what: Literal["stepped", "oscillators", "modes", "unheard", "still"]
+    modes: tuple[int, int] | None  # computed, of how many
+    left_out_db: float | None  # the other modes together, relative to all
+    cost: float  # seconds of work for a second of sound, by the table of costs
+    word: Literal["proved", "guarded"] | None
+    because: str | None  # why it is stepped
+
+@final
+class Plan:
+    """Network + Timeline + budget: no more than is heard and moved, each island by the cheapest
+    method that is exact enough. Ask for a `method`, an error [dB] of the waveform, or `cents` up to a
+    frequency [Hz]; for nothing, and it is planned by ear. EngineError where it cannot be."""
+
+    def __new__(
+        cls,
+        network: Network,
+        timeline: Timeline,
+        *,
+        method: Literal["ca", "modal"] | None = None,
+        error_db: float | None = None,
+        cents: float | None = None,
+        upto: float | None = None,
+    ) -> Self: ...
+    def rows(self) -> list[PlanRow]: ...
+
 # --- what moves ---------------------------------------------------------------------------------
 
 @final
@@ -359,13 +393,15 @@ class Snapshot: ...
 
 @final
 class Simulation:
-    """Plan + State: steps frames, taps outputs, keeps the ledger."""
+    """What plays: by a plan made from the same network and timeline, or every module as written. Then it
+    can keep the ledger and the stream of ergons too."""
 
     def __new__(
         cls,
         network: Network,
         timeline: Timeline,
         *,
+        plan: Plan | None = None,
         ledger: bool = False,
         record: bool = False,
         on_fault: Literal["stop", "mute"] = "stop",
@@ -376,7 +412,7 @@ class Simulation:
     def process(self, out: _Floats) -> None:
         """Fill out (n_frames, n_out), C-contiguous, with the next frames. Raises DivergedError."""
     def positions(self) -> _Floats:
-        """Positions now (n_mat,) [m]."""
+        """Positions now (n_mat,) [m]; NaN where the plan computes none."""
     def velocities(self) -> _Floats:
         """Backward differences now (n_mat,) [m/s]."""
     def asked(self) -> _Floats:

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::kernel;
-use crate::plan::{Kind, Laws, Plan};
+use crate::scheme::{Kind, Laws, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
 
@@ -17,7 +17,7 @@ const REACH_MIN: f64 = 1e-9;
 /// A key's part on its own. Constant while it runs; its motion is a `Body`.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeKey {
-    pub(crate) plan: Arc<Plan>,
+    pub(crate) scheme: Arc<Scheme>,
     /// Index of the struck MAT in the free key.
     pub(crate) struck: usize,
     /// Index in the scene of each of the free key's MATs.
@@ -38,13 +38,13 @@ impl FreeKey {
     /// The key of a gesture that is laid over another: displacements from where the other holds it,
     /// contacts open.
     pub(crate) fn deviation(&self) -> Self {
-        let mut plan = (*self.plan).clone();
-        plan.rest.fill(0.0);
-        plan.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
-        plan.exact.clear();
-        plan.runs.iter_mut().for_each(|run| run.rest = 0.0);
+        let mut scheme = (*self.scheme).clone();
+        scheme.rest.fill(0.0);
+        scheme.runs.retain(|run| !matches!(run.kind, Kind::But(_)));
+        scheme.exact.clear();
+        scheme.runs.iter_mut().for_each(|run| run.rest = 0.0);
         Self {
-            plan: Arc::new(plan),
+            scheme: Arc::new(scheme),
             drives: Vec::new(),
             ..self.clone()
         }
@@ -54,11 +54,11 @@ impl FreeKey {
     /// the way between them swings far outside. A struck key at rest is back after half a period.
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
         let free = self.deviation();
-        let still = vec![0.0; free.plan.n_mat()];
-        let mut motion = Body::new(&free.plan, still.clone(), still);
-        let (mut laws, mut targets) = (free.plan.laws(), Vec::new());
+        let still = vec![0.0; free.scheme.n_mat()];
+        let mut motion = Body::new(&free.scheme, still.clone(), still);
+        let (mut laws, mut targets) = (free.scheme.laws(), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
-        let push = 1e-6 / self.plan.w[self.struck];
+        let push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
             free.forces(&mut motion, n, &mut laws, &mut targets);
             free.strike_and_move(&mut motion, if n == 0 { push } else { 0.0 }, &mut targets);
@@ -74,19 +74,19 @@ impl FreeKey {
         laws: &mut Laws,
         targets: &mut Vec<Target>,
     ) {
-        kernel::links(&self.plan, &[], body, laws);
+        kernel::links(&self.scheme, &[], body, laws);
         targets.clear();
         for drive in &self.drives {
-            drive.apply(n, self.plan.rate, body, targets);
+            drive.apply(n, self.scheme.rate, body, targets);
         }
     }
 
     /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
     /// are summed; `targets` are the key's own imposed points.
     pub(crate) fn needed(&self, body: &Body, x: f64, targets: &[Target], room: &mut Room) -> f64 {
-        let (plan, struck) = (&*self.plan, self.struck);
-        if plan.exact.is_empty() {
-            return kernel::needed(plan, body, struck, x);
+        let (scheme, struck) = (&*self.scheme, self.struck);
+        if scheme.exact.is_empty() {
+            return kernel::needed(scheme, body, struck, x);
         }
         // What exact contacts give depends on where the ergon takes the MAT: solve them there.
         let coast = &mut room.coast;
@@ -99,15 +99,15 @@ impl FreeKey {
             x,
             was: 0.0,
         });
-        kernel::contacts(plan, &[], &room.targets, coast);
-        kernel::needed(plan, coast, struck, x)
+        kernel::contacts(scheme, &[], &room.targets, coast);
+        kernel::needed(scheme, coast, struck, x)
     }
 
     /// Add a force on the struck MAT and move to frame n + 1.
     pub(crate) fn strike_and_move(&self, body: &mut Body, force: f64, targets: &mut [Target]) {
         body.force[self.struck] += force;
-        kernel::contacts(&self.plan, &[], targets, body);
-        kernel::advance(&self.plan, targets, body);
+        kernel::contacts(&self.scheme, &[], targets, body);
+        kernel::advance(&self.scheme, targets, body);
     }
 
     /// Where the struck MAT is at frame `to`, from `body` at frame `n`, struck once now [m].
@@ -131,7 +131,7 @@ impl FreeKey {
         let (mut f0, mut y0) = (0.0, self.coast(body, n, to, 0.0, room));
         // A first guess as for a free mass: F·T²/m·steps = distance.
         let steps = (to - n) as f64;
-        let guess = (x - y0) / (steps * self.plan.w[self.struck]);
+        let guess = (x - y0) / (steps * self.scheme.w[self.struck]);
         if guess == 0.0 {
             return 0.0;
         }
@@ -144,7 +144,7 @@ impl FreeKey {
                 return if y1 == x { f1 } else { 0.0 };
             }
             let f = f0 + (x - y0) * ((f1 - f0) / (y1 - y0));
-            if self.plan.linear {
+            if self.scheme.linear {
                 return f;
             }
             (f0, y0) = (f1, y1);

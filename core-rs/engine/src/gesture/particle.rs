@@ -1,6 +1,6 @@
 //! Particle ergons: real MAS that meet the key through a magic BUT of two steps, K = 2μ.
 
-use crate::plan::Plan;
+use crate::scheme::Scheme;
 use crate::state::Body;
 
 /// Speed of approach [m/s]: fixed, so that the mass carries the impulse and the speed stays far above
@@ -54,19 +54,19 @@ impl Flight {
     /// can carry so much.
     pub(crate) fn launch(
         &mut self,
-        plan: &Plan,
+        scheme: &Scheme,
         body: &mut Body,
         mat: usize,
         force: f64,
     ) -> Option<(f64, f64)> {
-        let t = 1.0 / plan.rate;
+        let t = 1.0 / scheme.rate;
         let sign = force.signum();
         let speed = sign * SPEED;
         // Penetration after one step of approach, the key moving as it did.
         let approach = (speed * t - body.d[mat]) * sign;
         // force = K·penetration with K = 2μ, and 1/μ = w + w_key.
         let mu = 0.5 * force.abs() / approach;
-        let w = 1.0 / mu - plan.w[mat];
+        let w = 1.0 / mu - scheme.w[mat];
         let slot = self.0.iter_mut().find(|particle| particle.k == 0.0)?;
         if w <= 0.0 || approach <= 0.0 {
             return None;

@@ -73,6 +73,11 @@ pub struct Gesture {
 }
 
 impl Gesture {
+    /// The same on another key.
+    pub(crate) fn on(self, key: usize) -> Self {
+        Self { key, ..self }
+    }
+
     /// Where the gesture wants the key as it begins, t [s].
     pub(crate) fn entry_at(&self, t: f64) -> f64 {
         match self.legs.first() {

@@ -7,9 +7,9 @@ use super::free::{FreeKey, Room};
 use super::particle::Flight;
 use super::quintic::Knot;
 use super::script::{Gesture, Leg, Report, Touch};
+use crate::island::record::Stream;
 use crate::kernel;
-use crate::plan::Plan;
-use crate::simulation::record::Stream;
+use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use join::Joining;
 
@@ -82,7 +82,7 @@ enum Ask {
 
 /// What a voice may touch of the scene.
 pub(crate) struct Scene<'a> {
-    pub(crate) plan: &'a Plan,
+    pub(crate) scheme: &'a Scheme,
     pub(crate) body: &'a mut Body,
     pub(crate) targets: &'a mut Vec<Target>,
     pub(crate) gestures: &'a [Gesture],
@@ -110,7 +110,7 @@ impl Voice {
     pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[Gesture], n: u64) -> bool {
         let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
-        let moves = self.free.x[i].abs() + self.free.d[i].abs() * script.free.plan.rate > AT_REST;
+        let moves = self.free.x[i].abs() + self.free.d[i].abs() * script.free.scheme.rate > AT_REST;
         !script.layer || moves || script.gestures.iter().any(own)
     }
 
@@ -120,7 +120,7 @@ impl Voice {
     }
 
     pub(crate) fn new(script: &VoiceScript, free: Body) -> Self {
-        let laws = script.free.plan.laws();
+        let laws = script.free.scheme.laws();
         let room = Room {
             coast: free.clone(),
             laws,
@@ -153,7 +153,7 @@ impl Voice {
             .forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
         self.flight.step(scene.body, script.struck);
         self.begin(script, scene, n);
-        let ask = self.ask(scene.gestures, scene.plan.rate, n);
+        let ask = self.ask(scene.gestures, scene.scheme.rate, n);
         let here = std::mem::replace(&mut self.asked, f64::NAN);
         let force = match ask {
             Some(ask) => self.answer(script, scene, n, &ask, here),
@@ -184,7 +184,7 @@ impl Voice {
             let off = (scene.body.x[script.struck] - wanted).abs();
             report.square += off * off;
             report.compared += 1;
-            report.stop = n as f64 / scene.plan.rate;
+            report.stop = n as f64 / scene.scheme.rate;
             if off > report.worst {
                 (report.worst, report.worst_at) = (off, report.stop);
                 report.pushed_by = script.pushed_by(scene.body);
@@ -194,13 +194,13 @@ impl Voice {
 
     /// Position, velocity and acceleration of the key that the gesture is written for.
     fn motion(&self, script: &VoiceScript, scene: &Scene<'_>, touch: Touch, n: u64) -> Knot {
-        let (plan, body, i) = match touch {
-            Touch::Open => (&*script.free.plan, &self.free, script.free.struck),
-            Touch::Tracked => (scene.plan, &*scene.body, script.struck),
+        let (scheme, body, i) = match touch {
+            Touch::Open => (&*script.free.scheme, &self.free, script.free.struck),
+            Touch::Tracked => (scene.scheme, &*scene.body, script.struck),
         };
         let (x, before) = (body.x[i], body.x[i] - body.d[i]);
-        let next = kernel::predict(plan, body, i);
-        let rate = plan.rate;
+        let next = kernel::predict(scheme, body, i);
+        let rate = scheme.rate;
         let (v, a) = (
             (next - before) * (0.5 * rate),
             (next - 2.0 * x + before) * (rate * rate),

@@ -3,7 +3,7 @@
 
 use super::predict;
 use super::runs::{power, scatter, side};
-use crate::plan::{Kind, Plan, Run};
+use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 
 /// Two steps at most halve the bracket, so after these it is closed; 5 to 10 are the rule.
@@ -17,19 +17,19 @@ const AGREE: f64 = 1e-14;
 
 /// Solve every exact contact once all other forces are summed. Contacts that share a MAT are solved
 /// in turn until they agree (Gauss-Seidel; the problem is convex, so they do).
-pub(crate) fn contacts(plan: &Plan, gates: &[f64], targets: &[Target], body: &mut Body) {
-    let rounds = if plan.exact_coupled { ROUNDS_MAX } else { 1 };
-    for run in &plan.exact {
+pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
+    let rounds = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
+    for run in &scheme.exact {
         body.link[run.first] = 0.0;
     }
     for _ in 0..rounds {
         let mut change = 0.0_f64;
-        for run in &plan.exact {
+        for run in &scheme.exact {
             let before = body.link[run.first];
             // Take the last round's force away, so that it is solved among all others.
             body.link[run.first] = -before;
             scatter(run, body);
-            body.link[run.first] = force(plan, gates, targets, body, run);
+            body.link[run.first] = force(scheme, gates, targets, body, run);
             scatter(run, body);
             let now = body.link[run.first];
             change = change.max((now - before).abs() - AGREE * now.abs());
@@ -41,14 +41,14 @@ pub(crate) fn contacts(plan: &Plan, gates: &[f64], targets: &[Target], body: &mu
 }
 
 /// The force of one exact contact among all others.
-fn force(plan: &Plan, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
+fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
     let Kind::But(but) = &run.kind else {
         return 0.0;
     };
     let s = side(but);
     let next = |i: usize| match targets.iter().find(|target| target.mat == i) {
         Some(target) => (target.x, 0.0),
-        None => (predict(plan, body, i), plan.w[i]),
+        None => (predict(scheme, body, i), scheme.w[i]),
     };
     let ((xa, wa), (xb, wb)) = (next(run.a), next(run.b));
     let (x, d) = (&body.x, &body.d);

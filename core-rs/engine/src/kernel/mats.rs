@@ -1,37 +1,37 @@
 //! The MAT phase: all kinds by one formula, d += F·w − κ(x − rest) − ζd, x += d.
 
 use super::wide::wide;
-use crate::plan::Plan;
+use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 
 /// Beyond this a MAT has left every stage: it is taken for non-finite [m].
 const RUNAWAY: f64 = 1e4;
 
 /// Where a MAT will be at the next frame by the forces summed so far [m].
-pub(crate) fn predict(plan: &Plan, body: &Body, i: usize) -> f64 {
-    let step = body.force[i] * plan.w[i]
-        - plan.kappa[i] * (body.x[i] - plan.rest[i])
-        - plan.zeta[i] * body.d[i];
+pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
+    let step = body.force[i] * scheme.w[i]
+        - scheme.kappa[i] * (body.x[i] - scheme.rest[i])
+        - scheme.zeta[i] * body.d[i];
     body.x[i] + (body.d[i] + step)
 }
 
 /// The force that brings a MAT to x at the next frame, beside the forces summed so far [N].
-pub(crate) fn needed(plan: &Plan, body: &Body, i: usize, x: f64) -> f64 {
-    (x - predict(plan, body, i)) / plan.w[i]
+pub(crate) fn needed(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
+    (x - predict(scheme, body, i)) / scheme.w[i]
 }
 
 /// Velocity of a MAT now, by the forces summed so far: (x̂[n+1] − x[n−1])/2T [m/s].
-pub(crate) fn centred(plan: &Plan, body: &Body, i: usize) -> f64 {
+pub(crate) fn centred(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     let before = body.x[i] - body.d[i];
-    (predict(plan, body, i) - before) * (0.5 * plan.rate)
+    (predict(scheme, body, i) - before) * (0.5 * scheme.rate)
 }
 
 /// Move every MAT one frame, those with a target onto it. Says whether all stayed within reason.
-pub(crate) fn advance(plan: &Plan, targets: &mut [Target], body: &mut Body) -> bool {
+pub(crate) fn advance(scheme: &Scheme, targets: &mut [Target], body: &mut Body) -> bool {
     for target in &mut *targets {
         target.was = body.x[target.mat];
     }
-    let mut within = free(plan, body);
+    let mut within = free(scheme, body);
     for target in targets {
         body.d[target.mat] = target.x - target.was;
         body.x[target.mat] = target.x;
@@ -40,14 +40,14 @@ pub(crate) fn advance(plan: &Plan, targets: &mut [Target], body: &mut Body) -> b
     within
 }
 
-fn free(plan: &Plan, body: &mut Body) -> bool {
-    let Plan {
+fn free(scheme: &Scheme, body: &mut Body) -> bool {
+    let Scheme {
         w,
         kappa,
         zeta,
         rest,
         ..
-    } = plan;
+    } = scheme;
     move_all(
         [w, kappa, zeta, rest],
         &body.force,

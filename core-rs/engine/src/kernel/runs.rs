@@ -4,14 +4,14 @@
 use super::wide::wide;
 use crate::law::Hardening;
 use crate::network::{But, Side};
-use crate::plan::{Kind, Laws, Plan, Run};
+use crate::scheme::{Kind, Laws, Run, Scheme};
 use crate::state::Body;
 
 /// Sum the forces of all links into `body.force`, and keep each one in `body.link`.
-pub(crate) fn links(plan: &Plan, gates: &[f64], body: &mut Body, laws: &mut Laws) {
+pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut Laws) {
     body.force.fill(0.0);
     body.outside.fill(0.0);
-    for run in &plan.runs {
+    for run in &scheme.runs {
         let ends = Ends::of(run, &body.x, &body.d);
         let f = &mut body.link[run.first..run.first + run.len];
         match &run.kind {

@@ -2,29 +2,29 @@
 
 use super::wide::wide;
 use crate::network::Term;
-use crate::plan::{Plan, Tap};
+use crate::scheme::{Scheme, Tap};
 use crate::state::Body;
 
 /// Write one frame of outputs, (n_out).
-pub(crate) fn tap(plan: &Plan, body: &Body, frame: &mut [f64]) {
-    for (taps, sample) in plan.taps.iter().zip(frame) {
+pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
+    for (taps, sample) in scheme.taps.iter().zip(frame) {
         let value = |tap: &Tap| match tap {
-            Tap::Term(term) => value(plan, body, term),
+            Tap::Term(term) => value(scheme, body, term),
             Tap::Scattered { mats, weight } => weight * scattered(&body.x, mats),
         };
         *sample = taps.iter().map(value).sum();
     }
 }
 
-fn value(plan: &Plan, body: &Body, term: &Term) -> f64 {
+fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
     match *term {
         Term::Position { first, len, weight } => weight * sum(&body.x[first..first + len]),
         // A link's force on its second point is −f.
         Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
             let range = first..first + len;
-            let (k, x) = (&plan.ground[range.clone()], &body.x[range.clone()]);
-            weight * grounds(k, x, &plan.rest[range])
+            let (k, x) = (&scheme.ground[range.clone()], &body.x[range.clone()]);
+            weight * grounds(k, x, &scheme.rest[range])
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Modes of one part alone: what a tuner hears.
 
 use super::{LinkKind, MatKind, Network};
-use crate::plan::moves;
+use crate::scheme::moves;
 use crate::spectrum;
 
 /// -60 dB as a ratio of amplitudes: T60 = ln(1000)/σ.
@@ -21,7 +21,7 @@ impl Network {
     /// at rest. Damping is taken mode by mode, φᵀZφ, which is exact where it is proportional and good
     /// to second order where it is light.
     pub fn tones(&self, part: usize, n_tones: usize) -> Vec<Tone> {
-        let (alone, _) = self.alone(part);
+        let alone = self.alone(part).network;
         let mats = alone.mats();
         let moving: Vec<usize> = (0..alone.n_mat())
             .filter(|&i| moves(mats.kind[i]))

@@ -7,6 +7,8 @@ struct Group {
     len: usize,
     /// Numbered members are shown with their index.
     numbered: bool,
+    /// The number of the first of them.
+    from: usize,
     name: String,
     /// Which member is the middle one.
     centre: usize,
@@ -26,13 +28,47 @@ fn find(groups: &[Group], index: usize) -> Option<&Group> {
 
 fn show(groups: &[Group], index: usize) -> String {
     match find(groups, index) {
-        Some(group) if group.numbered => format!("{}.{}", group.name, index - group.first),
+        Some(group) if group.numbered => {
+            format!("{}.{}", group.name, group.from + index - group.first)
+        }
         Some(group) => group.name.clone(),
         None => format!("#{index}"),
     }
 }
 
+/// The groups of `kept` members (rising), counted anew.
+fn cut(groups: &[Group], kept: &[u32]) -> Vec<Group> {
+    let mut cut: Vec<Group> = Vec::new();
+    let mut before: Option<usize> = None;
+    for (local, &index) in kept.iter().enumerate() {
+        let index = index as usize;
+        let Some(group) = find(groups, index) else {
+            continue;
+        };
+        let follows = before == index.checked_sub(1) && index > group.first;
+        before = Some(index);
+        match cut.last_mut().filter(|_| follows) {
+            Some(last) => last.len += 1,
+            None => cut.push(Group {
+                first: local,
+                len: 1,
+                from: group.from + index - group.first,
+                ..group.clone()
+            }),
+        }
+    }
+    cut
+}
+
 impl Names {
+    /// The names of some of the modules, by their indices (rising).
+    pub(super) fn subset(&self, mats: &[u32], links: &[u32]) -> Self {
+        Self {
+            mats: cut(&self.mats, mats),
+            links: cut(&self.links, links),
+        }
+    }
+
     pub(super) fn add_mats(
         &mut self,
         first: usize,
@@ -45,6 +81,7 @@ impl Names {
             first,
             len,
             numbered,
+            from: 0,
             name,
             centre,
         });
@@ -55,6 +92,7 @@ impl Names {
             first,
             len,
             numbered,
+            from: 0,
             name,
             centre: 0,
         });

@@ -32,6 +32,17 @@ pub enum Term {
     },
 }
 
+impl Term {
+    /// The same of another range.
+    pub(crate) fn over(&self, first: usize, len: usize) -> Self {
+        match *self {
+            Self::Position { weight, .. } => Self::Position { first, len, weight },
+            Self::Force { weight, .. } => Self::Force { first, len, weight },
+            Self::Ground { weight, .. } => Self::Ground { first, len, weight },
+        }
+    }
+}
+
 /// A named output: the sum of its terms.
 #[derive(Clone, Debug)]
 pub struct Output {

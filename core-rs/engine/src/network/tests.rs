@@ -61,7 +61,7 @@ fn a_module_without_a_part_has_one_without_a_name() {
         (network.parts().len(), network.mat_name(0).as_str()),
         (1, "m")
     );
-    assert_eq!(network.alone(0).0.n_mat(), 1);
+    assert_eq!(network.alone(0).network.n_mat(), 1);
 }
 
 #[test]
@@ -80,18 +80,19 @@ fn a_part_alone_keeps_its_inner_links_whoever_declared_them() {
     network
         .spring("by", first + 1, first + 3, 5.0, 0.0, 0.0)
         .unwrap();
-    let (alone, members) = network.alone(1);
-    assert_eq!(members, (1..=6).collect::<Vec<_>>());
+    let own = network.alone(1);
+    assert_eq!(own.mats, (1..=6).collect::<Vec<_>>());
+    let alone = own.network;
+    assert_eq!(alone.mat_name(3), "key.s.3");
     // Five of the string, `in` and `by`; `out` leads out.
     assert_eq!((alone.n_mat(), alone.n_lia()), (6, 7));
-    let rules: Vec<_> = alone
-        .runs()
-        .iter()
-        .map(|run| alone.parts()[run.part].ca_rate)
+    let run_of = |link| alone.run_of(link).unwrap();
+    let rules: Vec<_> = (0..7)
+        .map(|link| alone.parts()[run_of(link).part].ca_rate)
         .collect();
     assert_eq!(rules[..6], [Some(rate); 6]);
     assert_eq!(rules[6], None, "a physical link stays one");
-    let kept = &alone.runs()[5];
+    let kept = run_of(5);
     assert_eq!((kept.k, kept.z, kept.rest), (0.1, 0.2, 0.3));
     assert_eq!((kept.a, kept.b), (0, 2));
     assert_eq!(network.link_name(inner), "key.in");

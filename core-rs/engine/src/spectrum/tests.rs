@@ -1,5 +1,5 @@
 use super::*;
-use crate::maths::sin;
+use crate::maths::{self, sin};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
@@ -220,5 +220,58 @@ proptest! {
         for (mode, value) in modes.iter().zip(&values[rigid..]) {
             prop_assert!((mode.lambda - value).abs() <= 1e-12 * value + rounding);
         }
+    }
+}
+
+/// Values, and squares of coordinates, against nalgebra's; a matrix with equal values among them.
+#[test]
+fn the_whole_spectrum_is_that_of_the_matrix() {
+    for n in [1usize, 2, 3, 10, 33, 120] {
+        let cell = |i: usize, j: usize| {
+            let (low, high) = (i.min(j) as f64, i.max(j) as f64);
+            maths::sin(low * 1.7 + high * high) + if i == j { 5.0 } else { 0.0 }
+        };
+        let full: Vec<f64> = (0..n * n).map(|at| cell(at / n, at % n)).collect();
+        let same = nalgebra::DMatrix::from_row_slice(n, n, &full).symmetric_eigen();
+        let probe: Vec<f64> = (0..n).map(|i| maths::cos(i as f64)).collect();
+        let (values, seen) = whole(full, std::slice::from_ref(&probe)).unwrap();
+        let mut expected: Vec<(f64, f64)> = (0..n)
+            .map(|i| {
+                let column = same.eigenvectors.column(i);
+                let along: f64 = column.iter().zip(&probe).map(|(a, b)| a * b).sum();
+                (same.eigenvalues[i], along * along)
+            })
+            .collect();
+        expected.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (i, (value, square)) in expected.into_iter().enumerate() {
+            assert!(
+                (values[i] - value).abs() < 1e-12 * (1.0 + value.abs()),
+                "{n}"
+            );
+            assert!((seen[0][i] * seen[0][i] - square).abs() < 1e-9, "{n} {i}");
+        }
+    }
+}
+
+/// A string's: 2 − 2 cos(πi/(n + 1)), with vectors √(2/(n + 1))·sin.
+#[test]
+fn the_whole_spectrum_of_a_string() {
+    let n = 400;
+    let mut full = vec![0.0; n * n];
+    for i in 0..n {
+        full[i * n + i] = 2.0;
+        if i > 0 {
+            full[i * n + i - 1] = -1.0;
+            full[(i - 1) * n + i] = -1.0;
+        }
+    }
+    let mut end = vec![0.0; n];
+    end[0] = 1.0;
+    let (values, seen) = whole(full, &[end]).unwrap();
+    for i in 0..n {
+        let angle = std::f64::consts::PI * (i + 1) as f64 / (n + 1) as f64;
+        assert!((values[i] - (2.0 - 2.0 * maths::cos(angle))).abs() < 1e-13);
+        let vector = maths::sqrt(2.0 / (n + 1) as f64) * maths::sin(angle);
+        assert!((seen[0][i].abs() - vector).abs() < 1e-11, "{i}");
     }
 }

@@ -19,6 +19,11 @@ pub(crate) struct Gate {
 }
 
 impl Gate {
+    /// The same on another link.
+    pub(crate) fn on(self, link: usize) -> Self {
+        Self { link, ..self }
+    }
+
     /// How far the gate is open at frame `n`: 0 to 1, by 3u² − 2u³ so that no force jumps.
     pub(crate) fn open(&self, n: u64) -> f64 {
         let risen = self.start.map_or(1.0, |start| self.ramp(n, start));

@@ -2,8 +2,8 @@
 
 use super::{Ask, Held, Scene, Voice, VoiceScript};
 use crate::gesture::script::{Ergons, Report, Touch};
-use crate::plan::Plan;
-use crate::simulation::record::{Record, Stream};
+use crate::island::record::{Record, Stream};
+use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use crate::{kernel, maths};
 
@@ -81,11 +81,11 @@ impl Voice {
         };
         if gesture.ergons == Ergons::Particle {
             let flight = &mut self.flight;
-            blow.particle = flight.launch(scene.plan, scene.body, script.struck, force);
+            blow.particle = flight.launch(scene.scheme, scene.body, script.struck, force);
         }
         let strikes_itself = blow.particle.is_some();
         blow.tell(
-            scene.plan,
+            scene.scheme,
             scene.body,
             &mut scene.reports[index],
             scene.stream,
@@ -101,19 +101,19 @@ impl Voice {
     /// It closes the distance e no faster than half the limit can brake, √(2·½a·|e|): pushing with
     /// all force until the path is crossed would swing far beyond it, again and again.
     fn catch_up(&self, script: &VoiceScript, [here, next]: [f64; 2], limit: f64) -> f64 {
-        let (plan, i) = (&script.free.plan, script.free.struck);
+        let (scheme, i) = (&script.free.scheme, script.free.struck);
         let here = if here.is_nan() { next } else { here };
         let away = here - self.free.x[i];
         // a·T² = limit/M, in metres a step, squared.
-        let closing = (limit * plan.w[i] * away.abs()).sqrt().min(away.abs());
+        let closing = (limit * scheme.w[i] * away.abs()).sqrt().min(away.abs());
         let aim = self.free.x[i] + (next - here) + maths::copysign(closing, away);
-        kernel::needed(plan, &self.free, i, aim).clamp(-limit, limit)
+        kernel::needed(scheme, &self.free, i, aim).clamp(-limit, limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
     pub(crate) fn settle(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
         if let Some(held) = self.held.take() {
-            let force = kernel::needed(scene.plan, scene.body, script.struck, held.x);
+            let force = kernel::needed(scene.scheme, scene.body, script.struck, held.x);
             let blow = Blow {
                 frame: n,
                 mat: script.struck,
@@ -122,7 +122,7 @@ impl Voice {
                 particle: None,
             };
             let report = &mut scene.reports[held.gesture];
-            blow.tell(scene.plan, scene.body, report, scene.stream);
+            blow.tell(scene.scheme, scene.body, report, scene.stream);
         }
     }
 
@@ -135,7 +135,7 @@ impl Voice {
                 free.needed(&self.free, x, &self.targets, &mut self.room)
             }
             (Ask::Pass(x), Touch::Tracked) => {
-                kernel::needed(scene.plan, scene.body, script.struck, x)
+                kernel::needed(scene.scheme, scene.body, script.struck, x)
             }
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {
@@ -154,9 +154,9 @@ impl Voice {
 
 impl Blow {
     /// Into the report and the stream, before the force is added to the sum.
-    fn tell(&self, plan: &Plan, body: &Body, report: &mut Report, stream: &mut Stream) {
-        let t = 1.0 / plan.rate;
-        let (mass, impulse) = (t * t / plan.w[self.mat], self.force * t);
+    fn tell(&self, scheme: &Scheme, body: &Body, report: &mut Report, stream: &mut Stream) {
+        let t = 1.0 / scheme.rate;
+        let (mass, impulse) = (t * t / scheme.w[self.mat], self.force * t);
         report.n_ergons += 1;
         report.strongest = report.strongest.max(impulse.abs() / mass);
         report.force_max = report.force_max.max(self.force.abs());
@@ -164,12 +164,12 @@ impl Blow {
             return;
         }
         // Without the ergon, whose force is not in the sum yet.
-        let velocity = kernel::centred(plan, body, self.mat);
+        let velocity = kernel::centred(scheme, body, self.mat);
         let time = self.frame as f64 * t;
         let mut record = Record::event(time, self.mat, self.source, mass, velocity, impulse);
         if let Some((mass, speed)) = self.particle {
             (record.mass, record.speed) = (mass, speed);
         }
-        stream.push(record);
+        stream.push(self.frame, record);
     }
 }

@@ -28,7 +28,7 @@ impl Joining {
 impl Voice {
     /// Begin the next gesture, or the curve that joins it, when its time has come.
     pub(super) fn begin(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
-        let rate = scene.plan.rate;
+        let rate = scene.scheme.rate;
         while let Some(&index) = script.gestures.get(self.begun) {
             let gesture = &scene.gestures[index];
             let now = n as f64 / rate;
@@ -85,7 +85,7 @@ impl Voice {
         if agrees || gesture.join == 0.0 {
             return None;
         }
-        let last = gesture.last() as f64 / scene.plan.rate;
+        let last = gesture.last() as f64 / scene.scheme.rate;
         let t = (from.t + gesture.join).min(path.stop()).min(last);
         let (x, v, a) = path.at(t);
         (t > from.t).then(|| Joining::new(from, Knot { t, x, v, a }))

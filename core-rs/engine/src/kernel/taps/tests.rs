@@ -8,13 +8,13 @@ fn scene(n: usize) -> (Network, Body) {
     for i in 0..n {
         network.mas(&format!("m{i}"), 1.0, 0.0, 0.0).unwrap();
     }
-    let plan = Plan::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
+    let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
     // Of very different sizes, so that any other order shows in the last bits.
     let x: Vec<f64> = (0..n)
         .map(|i| (1.0 + i as f64) / 3.0 * [1.0, -1e-9, 1e7, -1e-3][i % 4])
         .collect();
     let still = vec![0.0; n];
-    (network, Body::new(&plan, x, still))
+    (network, Body::new(&scheme, x, still))
 }
 
 /// The tree is part of what a sample is: eight lanes, then ((0+4)+(2+6))+((1+5)+(3+7)).
@@ -66,11 +66,11 @@ fn terms_have_their_signs_and_weights() {
             ],
         )
         .unwrap();
-    let plan = Plan::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
-    let mut body = Body::new(&plan, vec![0.5, 2.0], vec![0.0; 2]);
+    let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
+    let mut body = Body::new(&scheme, vec![0.5, 2.0], vec![0.0; 2]);
     body.link[link] = 4.5;
     let mut frame = [f64::NAN];
-    tap(&plan, &body, &mut frame);
+    tap(&scheme, &body, &mut frame);
     // Positions 2.5; the link pulls b by −4.5; the ground is pushed by 7·(0.5 − 0.25).
     assert_eq!(frame, [25.0 - 450.0 + 1750.0]);
 }
@@ -93,8 +93,8 @@ fn scattered_members_sum_as_a_row_does() {
         weight: 0.5,
     };
     network.listen("row", vec![first]).unwrap();
-    let plan = Plan::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
+    let scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
     let mut frame = [0.0; 2];
-    tap(&plan, &body, &mut frame);
+    tap(&scheme, &body, &mut frame);
     assert_eq!(frame[0].to_bits(), frame[1].to_bits());
 }

@@ -1,9 +1,9 @@
 //! Parts that go non-finite: named and stopped, or put to silence while all others play on.
 
-use super::Simulation;
+use super::Island;
 use crate::kernel;
 use crate::network::Term;
-use crate::plan::Plan;
+use crate::scheme::Scheme;
 
 /// A muted part's outputs fade from where they were over this time [s].
 const FADE: f64 = 0.005;
@@ -43,11 +43,11 @@ pub(super) struct Mutes {
 }
 
 impl Mutes {
-    pub(super) fn new(plan: &Plan) -> Self {
+    pub(super) fn new(scheme: &Scheme) -> Self {
         Self {
-            since: vec![None; plan.n_parts],
-            last: vec![0.0; plan.n_out()],
-            outputs: vec![None; plan.n_out()],
+            since: vec![None; scheme.n_parts],
+            last: vec![0.0; scheme.n_out()],
+            outputs: vec![None; scheme.n_out()],
         }
     }
 
@@ -60,8 +60,8 @@ impl Mutes {
 
     /// Fade the outputs of muted parts from their last sound sample; keep that of the others. A force
     /// may be non-finite one frame before a position shows it: that frame repeats the one before.
-    pub(super) fn fade(&mut self, n: u64, plan: &Plan, out: &mut [f64]) {
-        let length = FADE * plan.rate;
+    pub(super) fn fade(&mut self, n: u64, scheme: &Scheme, out: &mut [f64]) {
+        let length = FADE * scheme.rate;
         for ((sample, last), since) in out.iter_mut().zip(&mut self.last).zip(&self.outputs) {
             match since {
                 Some(since) => *sample = *last * (1.0 - (n - since) as f64 / length).max(0.0),
@@ -72,19 +72,19 @@ impl Mutes {
     }
 }
 
-impl Simulation {
+impl Island {
     /// The MAT phase left something beyond all bounds: name it; stop, or mute its part.
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
         let n = self.state.frame;
         while let Some(mat) = self.state.body.x.iter().position(|&x| !kernel::sound(x)) {
-            let part = self.script.plan.part[mat] as usize;
+            let part = self.script.scheme.part[mat] as usize;
             if self.script.on_fault == OnFault::Stop {
                 return Err(Fault {
                     module: self.network.mat_name(mat),
                     part: self.network.parts()[part].name.clone(),
                     frame: n,
-                    seconds: n as f64 / self.rate(),
+                    seconds: n as f64 / self.script.scheme.rate,
                 });
             }
             self.mute(part, n);
@@ -96,16 +96,20 @@ impl Simulation {
     fn mute(&mut self, part: usize, n: u64) {
         let state = &mut self.state;
         state.mutes.since[part] = Some(n);
-        // A part is muted once in a run: a copy of the plan for it is allowed to cost.
+        // A part is muted once in a run: a copy of the scheme for it is allowed to cost.
         let script = std::sync::Arc::make_mut(&mut self.script);
-        let plan = &mut script.plan;
-        let ours: Vec<bool> = plan.part.iter().map(|&own| own as usize == part).collect();
+        let scheme = &mut script.scheme;
+        let ours: Vec<bool> = scheme
+            .part
+            .iter()
+            .map(|&own| own as usize == part)
+            .collect();
         for (mat, _) in ours.iter().enumerate().filter(|(_, ours)| **ours) {
             // A ground beyond all bounds would go off again at once.
-            let ground = Some(plan.rest[mat]).filter(|&x| kernel::sound(x));
+            let ground = Some(scheme.rest[mat]).filter(|&x| kernel::sound(x));
             state.body.x[mat] = ground.unwrap_or(0.0);
             state.body.d[mat] = 0.0;
-            (plan.w[mat], plan.kappa[mat], plan.zeta[mat]) = (0.0, 0.0, 0.0);
+            (scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]) = (0.0, 0.0, 0.0);
         }
         let lets_go = |a: usize, b: usize, len: usize| {
             ours[a..a + len]
@@ -113,25 +117,25 @@ impl Simulation {
                 .chain(&ours[b..b + len])
                 .any(|&ours| ours)
         };
-        let mut cut = vec![false; plan.n_lia];
-        for run in plan
+        let mut cut = vec![false; scheme.n_lia];
+        for run in scheme
             .runs
             .iter()
-            .chain(&plan.exact)
+            .chain(&scheme.exact)
             .filter(|run| lets_go(run.a, run.b, run.len))
         {
             let span = run.first..run.first + run.len;
             state.body.link[span.clone()].fill(0.0);
             cut[span].fill(true);
         }
-        plan.runs.retain(|run| !lets_go(run.a, run.b, run.len));
-        plan.exact.retain(|run| !lets_go(run.a, run.b, run.len));
+        scheme.runs.retain(|run| !lets_go(run.a, run.b, run.len));
+        scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
         script.drives.retain(|drive| !ours[drive.mat]);
         let mut stays = script.voices.iter().map(|voice| !ours[voice.struck]);
         state.voices.retain(|_| stays.next().unwrap_or(true));
         drop(stays);
         script.voices.retain(|voice| !ours[voice.struck]);
-        for (output, since) in plan.outputs.iter().zip(&mut state.mutes.outputs) {
+        for (output, since) in scheme.outputs.iter().zip(&mut state.mutes.outputs) {
             let listens = output.terms.iter().any(|term| match *term {
                 Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
                     ours[first..first + len].contains(&true)

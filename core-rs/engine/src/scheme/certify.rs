@@ -6,7 +6,7 @@
 
 use nalgebra::DMatrix;
 
-use super::{Kind, Plan, Run};
+use super::{Kind, Run, Scheme};
 use crate::network::{Error, Network};
 use crate::spectrum;
 
@@ -77,16 +77,16 @@ struct Top {
 }
 
 /// The largest eigenvalue of M^-½ (K + 2Z) M^-½.
-fn top(plan: &Plan, weights: &[f64]) -> Top {
-    let n = plan.n_mat();
-    let root: Vec<f64> = plan.w.iter().map(|w| w.sqrt()).collect();
+fn top(scheme: &Scheme, weights: &[f64]) -> Top {
+    let n = scheme.n_mat();
+    let root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
     let mut scaled = vec![0.0; n];
     let mut apply = |v: &[f64], y: &mut [f64]| {
         for i in 0..n {
             scaled[i] = v[i] * root[i];
-            y[i] = (plan.kappa[i] + 2.0 * plan.zeta[i]) * v[i];
+            y[i] = (scheme.kappa[i] + 2.0 * scheme.zeta[i]) * v[i];
         }
-        for (run, weight) in plan.runs.iter().zip(weights) {
+        for (run, weight) in scheme.runs.iter().zip(weights) {
             for i in 0..run.len {
                 let (a, b) = (run.a + i, run.b + i);
                 let f = weight * (scaled[b] - scaled[a]);
@@ -120,25 +120,26 @@ fn top(plan: &Plan, weights: &[f64]) -> Top {
     }
 }
 
-pub(super) fn certify(plan: &Plan, network: &Network) -> Result<Certificate, Error> {
-    let word = if plan.linear {
+pub(super) fn certify(scheme: &Scheme, network: &Network) -> Result<Certificate, Error> {
+    let word = if scheme.linear {
         Word::Proved
     } else {
         Word::Guarded
     };
-    let weights: Vec<f64> = plan.runs.iter().map(weight).collect();
+    let weights: Vec<f64> = scheme.runs.iter().map(weight).collect();
     let links = || {
-        plan.runs
+        scheme
+            .runs
             .iter()
             .zip(&weights)
             .filter(|(_, weight)| **weight != 0.0)
     };
-    let n = plan.n_mat();
+    let n = scheme.n_mat();
     // Sums at each MAT: D = Σ(K + 2Z).
     let mut sums: Vec<f64> = (0..n)
         .map(|i| {
-            if plan.w[i] > 0.0 {
-                (plan.kappa[i] + 2.0 * plan.zeta[i]) / plan.w[i]
+            if scheme.w[i] > 0.0 {
+                (scheme.kappa[i] + 2.0 * scheme.zeta[i]) / scheme.w[i]
             } else {
                 0.0
             }
@@ -156,7 +157,7 @@ pub(super) fn certify(plan: &Plan, network: &Network) -> Result<Certificate, Err
             message: "a force on it is not a finite number at rest".to_owned(),
         });
     }
-    let at = |i: usize| sums[i] * plan.w[i];
+    let at = |i: usize| sums[i] * scheme.w[i];
     let edges = links().flat_map(|(run, _)| (0..run.len).map(|i| at(run.a + i) + at(run.b + i)));
     let bound = (0..n).map(at).chain(edges).fold(0.0, f64::max);
     if bound < BORDER {
@@ -166,7 +167,7 @@ pub(super) fn certify(plan: &Plan, network: &Network) -> Result<Certificate, Err
             word,
         });
     }
-    let top = top(plan, &weights);
+    let top = top(scheme, &weights);
     if top.lambda < BORDER {
         return Ok(Certificate {
             lambda_max: top.lambda,

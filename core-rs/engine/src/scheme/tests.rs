@@ -16,7 +16,7 @@ fn discrete() -> Network {
 }
 
 fn certify(network: &Network) -> Result<Certificate, Error> {
-    Plan::new(network, rate())?.certify(network)
+    Scheme::new(network, rate())?.certify(network)
 }
 
 fn unstable(network: &Network) -> (String, f64, u32) {
@@ -118,7 +118,7 @@ fn oversampling_suffices_and_less_does_not() {
         let (_, _, factor) = unstable(&network);
         let at = |factor: u32| {
             let rate = Rate::new(HERTZ * f64::from(factor)).unwrap();
-            Plan::new(&network, rate).unwrap().certify(&network)
+            Scheme::new(&network, rate).unwrap().certify(&network)
         };
         assert!(
             at(factor).is_ok() && at(factor - 1).is_err(),
@@ -200,7 +200,7 @@ fn a_magic_contact_is_refused_where_it_would_not_be_exact() {
         network.cel("c", 1.0, tie, 0.0, 0.0, 0.0).unwrap();
         network.but("magic", a, b, but(Contact::Magic)).unwrap();
         more(&mut network);
-        match Plan::new(&network, rate()) {
+        match Scheme::new(&network, rate()) {
             Ok(_) => None,
             Err(Error::Refused { module, message }) => {
                 assert_eq!(module, "p.magic");
@@ -270,11 +270,11 @@ fn a_magic_contact_refuses_what_breaks_its_promise() {
 /// Its exact poles would be stable ones: those of another pitch.
 #[test]
 fn a_cell_above_half_the_rate_is_refused() {
-    let plan = |ca: Option<Rate>, tie: Tie, hertz: f64| {
+    let scheme = |ca: Option<Rate>, tie: Tie, hertz: f64| {
         let mut network = Network::new();
         network.part("p", ca);
         network.cel("m", 1e-2, tie, 0.0, 0.0, 0.0).unwrap();
-        Plan::new(&network, Rate::new(hertz).unwrap()).map(drop)
+        Scheme::new(&network, Rate::new(hertz).unwrap()).map(drop)
     };
     let tuned = Tie::Tuned {
         f: 5_000.0,
@@ -287,8 +287,8 @@ fn a_cell_above_half_the_rate_is_refused() {
     };
     let ca = Some(rate());
     for (ca, tie) in [(None, tuned), (None, stiff), (ca, tuned)] {
-        assert!(plan(ca, tie, 10_010.0).is_ok());
-        let error = plan(ca, tie, 9_990.0).unwrap_err().to_string();
+        assert!(scheme(ca, tie, 10_010.0).is_ok());
+        let error = scheme(ca, tie, 9_990.0).unwrap_err().to_string();
         assert!(
             error.contains("p.m") && error.contains("5000 Hz"),
             "{error}"
@@ -299,5 +299,5 @@ fn a_cell_above_half_the_rate_is_refused() {
         k: m * omega * omega,
         z: 3.0 * m * omega,
     };
-    assert!(plan(None, creeping, 1_000.0).is_ok());
+    assert!(scheme(None, creeping, 1_000.0).is_ok());
 }

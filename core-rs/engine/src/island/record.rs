@@ -43,9 +43,16 @@ impl Record {
     }
 }
 
+/// An ergon and the frame in which it struck.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken {
+    pub(crate) frame: u64,
+    pub(crate) record: Record,
+}
+
 /// Ergons kept since they were last taken.
 #[derive(Clone, Debug)]
-pub struct Stream(Option<Vec<Record>>);
+pub(crate) struct Stream(Option<Vec<Taken>>);
 
 impl Stream {
     pub(crate) fn new(kept: bool) -> Self {
@@ -56,13 +63,13 @@ impl Stream {
         self.0.is_some()
     }
 
-    pub(crate) fn push(&mut self, record: Record) {
+    pub(crate) fn push(&mut self, frame: u64, record: Record) {
         if let Some(kept) = &mut self.0 {
-            kept.push(record);
+            kept.push(Taken { frame, record });
         }
     }
 
-    pub(crate) fn take(&mut self) -> Vec<Record> {
+    pub(crate) fn take(&mut self) -> Vec<Taken> {
         self.0.as_mut().map(std::mem::take).unwrap_or_default()
     }
 }

@@ -1,17 +1,17 @@
-//! Network + Timeline → Simulation.
+//! Network + Timeline → Island.
 
 use std::sync::Arc;
 
 use super::fault::Mutes;
 use super::ledger::Ledger;
-use super::{OnFault, Script, Simulation, State, Stream};
+use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::free::FreeKey;
 use crate::gesture::script::{Gesture, Report, Touch};
 use crate::gesture::voice::{Voice, VoiceScript};
 use crate::network::{Error, Network};
-use crate::plan::{Plan, backward_steps, moves};
+use crate::scheme::{Scheme, backward_steps, moves};
 use crate::state::Body;
-use crate::timeline::{Drive, DriveKind, Key, Timeline, frame};
+use crate::timeline::{Drive, DriveKind, Key, Timeline, frame, pushes};
 use crate::units::Rate;
 
 /// How a simulation is to run.
@@ -25,26 +25,24 @@ pub struct Options {
     pub on_fault: OnFault,
 }
 
-impl Simulation {
-    /// Plan a network, certify it, and set it at frame 0 of its timeline.
-    pub fn new(
+impl Island {
+    /// Scheme a network, certify it, and set it at frame 0 of its timeline.
+    pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,
         options: Options,
     ) -> Result<Self, Error> {
-        let mut plan = Plan::new(&network, timeline.rate)?;
-        plan.certify(&network)?;
-        gate(&mut plan, timeline);
-        let laws = plan.laws();
-        let mut body = start(&network, &plan, timeline, &timeline.drives);
+        let mut scheme = Scheme::new(&network, timeline.rate)?;
+        gate(&mut scheme, timeline);
+        let laws = scheme.laws();
+        let mut body = start(&network, &scheme, timeline, &timeline.drives);
         let (scripts, voices) = hands(&network, timeline)?;
-        let mut pushes = timeline.pushes.clone();
-        pushes.sort_by_key(|push| push.frame);
+        let pushes = pushes(&network, timeline);
         let mut ergons = timeline.ergons.clone();
-        ergons.sort_by_key(|ergon| ergon.frame);
+        ergons.sort_by_key(|ergon| frame(ergon.at, timeline.rate.hertz()));
         let ledger = options
             .ledger
-            .then(|| Ledger::new(&plan, &timeline.gates, &mut body));
+            .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
         let state = State {
             frame: 0,
             voices,
@@ -58,11 +56,11 @@ impl Simulation {
             laws,
             stream: Stream::new(options.record),
             ledger,
-            mutes: Mutes::new(&plan),
+            mutes: Mutes::new(&scheme),
             body,
         };
         let script = Script {
-            plan,
+            scheme,
             gestures: timeline.gestures.clone(),
             voices: scripts,
             pushes,
@@ -83,9 +81,9 @@ impl Simulation {
 }
 
 /// Runs that a gate opens: single links cut out of their runs are not needed, couplings are single.
-fn gate(plan: &mut Plan, timeline: &Timeline) {
+fn gate(scheme: &mut Scheme, timeline: &Timeline) {
     for (index, gate) in timeline.gates.iter().enumerate() {
-        let mut runs = plan.runs.iter_mut().chain(&mut plan.exact);
+        let mut runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
         if let Some(run) = runs.find(|run| run.first == gate.link) {
             run.gate = Some(index);
         }
@@ -93,21 +91,28 @@ fn gate(plan: &mut Plan, timeline: &Timeline) {
 }
 
 /// Where every MAT is at frame 0, and the step that led there.
-fn start(network: &Network, plan: &Plan, timeline: &Timeline, drives: &[Drive]) -> Body {
+fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Drive]) -> Body {
     let pushes: Vec<_> = drives
         .iter()
         .filter(|drive| drive.kind == DriveKind::Force)
-        .map(|drive| (drive.mat, drive.value(0, plan.rate)))
+        .map(|drive| (drive.mat, drive.value(0, scheme.rate)))
         .collect();
     let mut x = network.mats().x0.clone();
     for drive in drives
         .iter()
         .filter(|drive| drive.kind == DriveKind::Position)
     {
-        x[drive.mat] = drive.value(0, plan.rate);
+        x[drive.mat] = drive.value(0, scheme.rate);
     }
-    let d = backward_steps(network, timeline, plan, &x, &pushes);
-    Body::new(plan, x, d)
+    let d = backward_steps(network, timeline, scheme, &x, &pushes);
+    Body::new(scheme, x, d)
+}
+
+/// What is heard of a network that rests where it is, (n_out).
+pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
+    let x = network.mats().x0.clone();
+    let body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
+    crate::kernel::tap(scheme, &body, heard);
 }
 
 /// Links that join a MAT to other parts, each with the MAT at its other end.
@@ -159,8 +164,8 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
                 layer: true,
                 ..script.clone()
             };
-            let still = vec![0.0; layer.free.plan.n_mat()];
-            let body = Body::new(&layer.free.plan, still.clone(), still);
+            let still = vec![0.0; layer.free.scheme.n_mat()];
+            let body = Body::new(&layer.free.scheme, still.clone(), still);
             voices.push(Voice::new(&layer, body));
             scripts.push(layer);
         }
@@ -177,8 +182,8 @@ fn free_key(network: &Network, timeline: &Timeline, key: &Key) -> Result<(FreeKe
             message: "a key is struck on a MAS or a CEL".to_owned(),
         });
     }
-    let (alone, members) = network.alone(mats.part[key.struck] as usize);
-    let inside = |mat: usize| members.binary_search(&mat).ok();
+    let own = network.alone(mats.part[key.struck] as usize);
+    let inside = |mat: usize| own.mat(mat);
     for link in timeline.gates.iter().map(|gate| gate.link) {
         let run = network.run_of(link);
         if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
@@ -190,8 +195,10 @@ fn free_key(network: &Network, timeline: &Timeline, key: &Key) -> Result<(FreeKe
             });
         }
     }
-    let own = timeline.drives.iter().filter(|drive| drive.own);
-    let drives: Vec<Drive> = own
+    let drives: Vec<Drive> = timeline
+        .drives
+        .iter()
+        .filter(|drive| drive.own)
         .filter_map(|drive| {
             inside(drive.mat).map(|mat| Drive {
                 mat,
@@ -199,12 +206,17 @@ fn free_key(network: &Network, timeline: &Timeline, key: &Key) -> Result<(FreeKe
             })
         })
         .collect();
-    let plan = Arc::new(Plan::new(&alone, timeline.rate)?);
-    let body = start(&alone, &plan, &Timeline::new(timeline.rate), &drives);
+    let scheme = Arc::new(Scheme::new(&own.network, timeline.rate)?);
+    let body = start(
+        &own.network,
+        &scheme,
+        &Timeline::new(timeline.rate),
+        &drives,
+    );
     let free = FreeKey {
         struck: inside(key.struck).unwrap_or(0),
-        plan,
-        members,
+        members: own.mats.iter().map(|&mat| mat as usize).collect(),
+        scheme,
         drives,
     };
     Ok((free, body))

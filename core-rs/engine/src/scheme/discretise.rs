@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use super::{Kind, Plan, Run};
+use super::{Kind, Run, Scheme};
 use crate::cell::{self, Cell, Ratios};
 use crate::law::Law;
 use crate::maths;
 use crate::network::{But, Contact, Error, LinkKind, MatKind, Network};
 use crate::units::Rate;
 
-pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
+pub(super) fn scheme(network: &Network, rate: Rate) -> Result<Scheme, Error> {
     let n = network.n_mat();
     let mats = network.mats();
-    let mut plan = Plan {
+    let mut scheme = Scheme {
         rate: rate.hertz(),
         kappa: vec![0.0; n],
         zeta: vec![0.0; n],
@@ -32,7 +32,7 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
     for i in (0..n).filter(|&i| super::moves(mats.kind[i])) {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let ratios;
-        (plan.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
+        (scheme.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
             None => {
                 let own = Cell::new(m, k, z);
                 below_nyquist(network, i, own.frequency(), rate)?;
@@ -51,7 +51,7 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
             }
         };
         if mats.kind[i] == MatKind::Cel {
-            (plan.kappa[i], plan.zeta[i]) = (ratios.kappa, ratios.zeta);
+            (scheme.kappa[i], scheme.zeta[i]) = (ratios.kappa, ratios.zeta);
         }
     }
     let mut rooms: Vec<Arc<Law>> = Vec::new();
@@ -71,9 +71,9 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
             gate: None,
         };
         match &run.kind {
-            LinkKind::Ref => plan.runs.push(planned),
+            LinkKind::Ref => scheme.runs.push(planned),
             LinkKind::Lnl(law) => {
-                plan.linear = false;
+                scheme.linear = false;
                 // Runs that share a law share its room.
                 let known = rooms.iter().position(|known| Arc::ptr_eq(known, law));
                 let room = known.unwrap_or_else(|| {
@@ -85,39 +85,39 @@ pub(super) fn plan(network: &Network, rate: Rate) -> Result<Plan, Error> {
                     rate: per_step,
                     room,
                 };
-                plan.runs.push(planned);
+                scheme.runs.push(planned);
             }
             LinkKind::But(but) => {
-                plan.linear = false;
+                scheme.linear = false;
                 planned.kind = Kind::But(*but);
                 match but.contact {
-                    Contact::Plain => plan.runs.push(planned),
-                    Contact::Exact => plan.exact.push(planned),
+                    Contact::Plain => scheme.runs.push(planned),
+                    Contact::Exact => scheme.exact.push(planned),
                     Contact::Magic => {
                         free(network, run.a, run.first)?;
                         free(network, run.b, run.first)?;
-                        if plan.w[run.a] + plan.w[run.b] == 0.0 {
+                        if scheme.w[run.a] + scheme.w[run.b] == 0.0 {
                             return Err(Error::Refused {
                                 module: network.link_name(run.first),
                                 message: "a magic contact needs an end that moves".to_owned(),
                             });
                         }
-                        let mu = 1.0 / (plan.w[run.a] + plan.w[run.b]);
+                        let mu = 1.0 / (scheme.w[run.a] + scheme.w[run.b]);
                         let (k, z) = magic(but);
                         planned.k = k * mu;
                         planned.z = z * mu;
-                        plan.runs.push(planned);
+                        scheme.runs.push(planned);
                     }
                 }
             }
         }
     }
-    let mut ends: Vec<usize> = plan.exact.iter().flat_map(|run| [run.a, run.b]).collect();
+    let mut ends: Vec<usize> = scheme.exact.iter().flat_map(|run| [run.a, run.b]).collect();
     ends.sort_unstable();
-    plan.exact_coupled = ends
+    scheme.exact_coupled = ends
         .windows(2)
-        .any(|pair| pair[0] == pair[1] && plan.w[pair[0]] > 0.0);
-    Ok(plan)
+        .any(|pair| pair[0] == pair[1] && scheme.w[pair[0]] > 0.0);
+    Ok(scheme)
 }
 
 fn ca_rate(network: &Network, part: usize) -> Option<Rate> {

@@ -5,7 +5,7 @@
 
 use crate::kernel;
 use crate::network::But;
-use crate::plan::{Kind, Plan, Run};
+use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Gate;
 
@@ -26,6 +26,22 @@ pub struct Energy {
     pub residual: f64,
     /// Σ|injected| + Σ|lost| + Σ|produced| + start: what the residual is held against.
     pub flow: f64,
+}
+
+impl std::ops::Add for Energy {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            start: self.start + other.start,
+            stored: self.stored + other.stored,
+            injected: self.injected + other.injected,
+            lost: self.lost + other.lost,
+            produced: self.produced + other.produced,
+            residual: self.residual + other.residual,
+            flow: self.flow + other.flow,
+        }
+    }
 }
 
 /// A sum that keeps what rounding drops (Neumaier 1974).
@@ -114,13 +130,13 @@ fn is_spring(run: &Run) -> bool {
     matches!(run.kind, Kind::Ref) && run.gate.is_none()
 }
 
-fn all(plan: &Plan) -> impl Iterator<Item = &Run> {
-    plan.runs.iter().chain(&plan.exact)
+fn all(scheme: &Scheme) -> impl Iterator<Item = &Run> {
+    scheme.runs.iter().chain(&scheme.exact)
 }
 
 impl Ledger {
-    pub(super) fn new(plan: &Plan, gates: &[Gate], body: &mut Body) -> Self {
-        body.outside = vec![0.0; plan.n_mat()];
+    pub(super) fn new(scheme: &Scheme, gates: &[Gate], body: &mut Body) -> Self {
+        body.outside = vec![0.0; scheme.n_mat()];
         let mut ledger = Self {
             start: 0.0,
             injected: Sum::default(),
@@ -128,17 +144,17 @@ impl Ledger {
             produced: Sum::default(),
             d: body.d.clone(),
             hold: Vec::new(),
-            potential: vec![0.0; plan.n_lia],
+            potential: vec![0.0; scheme.n_lia],
         };
         let open = |run: &Run| run.gate.map_or(1.0, |gate| gates[gate].open(0));
-        for run in all(plan).filter(|run| !is_spring(run)) {
+        for run in all(scheme).filter(|run| !is_spring(run)) {
             for i in 0..run.len {
                 let (now, before) = elongation(run, body, i);
                 ledger.potential[run.first + i] =
                     0.5 * open(run) * (potential(run, now) + potential(run, before));
             }
         }
-        ledger.start = ledger.stored(plan, body);
+        ledger.start = ledger.stored(scheme, body);
         ledger
     }
 
@@ -148,20 +164,20 @@ impl Ledger {
     }
 
     /// Before the MAT phase: forces are complete, positions are those of frame n.
-    pub(super) fn before(&mut self, plan: &Plan, targets: &[Target], body: &Body) {
+    pub(super) fn before(&mut self, scheme: &Scheme, targets: &[Target], body: &Body) {
         self.d.copy_from_slice(&body.d);
         self.hold.clear();
         self.hold
-            .extend(targets.iter().map(|target| match plan.w[target.mat] {
+            .extend(targets.iter().map(|target| match scheme.w[target.mat] {
                 0.0 => -body.force[target.mat],
-                _ => kernel::needed(plan, body, target.mat, target.x),
+                _ => kernel::needed(scheme, body, target.mat, target.x),
             }));
     }
 
     /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n.
     pub(super) fn after(
         &mut self,
-        plan: &Plan,
+        scheme: &Scheme,
         gates: [&[f64]; 2],
         targets: &[Target],
         body: &Body,
@@ -169,9 +185,10 @@ impl Ledger {
         // s = x[n+1] − x[n−1]
         let d = std::mem::take(&mut self.d);
         let s = |i: usize| body.d[i] + d[i];
-        for i in 0..plan.n_mat() {
-            if plan.zeta[i] != 0.0 {
-                self.lost.add(0.25 * plan.zeta[i] / plan.w[i] * s(i) * s(i));
+        for i in 0..scheme.n_mat() {
+            if scheme.zeta[i] != 0.0 {
+                self.lost
+                    .add(0.25 * scheme.zeta[i] / scheme.w[i] * s(i) * s(i));
             }
             if body.outside[i] != 0.0 {
                 self.injected.add(0.5 * s(i) * body.outside[i]);
@@ -180,7 +197,7 @@ impl Ledger {
         for (target, hold) in targets.iter().zip(&self.hold) {
             self.injected.add(0.5 * s(target.mat) * hold);
         }
-        for run in all(plan) {
+        for run in all(scheme) {
             let spring = is_spring(run);
             let [now, next] = gates.map(|gates| run.gate.map_or(1.0, |gate| gates[gate]));
             for i in 0..run.len {
@@ -213,15 +230,15 @@ impl Ledger {
     }
 
     /// Energy in masses and links between the last frame and this one [J].
-    fn stored(&self, plan: &Plan, body: &Body) -> f64 {
+    fn stored(&self, scheme: &Scheme, body: &Body) -> f64 {
         let mut sum = Sum::default();
-        for i in (0..plan.n_mat()).filter(|&i| plan.w[i] != 0.0) {
-            let (x, d, rest) = (body.x[i], body.d[i], plan.rest[i]);
-            let own = 0.5 * d * d + 0.5 * plan.kappa[i] * (x - rest) * (x - d - rest)
-                - 0.25 * plan.zeta[i] * d * d;
-            sum.add(own / plan.w[i]);
+        for i in (0..scheme.n_mat()).filter(|&i| scheme.w[i] != 0.0) {
+            let (x, d, rest) = (body.x[i], body.d[i], scheme.rest[i]);
+            let own = 0.5 * d * d + 0.5 * scheme.kappa[i] * (x - rest) * (x - d - rest)
+                - 0.25 * scheme.zeta[i] * d * d;
+            sum.add(own / scheme.w[i]);
         }
-        for run in all(plan) {
+        for run in all(scheme) {
             for i in 0..run.len {
                 sum.add(if is_spring(run) {
                     let (now, before) = elongation(run, body, i);
@@ -234,8 +251,8 @@ impl Ledger {
         sum.value()
     }
 
-    pub(super) fn energy(&self, plan: &Plan, body: &Body) -> Energy {
-        let (start, stored) = (self.start, self.stored(plan, body));
+    pub(super) fn energy(&self, scheme: &Scheme, body: &Body) -> Energy {
+        let (start, stored) = (self.start, self.stored(scheme, body));
         let (injected, lost, produced) = (
             self.injected.value(),
             self.lost.value(),

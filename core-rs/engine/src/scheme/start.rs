@@ -1,6 +1,6 @@
 //! How the scheme starts: the step that leads into frame 0.
 
-use super::Plan;
+use super::Scheme;
 use crate::cell::Cell;
 use crate::kernel;
 use crate::network::{LinkKind, MatKind, Network};
@@ -14,7 +14,7 @@ use crate::units::Rate;
 pub(crate) fn backward_steps(
     network: &Network,
     timeline: &Timeline,
-    plan: &Plan,
+    scheme: &Scheme,
     x: &[f64],
     pushes: &[(usize, f64)],
 ) -> Vec<f64> {
@@ -29,7 +29,7 @@ pub(crate) fn backward_steps(
                 .parts()
                 .get(mats.part[i] as usize)
                 .and_then(|part| part.ca_rate);
-            let half = 0.5 * plan.w[i] * force[i]; // ½T²F/m, since w = T²/m
+            let half = 0.5 * scheme.w[i] * force[i]; // ½T²F/m, since w = T²/m
             match mats.kind[i] {
                 MatKind::Sol | MatKind::Imposed => 0.0,
                 _ if ca.is_some() => v0 * t,
@@ -44,7 +44,12 @@ pub(crate) fn backward_steps(
 }
 
 /// Forces of all links on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
-fn forces(network: &Network, timeline: &Timeline, x: &[f64], pushes: &[(usize, f64)]) -> Vec<f64> {
+pub(crate) fn forces(
+    network: &Network,
+    timeline: &Timeline,
+    x: &[f64],
+    pushes: &[(usize, f64)],
+) -> Vec<f64> {
     let mats = network.mats();
     let mut force = vec![0.0; network.n_mat()];
     for &(mat, push) in pushes {

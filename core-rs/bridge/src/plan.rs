@@ -1,0 +1,115 @@
+//! Plans: what is computed, how, and why the rest is not.
+
+use std::sync::Arc;
+
+use ergon_engine::plan::{self, Budget, Reason, What};
+use ergon_engine::scheme::Word;
+use pyo3::prelude::*;
+
+use crate::error::{from_engine, refused, word};
+use crate::network::Network;
+use crate::timeline::Timeline;
+use crate::words;
+
+/// What is computed, how, and why the rest is not.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
+
+#[pymethods]
+impl Plan {
+    #[new]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None))]
+    fn new(
+        py: Python<'_>,
+        network: &Network,
+        timeline: &Timeline,
+        method: Option<&str>,
+        error_db: Option<f64>,
+        cents: Option<f64>,
+        upto: Option<f64>,
+    ) -> PyResult<Self> {
+        timeline.fits(network)?;
+        let budget = budget(method, error_db, cents, upto)?;
+        let network = Arc::new(network.0.clone());
+        py.detach(|| plan::Plan::new(network, &timeline.inner, &budget))
+            .map(|plan| Self(Arc::new(plan)))
+            .map_err(from_engine)
+    }
+
+    /// What it does, part by part.
+    fn rows(&self) -> Vec<PlanRow> {
+        self.0.rows().iter().map(PlanRow::of).collect()
+    }
+}
+
+fn budget(
+    method: Option<&str>,
+    error: Option<f64>,
+    cents: Option<f64>,
+    upto: Option<f64>,
+) -> PyResult<Budget> {
+    let finite = |name: &str, value: f64, good: bool| {
+        if value.is_finite() && good {
+            Ok(value)
+        } else {
+            Err(refused("accuracy", format!("{name} cannot be {value}")))
+        }
+    };
+    match (method, error, cents, upto) {
+        (None, None, None, None) => Ok(Budget::default()),
+        (Some(method), None, None, None) => {
+            Ok(Budget::Method(word("method", method, &words::METHODS)?))
+        }
+        (None, Some(db), None, None) => Ok(Budget::Error(finite("error_db", db, db < 0.0)?)),
+        (None, None, Some(cents), upto) => {
+            let cents = finite("cents", cents, cents > 0.0)?;
+            let upto = upto.unwrap_or(plan::PITCH_UPTO);
+            let upto = finite("upto", upto, upto > 0.0)?;
+            Ok(Budget::Cents { cents, upto })
+        }
+        _ => Err(refused(
+            "accuracy",
+            "ask for a method, for error_db, or for cents (with upto)",
+        )),
+    }
+}
+
+/// A row of a plan.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct PlanRow {
+    parts: Vec<String>,
+    n_mat: usize,
+    n_lia: usize,
+    what: &'static str,
+    modes: Option<(usize, usize)>,
+    left_out_db: Option<f64>,
+    cost: f64,
+    word: Option<&'static str>,
+    because: Option<String>,
+}
+
+impl PlanRow {
+    fn of(row: &plan::Row) -> Self {
+        let (what, modes, left_out_db) = match row.what {
+            What::Stepped => ("stepped", None, None),
+            What::Oscillators => ("oscillators", None, None),
+            What::Modes { of, kept, left_out } => ("modes", Some((kept, of)), left_out),
+            What::LeftOut(Reason::Unheard) => ("unheard", None, None),
+            What::LeftOut(Reason::Still) => ("still", None, None),
+        };
+        Self {
+            parts: row.parts.clone(),
+            n_mat: row.mats,
+            n_lia: row.links,
+            what,
+            modes,
+            left_out_db,
+            cost: row.cost,
+            word: row.word.map(|word| match word {
+                Word::Proved => "proved",
+                Word::Guarded => "guarded",
+            }),
+            because: row.because.clone(),
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! Scheme + State: steps frames, taps outputs, keeps the ledger.
+//!
+//! While it steps it does not allocate (but for a recorded stream of ergons), lock, fail or panic.
+
+mod build;
+mod fault;
+mod ledger;
+pub(crate) mod record;
+
+pub use build::Options;
+pub(crate) use build::at_rest;
+pub use fault::{Fault, OnFault};
+pub use ledger::Energy;
+pub use record::Record;
+pub(crate) use record::{Stream, Taken};
+
+use std::sync::Arc;
+
+use crate::gesture::script::{Gesture, Report};
+use crate::gesture::voice::{Scene, Voice, VoiceScript};
+use crate::kernel;
+use crate::network::Network;
+use crate::scheme::{Laws, Scheme};
+use crate::state::{Body, Target};
+use crate::timeline::{Drive, Ergon, Gate, Push, frame};
+
+use fault::Mutes;
+use ledger::Ledger;
+
+/// Everything that does not change while the simulation runs.
+#[derive(Clone, Debug)]
+struct Script {
+    scheme: Scheme,
+    gestures: Vec<Gesture>,
+    voices: Vec<VoiceScript>,
+    pushes: Vec<Push>,
+    ergons: Vec<Ergon>,
+    gates: Vec<Gate>,
+    drives: Vec<Drive>,
+    n_keys: usize,
+    on_fault: OnFault,
+}
+
+/// Everything that changes: cloning it is a snapshot.
+#[derive(Clone, Debug)]
+struct State {
+    frame: u64,
+    body: Body,
+    voices: Vec<Voice>,
+    reports: Vec<Report>,
+    /// Next push and next ergon.
+    pushed: usize,
+    ergons: usize,
+    /// How far each gate is open now, and (for the ledger) at the next frame.
+    gates: Vec<f64>,
+    gates_next: Vec<f64>,
+    targets: Vec<Target>,
+    /// How far layers take each key [m]   (n_keys)
+    layers: Vec<f64>,
+    laws: Laws,
+    stream: Stream,
+    ledger: Option<Ledger>,
+    mutes: Mutes,
+}
+
+/// A network that plays.
+#[derive(Clone, Debug)]
+pub(crate) struct Island {
+    network: Arc<Network>,
+    script: Arc<Script>,
+    state: State,
+}
+
+impl Island {
+    /// Number of outputs.
+    pub(crate) fn n_out(&self) -> usize {
+        self.script.scheme.n_out()
+    }
+
+    /// Go on `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
+    ///
+    /// Fails with the first part that goes non-finite, unless faults are muted.
+    pub(crate) fn process(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
+        let n_out = self.n_out();
+        (0..n_frames).try_for_each(|k| self.step(&mut out[k * n_out..(k + 1) * n_out]))
+    }
+
+    /// One frame: forces, outputs, hands, contacts, masses.
+    fn step(&mut self, out: &mut [f64]) -> Result<(), Fault> {
+        let (script, state) = (&*self.script, &mut self.state);
+        let (scheme, n) = (&script.scheme, state.frame);
+        for (open, gate) in state.gates.iter_mut().zip(&script.gates) {
+            *open = gate.open(n);
+        }
+        kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws);
+        state.targets.clear();
+        for drive in &script.drives {
+            drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
+        }
+        layers(script, state);
+        hands(script, state, n, Voice::step);
+        strike(script, state, n);
+        kernel::contacts(scheme, &state.gates, &state.targets, &mut state.body);
+        hands(script, state, n, Voice::settle);
+        kernel::tap(scheme, &state.body, out);
+        state.mutes.fade(n, scheme, out);
+        if let Some(ledger) = &mut state.ledger {
+            ledger.before(scheme, &state.targets, &state.body);
+        }
+        let sound = kernel::advance(scheme, &mut state.targets, &mut state.body);
+        if let Some(ledger) = &mut state.ledger {
+            for (next, gate) in state.gates_next.iter_mut().zip(&script.gates) {
+                *next = gate.open(n + 1);
+            }
+            ledger.after(
+                scheme,
+                [&state.gates, &state.gates_next],
+                &state.targets,
+                &state.body,
+            );
+        }
+        state.frame += 1;
+        if sound { Ok(()) } else { self.fault() }
+    }
+
+    /// Positions now [m], (n_mat).
+    pub(crate) fn positions(&self) -> &[f64] {
+        &self.state.body.x
+    }
+
+    /// Steps x[n] − x[n−1] now [m], (n_mat).
+    pub(crate) fn steps(&self) -> &[f64] {
+        &self.state.body.d
+    }
+
+    /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys).
+    pub(crate) fn asked(&self) -> Vec<f64> {
+        let mut asked = vec![f64::NAN; self.script.n_keys];
+        for (voice, own) in self.state.voices.iter().zip(&self.script.voices) {
+            // A key's own voice stands before its layers.
+            if !own.layer {
+                asked[own.key] = voice.asked;
+            } else {
+                asked[own.key] += voice.deviation(own);
+            }
+        }
+        asked
+    }
+
+    /// Reports of all gestures, in the timeline's order.
+    pub(crate) fn reports(&self) -> &[Report] {
+        &self.state.reports
+    }
+
+    /// Ergons since the last call.
+    pub(crate) fn take_ergons(&mut self) -> Vec<Taken> {
+        self.state.stream.take()
+    }
+
+    /// The ledger, if it is kept.
+    pub(crate) fn energy(&self) -> Option<Energy> {
+        let state = &self.state;
+        state
+            .ledger
+            .as_ref()
+            .map(|ledger| ledger.energy(&self.script.scheme, &state.body))
+    }
+
+    /// Parts put to silence, with the frame of each.
+    pub(crate) fn muted(&self) -> Vec<(String, u64)> {
+        self.state
+            .mutes
+            .list()
+            .map(|(part, frame)| (self.network.parts()[part].name.clone(), frame))
+            .collect()
+    }
+
+    /// Room for every target there can be: a cloned vector has only what it holds.
+    pub(crate) fn reserve(&mut self) {
+        let most = self.script.drives.len() + self.script.voices.len();
+        self.state.targets.reserve(most);
+        for (voice, own) in self.state.voices.iter_mut().zip(&self.script.voices) {
+            voice.reserve(own);
+        }
+        if let Some(ledger) = &mut self.state.ledger {
+            ledger.reserve(most);
+        }
+    }
+}
+
+/// Where layers take the keys at this frame.
+fn layers(script: &Script, state: &mut State) {
+    state.layers.fill(0.0);
+    for (voice, own) in state.voices.iter().zip(&script.voices) {
+        if own.layer {
+            state.layers[own.key] += voice.deviation(own);
+        }
+    }
+}
+
+/// Let every voice do its part of frame `n`.
+fn hands(
+    script: &Script,
+    state: &mut State,
+    n: u64,
+    act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64),
+) {
+    let mut scene = Scene {
+        scheme: &script.scheme,
+        gestures: &script.gestures,
+        body: &mut state.body,
+        targets: &mut state.targets,
+        reports: &mut state.reports,
+        stream: &mut state.stream,
+        layers: &state.layers,
+    };
+    for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
+        if voice.is_awake(own, scene.gestures, n) {
+            act(voice, own, &mut scene, n);
+        }
+    }
+}
+
+/// Strikes that fall on frame `n`.
+fn strike(script: &Script, state: &mut State, n: u64) {
+    let scheme = &script.scheme;
+    let t = 1.0 / scheme.rate;
+    let body = &mut state.body;
+    while let Some(push) = script
+        .pushes
+        .get(state.pushed)
+        .filter(|push| push.frame <= n)
+    {
+        state.pushed += 1;
+        let mat = push.mat as usize;
+        if scheme.w[mat] == 0.0 {
+            continue; // muted meanwhile
+        }
+        if push.impulse != 0.0 && state.stream.is_kept() {
+            let velocity = kernel::centred(scheme, body, mat);
+            let mass = t * t / scheme.w[mat];
+            state.stream.push(
+                n,
+                Record::event(push.at, mat, push.source, mass, velocity, push.impulse),
+            );
+        }
+        body.push(mat, push.force);
+    }
+    while let Some(ergon) = script
+        .ergons
+        .get(state.ergons)
+        .filter(|ergon| frame(ergon.at, scheme.rate) <= n)
+    {
+        state.ergons += 1;
+        let mat = ergon.mat as usize;
+        if scheme.w[mat] == 0.0 {
+            continue;
+        }
+        // p = 2 m m_S/(m + m_S)·(v − V), V the centred velocity without the ergon: then the work on the
+        // struck is exactly the energy the ergon loses.
+        let mass = t * t / scheme.w[mat];
+        let velocity = kernel::centred(scheme, body, mat);
+        let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);
+        body.push(mat, impulse * scheme.rate);
+        let (mass, speed, source) = (ergon.mass, ergon.speed, ergon.source);
+        state.stream.push(
+            n,
+            Record {
+                time: n as f64 / scheme.rate,
+                mat: ergon.mat,
+                source,
+                mass,
+                speed,
+                impulse,
+            },
+        );
+    }
+}

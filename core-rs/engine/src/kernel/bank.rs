@@ -1,0 +1,279 @@
+//! Oscillators side by side, many frames at a time: x[n+1] = a·x[n] − b·x[n−1], and their sum.
+//!
+//! A group of 32 stays in registers while time runs; its sum is kept in eight lanes until the stretch is
+//! done. The product b·x[n−1] is rounded, a·x minus it is fused: exactly so on every processor, in
+//! hardware where there is any, else by libm's exact fma (slow, and the same bytes).
+
+/// Oscillators of a group.
+pub(crate) const LANES: usize = 32;
+/// Lanes of a sum that is not finished yet.
+pub(crate) const SUMS: usize = 8;
+
+/// One number for every oscillator of a group.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub(crate) struct Lanes(pub(crate) [f64; LANES]);
+
+impl Lanes {
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
+}
+
+/// The sum of one output at each frame, in lanes.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(crate) struct Sum(pub(crate) [f64; SUMS]);
+
+impl Sum {
+    pub(crate) const ZERO: Self = Self([0.0; SUMS]);
+}
+
+/// What stays of a group.
+#[derive(Clone, Debug)]
+pub(crate) struct Rates {
+    pub(crate) a: Lanes,
+    pub(crate) b: Lanes,
+}
+
+/// What moves of a group.
+#[derive(Clone, Debug)]
+pub(crate) struct Motion {
+    /// x[n]
+    pub(crate) now: Lanes,
+    /// x[n−1]
+    pub(crate) before: Lanes,
+}
+
+/// Add a group's sum at each frame and go on as many frames.
+pub(crate) fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
+    run_on(rates, motion, sums);
+}
+
+/// Go on `n_frames`, adding Σ weight·x for every output of `weights`; `sums` is (n_out · n_frames), output
+/// by output.
+pub(crate) fn run_weighted(
+    rates: &Rates,
+    motion: &mut Motion,
+    weights: &[Lanes],
+    n_frames: usize,
+    sums: &mut [Sum],
+    room: usize,
+) {
+    weighted_on(rates, motion, weights, n_frames, sums, room);
+}
+
+/// The loops for one kind of vector: `$width` numbers in a `$vector`. The sum of a group is
+/// (x₀ + x₈) + (x₁₆ + x₂₄) for each of eight lanes, whatever the width.
+macro_rules! loops {
+    ($module:ident, $(#[$feature:meta])? $width:literal, $vector:ty, $load:expr, $store:expr,
+     $add:expr, $mul:expr, $less:expr, $more:expr) => {
+        mod $module {
+            use super::{LANES, Lanes, Motion, Rates, SUMS, Sum};
+            #[allow(unused_imports)]
+            #[cfg(target_arch = "x86_64")]
+            use std::arch::x86_64::*;
+            #[allow(unused_imports)]
+            #[cfg(target_arch = "aarch64")]
+            use std::arch::aarch64::*;
+
+            type Four = [$vector; LANES / SUMS];
+
+            $(#[$feature])?
+            #[inline]
+            unsafe fn load(lanes: &Lanes, part: usize) -> Four {
+                // SAFETY: part + 24 + width ≤ LANES.
+                unsafe {
+                    let at = lanes.0.as_ptr().add(part);
+                    [$load(at), $load(at.add(8)), $load(at.add(16)), $load(at.add(24))]
+                }
+            }
+
+            $(#[$feature])?
+            #[inline]
+            unsafe fn store(lanes: &mut Lanes, part: usize, four: Four) {
+                // SAFETY: as in `load`.
+                unsafe {
+                    let at = lanes.0.as_mut_ptr().add(part);
+                    $store(at, four[0]);
+                    $store(at.add(8), four[1]);
+                    $store(at.add(16), four[2]);
+                    $store(at.add(24), four[3]);
+                }
+            }
+
+            /// a·now − b·before.
+            $(#[$feature])?
+            #[inline]
+            fn next(a: &Four, b: &Four, now: &Four, before: &Four) -> Four {
+                [
+                    $less(a[0], now[0], $mul(b[0], before[0])),
+                    $less(a[1], now[1], $mul(b[1], before[1])),
+                    $less(a[2], now[2], $mul(b[2], before[2])),
+                    $less(a[3], now[3], $mul(b[3], before[3])),
+                ]
+            }
+
+            $(#[$feature])?
+            #[inline]
+            unsafe fn add_to(sum: &mut Sum, part: usize, value: $vector) {
+                // SAFETY: part + width ≤ SUMS.
+                unsafe {
+                    let at = sum.0.as_mut_ptr().add(part);
+                    $store(at, $add($load(at), value));
+                }
+            }
+
+            $(#[$feature])?
+            pub(super) unsafe fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
+                for part in (0..SUMS).step_by($width) {
+                    // SAFETY: parts are multiples of the width below SUMS.
+                    unsafe {
+                        let (a, b) = (load(&rates.a, part), load(&rates.b, part));
+                        let mut now = load(&motion.now, part);
+                        let mut before = load(&motion.before, part);
+                        let mut pairs = sums.chunks_exact_mut(2);
+                        for pair in &mut pairs {
+                            let sum = $add($add(now[0], now[1]), $add(now[2], now[3]));
+                            add_to(&mut pair[0], part, sum);
+                            before = next(&a, &b, &now, &before);
+                            let sum =
+                                $add($add(before[0], before[1]), $add(before[2], before[3]));
+                            add_to(&mut pair[1], part, sum);
+                            now = next(&a, &b, &before, &now);
+                        }
+                        // After two frames the newest is in `now` again.
+                        let (mut now, mut before) = (now, before);
+                        for last in pairs.into_remainder() {
+                            let sum = $add($add(now[0], now[1]), $add(now[2], now[3]));
+                            add_to(last, part, sum);
+                            before = next(&a, &b, &now, &before);
+                            std::mem::swap(&mut now, &mut before);
+                        }
+                        store(&mut motion.now, part, now);
+                        store(&mut motion.before, part, before);
+                    }
+                }
+            }
+
+            $(#[$feature])?
+            pub(super) unsafe fn weighted(
+                rates: &Rates,
+                motion: &mut Motion,
+                weights: &[Lanes],
+                n_frames: usize,
+                sums: &mut [Sum],
+                room: usize,
+            ) {
+                for part in (0..SUMS).step_by($width) {
+                    // SAFETY: parts are multiples of the width below SUMS.
+                    unsafe {
+                        let (a, b) = (load(&rates.a, part), load(&rates.b, part));
+                        let mut now = load(&motion.now, part);
+                        let mut before = load(&motion.before, part);
+                        for frame in 0..n_frames {
+                            for (out, weights) in weights.iter().enumerate() {
+                                let w = load(weights, part);
+                                let low = $more(w[1], now[1], $mul(w[0], now[0]));
+                                let high = $more(w[3], now[3], $mul(w[2], now[2]));
+                                add_to(&mut sums[out * room + frame], part, $add(low, high));
+                            }
+                            let new = next(&a, &b, &now, &before);
+                            before = now;
+                            now = new;
+                        }
+                        store(&mut motion.now, part, now);
+                        store(&mut motion.before, part, before);
+                    }
+                }
+            }
+        }
+    };
+}
+
+#[cfg(target_arch = "x86_64")]
+loops!(
+    avx512,
+    #[target_feature(enable = "avx512f")]
+    8,
+    __m512d,
+    _mm512_load_pd,
+    _mm512_store_pd,
+    _mm512_add_pd,
+    _mm512_mul_pd,
+    _mm512_fmsub_pd,
+    _mm512_fmadd_pd
+);
+#[cfg(target_arch = "x86_64")]
+loops!(
+    avx2,
+    #[target_feature(enable = "avx2,fma")]
+    4,
+    __m256d,
+    _mm256_load_pd,
+    _mm256_store_pd,
+    _mm256_add_pd,
+    _mm256_mul_pd,
+    _mm256_fmsub_pd,
+    _mm256_fmadd_pd
+);
+#[cfg(target_arch = "aarch64")]
+loops!(
+    neon,
+    2,
+    float64x2_t,
+    vld1q_f64,
+    vst1q_f64,
+    vaddq_f64,
+    vmulq_f64,
+    |a, b, c| vnegq_f64(vfmsq_f64(c, a, b)),
+    |a, b, c| vfmaq_f64(c, a, b)
+);
+loops!(
+    plain,
+    1,
+    f64,
+    |at: *const f64| *at,
+    |at: *mut f64, value: f64| *at = value,
+    |a: f64, b: f64| a + b,
+    |a: f64, b: f64| a * b,
+    |a: f64, b: f64, c: f64| crate::maths::fma(a, b, -c),
+    crate::maths::fma
+);
+
+/// Call the loop that this processor runs fastest.
+macro_rules! fastest {
+    ($name:ident, $loop:ident, $($value:ident: $kind:ty),*) => {
+        fn $name($($value: $kind),*) {
+            #[cfg(target_arch = "x86_64")]
+            {
+                if std::arch::is_x86_feature_detected!("avx512f") {
+                    // SAFETY: this processor has it.
+                    return unsafe { avx512::$loop($($value),*) };
+                }
+                if std::arch::is_x86_feature_detected!("avx2")
+                    && std::arch::is_x86_feature_detected!("fma")
+                {
+                    // SAFETY: this processor has both.
+                    return unsafe { avx2::$loop($($value),*) };
+                }
+            }
+            #[cfg(target_arch = "aarch64")]
+            {
+                // SAFETY: every such processor has it.
+                return unsafe { neon::$loop($($value),*) };
+            }
+            #[allow(unreachable_code)]
+            // SAFETY: it needs nothing.
+            unsafe {
+                plain::$loop($($value),*);
+            }
+        }
+    };
+}
+fastest!(run_on, run, rates: &Rates, motion: &mut Motion, sums: &mut [Sum]);
+fastest!(
+    weighted_on, weighted, rates: &Rates, motion: &mut Motion, weights: &[Lanes],
+    n_frames: usize, sums: &mut [Sum], room: usize
+);
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,148 @@
+//! Some of a network's modules as a network of their own, and the way back to the whole.
+
+use super::{Mat, Network, Output, Run, Term};
+
+/// A network cut out of another: local index → index in the whole, rising.
+#[derive(Clone, Debug)]
+pub(crate) struct Subset {
+    pub(crate) network: Network,
+    /// (n_mat)
+    pub(crate) mats: Vec<u32>,
+    /// (n_lia)
+    pub(crate) links: Vec<u32>,
+    /// (n_out): only the outputs that listen to it
+    pub(crate) outputs: Vec<u32>,
+}
+
+impl Subset {
+    /// Local index of a MAT of the whole.
+    pub(crate) fn mat(&self, whole: usize) -> Option<usize> {
+        self.mats.binary_search(&(whole as u32)).ok()
+    }
+}
+
+impl Network {
+    /// The MATs `mats` and `guests`, with every one of `links` that joins two of them, in the order of the
+    /// whole; of the outputs, the terms that speak of them, but for guests. All lists rise.
+    pub(crate) fn subset(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
+        let mut all = [mats, guests].concat();
+        all.sort_unstable();
+        let mut subset = Subset {
+            network: Network {
+                parts: self.parts.clone(),
+                ..Network::default()
+            },
+            mats: all,
+            links: Vec::new(),
+            outputs: Vec::new(),
+        };
+        for &mat in &subset.mats {
+            let mat = self.mat_at(mat as usize);
+            subset.network.mats.push(mat);
+        }
+        for run in &self.runs {
+            // Most runs have nothing to do with a small subset: look before searching link by link.
+            if subset.reaches(run.a, run.len) && subset.reaches(run.b, run.len) {
+                self.cut(run, links, &mut subset);
+            }
+        }
+        let Subset { mats, links, .. } = &subset;
+        subset.network.names = self.names.subset(mats, links);
+        subset.listen(&self.outputs, guests);
+        subset
+    }
+
+    fn mat_at(&self, i: usize) -> Mat {
+        let m = &self.mats;
+        Mat {
+            kind: m.kind[i],
+            m: m.m[i],
+            k: m.k[i],
+            z: m.z[i],
+            rest: m.rest[i],
+            x0: m.x0[i],
+            v0: m.v0[i],
+            place: m.place[i],
+            part: m.part[i],
+        }
+    }
+
+    /// The links of one run that lie inside, as runs: side by side where both ends stay side by side.
+    fn cut(&self, run: &Run, links: &[u32], subset: &mut Subset) {
+        let mut open: Option<(usize, usize, usize)> = None;
+        for i in 0..run.len {
+            let (Some(a), Some(b)) = (subset.mat(run.a + i), subset.mat(run.b + i)) else {
+                continue;
+            };
+            if links.binary_search(&((run.first + i) as u32)).is_err() {
+                continue;
+            }
+            subset.links.push((run.first + i) as u32);
+            open = Some(match open {
+                Some((a0, b0, len)) if (a, b) == (a0 + len, b0 + len) => (a0, b0, len + 1),
+                before => {
+                    subset.push(run, before);
+                    (a, b, 1)
+                }
+            });
+        }
+        subset.push(run, open);
+    }
+}
+
+impl Subset {
+    /// Whether any MAT of a range of the whole is here.
+    fn reaches(&self, first: usize, len: usize) -> bool {
+        let at = self.mats.partition_point(|&mat| (mat as usize) < first);
+        self.mats
+            .get(at)
+            .is_some_and(|&mat| (mat as usize) < first + len)
+    }
+
+    fn push(&mut self, run: &Run, stretch: Option<(usize, usize, usize)>) {
+        if let Some((a, b, len)) = stretch {
+            self.network.push_run(Run {
+                a,
+                b,
+                len,
+                ..run.clone()
+            });
+        }
+    }
+
+    fn listen(&mut self, outputs: &[Output], guests: &[u32]) {
+        for (index, output) in outputs.iter().enumerate() {
+            let terms: Vec<Term> = output
+                .terms
+                .iter()
+                .flat_map(|term| self.term(term, guests))
+                .collect();
+            if !terms.is_empty() {
+                self.outputs.push(index as u32);
+                self.network.outputs.push(Output {
+                    name: output.name.clone(),
+                    terms,
+                });
+            }
+        }
+    }
+
+    /// What there is of a term here, as terms over local ranges.
+    fn term(&self, term: &Term, guests: &[u32]) -> Vec<Term> {
+        let (known, guests, first, len) = match *term {
+            Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
+                (&self.mats, guests, first, len)
+            }
+            Term::Force { first, len, .. } => (&self.links, &[][..], first, len),
+        };
+        // Indices rise, so what lies in the range lies together.
+        let local = |whole: usize| known.partition_point(|&index| (index as usize) < whole);
+        let (first, stop) = (local(first), local(first + len));
+        let own: Vec<usize> = (first..stop)
+            .filter(|&local| guests.binary_search(&known[local]).is_err())
+            .collect();
+        own.chunk_by(|before, after| before + 1 == *after)
+            .map(|range| term.over(range[0], range.len()))
+            .collect()
+    }
+}

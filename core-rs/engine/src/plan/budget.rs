@@ -1,0 +1,72 @@
+//! What a plan may spend, and how far from the truth it may be.
+
+/// A method that is asked for by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The plain CA scheme, module by module.
+    Ca,
+    /// Modes where a body is linear and alone, CA elsewhere.
+    Modal,
+}
+
+/// How exact a plan has to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Budget {
+    /// By one method, whatever its error.
+    Method(Method),
+    /// Error of the waveform [dB], relative to the sound.
+    Error(f64),
+    /// Error of pitches [cents], up to a frequency [Hz].
+    Cents {
+        /// Most cents.
+        cents: f64,
+        /// Up to here [Hz].
+        upto: f64,
+    },
+}
+
+/// Partials that are left out lie together this far below the sound where pitch is what counts [dB]:
+/// masked by the rest, and below the noise of a 16-bit file at any usual level.
+const UNHEARD: f64 = -80.0;
+/// What is left out may take this part of an error budget [dB]: the predictor is within 1.1 dB.
+const SHARE: f64 = -6.0;
+/// Nobody hears above [Hz].
+pub(crate) const AUDIBLE: f64 = 20_000.0;
+
+/// Above this pitch is hardly a quality of a sound any more [Hz].
+pub const PITCH_UPTO: f64 = 5_000.0;
+
+impl Default for Budget {
+    /// By ear: 3 cents, the least difference in pitch that is heard (between 0.5 and 4 kHz), up to
+    /// [`PITCH_UPTO`].
+    fn default() -> Self {
+        Self::Cents {
+            cents: 3.0,
+            upto: PITCH_UPTO,
+        }
+    }
+}
+
+impl Budget {
+    /// Whether linear bodies go by their modes.
+    pub(crate) fn takes_modes(&self) -> bool {
+        *self != Self::Method(Method::Ca)
+    }
+
+    /// How loud all left-out modes may be together [dB]; `None`: none is left out.
+    pub(crate) fn left_out(&self) -> Option<f64> {
+        match *self {
+            Self::Method(_) => None,
+            Self::Error(db) => Some(db + SHARE),
+            Self::Cents { .. } => Some(UNHEARD),
+        }
+    }
+
+    /// Modes above this are left out [Hz].
+    pub(crate) fn highest(&self) -> f64 {
+        match *self {
+            Self::Cents { .. } => AUDIBLE,
+            Self::Method(_) | Self::Error(_) => f64::INFINITY,
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! Isolated CELs: oscillators as they are, with the very poles of the scheme.
+
+use super::BankPlan;
+use super::islands::Island;
+use super::modes::ANGLE_MIN;
+use crate::bank::{Blow, Oscillator, What};
+use crate::network::{Error, MatKind, Network, Subset, Term};
+use crate::scheme::{Scheme, backward_steps};
+use crate::timeline::{Timeline, frame, pushes};
+use crate::units::Rate;
+
+/// Oscillators of one bank: enough to fill vectors for long, few enough to share out to threads.
+const TOGETHER: usize = 2_048;
+
+/// Whether an island is one CEL that no link, hand or path touches. One that swings so slowly that a
+/// two-term recurrence would round its pitch is not.
+pub(super) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
+    let &[mat] = &island.mats[..] else {
+        return false;
+    };
+    let (mats, mat) = (network.mats(), mat as usize);
+    if !island.links.is_empty() || island.is_handled || mats.kind[mat] != MatKind::Cel {
+        return false;
+    }
+    let part = network.parts().get(mats.part[mat] as usize);
+    let step = part
+        .and_then(|part| part.ca_rate)
+        .map_or(rate.step(), |own| rate.step() / own.step());
+    mats.k[mat] / mats.m[mat] * step * step >= ANGLE_MIN * ANGLE_MIN
+}
+
+/// The oscillators of a network of isolated CELs, and where they rest into `still`.
+pub(super) fn oscillators(
+    subset: &Subset,
+    timeline: &Timeline,
+    still: &mut [f64],
+) -> Result<Vec<BankPlan>, Error> {
+    let network = &subset.network;
+    let (mats, rate) = (network.mats(), timeline.rate);
+    let scheme = Scheme::new(network, rate)?;
+    let steps = backward_steps(network, timeline, &scheme, &mats.x0, &[]);
+    let mut all: Vec<Oscillator> = (0..network.n_mat())
+        .map(|i| {
+            let now = mats.x0[i] - mats.rest[i];
+            Oscillator {
+                a: 2.0 - scheme.kappa[i] - scheme.zeta[i],
+                b: 1.0 - scheme.zeta[i],
+                now,
+                before: now - steps[i],
+                heard: Vec::new(),
+                blows: Vec::new(),
+            }
+        })
+        .collect();
+    for (output, &index) in network.outputs().iter().zip(&subset.outputs) {
+        for term in &output.terms {
+            let (first, len, weight, is_force) = match *term {
+                Term::Position { first, len, weight } => (first, len, weight, false),
+                Term::Ground { first, len, weight } => (first, len, weight, true),
+                Term::Force { .. } => continue,
+            };
+            for (i, own) in all.iter_mut().enumerate().skip(first).take(len) {
+                let weight = weight * if is_force { mats.k[i] } else { 1.0 };
+                if !is_force {
+                    still[index as usize] += weight * mats.rest[i];
+                }
+                hear(&mut own.heard, index, weight);
+            }
+        }
+    }
+    for push in pushes(network, timeline) {
+        let mat = push.mat as usize;
+        all[mat].blows.push(Blow {
+            frame: push.frame,
+            what: What::By(scheme.w[mat] * push.force),
+        });
+    }
+    for ergon in &timeline.ergons {
+        let mat = ergon.mat as usize;
+        all[mat].blows.push(Blow {
+            frame: frame(ergon.at, rate.hertz()),
+            what: What::Ergon {
+                mass: ergon.mass,
+                speed: ergon.speed,
+                w: scheme.w[mat],
+            },
+        });
+    }
+    let mut banks: Vec<BankPlan> = Vec::new();
+    for (i, mut oscillator) in all.into_iter().enumerate() {
+        if oscillator.heard.is_empty() {
+            continue;
+        }
+        oscillator.blows.sort_by_key(|blow| blow.frame);
+        if banks.last().is_none_or(|bank| bank.mats.len() == TOGETHER) {
+            banks.push(BankPlan::default());
+        }
+        if let Some(bank) = banks.last_mut() {
+            bank.mats.push((subset.mats[i], mats.rest[i]));
+            bank.oscillators.push(oscillator);
+        }
+    }
+    Ok(banks)
+}
+
+/// Add a weight to what an output hears.
+pub(super) fn hear(heard: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
+    if weight == 0.0 {
+        return;
+    }
+    match heard.iter_mut().find(|(known, _)| *known == output) {
+        Some((_, known)) => *known += weight,
+        None => heard.push((output, weight)),
+    }
+}

@@ -1,0 +1,173 @@
+//! Islands: modules that can move each other, found by union-find over the links. Fixed and imposed
+//! points end an island: no force moves them.
+
+use crate::network::{MatKind, Network, Term};
+use crate::scheme::{forces, moves};
+use crate::timeline::{DriveKind, Source, Timeline};
+
+/// Modules that can move each other, and the points that hold them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Island {
+    /// Its own, rising   (n_mat)
+    pub(super) mats: Vec<u32>,
+    /// Held points of other islands that its links end on, rising.
+    pub(super) guests: Vec<u32>,
+    /// Links of its own   (n_lia)
+    pub(super) links: Vec<u32>,
+    /// An output listens to it.
+    pub(super) is_heard: bool,
+    /// Something can set it in motion.
+    pub(super) is_moved: bool,
+    /// A hand, a path or a force is at it: not strikes alone.
+    pub(super) is_handled: bool,
+}
+
+/// A forest over the MATs.
+struct Forest(Vec<u32>);
+
+impl Forest {
+    fn root(&mut self, mut i: usize) -> usize {
+        while self.0[i] as usize != i {
+            self.0[i] = self.0[self.0[i] as usize];
+            i = self.0[i] as usize;
+        }
+        i
+    }
+
+    fn join(&mut self, i: usize, j: usize) {
+        let (i, j) = (self.root(i), self.root(j));
+        // The lower index leads: islands come in the order of their first MATs.
+        self.0[i.max(j)] = i.min(j) as u32;
+    }
+}
+
+/// All islands, in the order of their first MATs.
+pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
+    let n = network.n_mat();
+    let is_free = free(network, timeline);
+    let mut forest = Forest((0..n as u32).collect());
+    for (a, b) in ends(network) {
+        // Two held points that a link joins stay together: the link is theirs.
+        if is_free[a] == is_free[b] {
+            forest.join(a, b);
+        }
+    }
+    // A key plays with all modules of its part: its free copy has them all.
+    for key in &timeline.keys {
+        let part = network.mats().part[key.struck];
+        for mat in (0..n).filter(|&mat| network.mats().part[mat] == part && is_free[mat]) {
+            forest.join(key.struck, mat);
+        }
+    }
+    let (moved, heard) = (moved(network, timeline), Heard::new(network));
+    let mut index = vec![u32::MAX; n];
+    let mut found: Vec<Island> = Vec::new();
+    for (mat, &is_moved) in moved.iter().enumerate() {
+        let root = forest.root(mat);
+        if index[root] == u32::MAX {
+            index[root] = found.len() as u32;
+            found.push(Island::default());
+        }
+        let island = &mut found[index[root] as usize];
+        island.mats.push(mat as u32);
+        island.is_heard |= heard.mats[mat];
+        island.is_moved |= is_moved;
+    }
+    for (link, (a, b)) in ends(network).enumerate() {
+        let (own, other) = if is_free[a] { (a, b) } else { (b, a) };
+        let island = &mut found[index[forest.root(own)] as usize];
+        island.links.push(link as u32);
+        island.is_heard |= heard.links[link];
+        if is_free[own] && !is_free[other] {
+            island.guests.push(other as u32);
+            island.is_moved |= moved[other];
+            island.is_handled |= moved[other];
+        }
+    }
+    let keys = timeline.keys.iter().map(|key| key.struck);
+    for mat in keys.chain(timeline.drives.iter().map(|drive| drive.mat)) {
+        found[index[forest.root(mat)] as usize].is_handled = true;
+    }
+    for island in &mut found {
+        island.guests.sort_unstable();
+        island.guests.dedup();
+    }
+    found
+}
+
+/// MATs that a force can move.
+fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
+    let kinds = network.mats().kind.iter();
+    let mut is_free: Vec<bool> = kinds.map(|&kind| moves(kind)).collect();
+    for drive in &timeline.drives {
+        if drive.kind == DriveKind::Position {
+            is_free[drive.mat] = false;
+        }
+    }
+    is_free
+}
+
+/// The two ends of every link, in order.
+fn ends(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
+    let runs = network.runs().iter();
+    runs.flat_map(|run| (0..run.len).map(|i| (run.a + i, run.b + i)))
+}
+
+/// What outputs listen to.
+struct Heard {
+    mats: Vec<bool>,
+    links: Vec<bool>,
+}
+
+impl Heard {
+    fn new(network: &Network) -> Self {
+        let mut heard = Self {
+            mats: vec![false; network.n_mat()],
+            links: vec![false; network.n_lia()],
+        };
+        for term in network.outputs().iter().flat_map(|output| &output.terms) {
+            match *term {
+                Term::Position { first, len, .. } | Term::Ground { first, len, .. } => {
+                    heard.mats[first..first + len].fill(true);
+                }
+                Term::Force { first, len, .. } => heard.links[first..first + len].fill(true),
+            }
+        }
+        heard
+    }
+}
+
+/// MATs that something sets in motion: an event, a hand, a motion or a force at the beginning.
+fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
+    let mats = network.mats();
+    let mut moved: Vec<bool> = (0..network.n_mat())
+        .map(|i| {
+            let is_bent = mats.kind[i] == MatKind::Cel && mats.x0[i] != mats.rest[i];
+            moves(mats.kind[i]) && (mats.v0[i] != 0.0 || is_bent)
+        })
+        .collect();
+    for strike in &timeline.strikes {
+        moved[strike.mat as usize] = true;
+    }
+    for ergon in &timeline.ergons {
+        moved[ergon.mat as usize] = true;
+    }
+    for gesture in &timeline.gestures {
+        moved[timeline.keys[gesture.key].struck] = true;
+    }
+    for drive in &timeline.drives {
+        // A point that never leaves where it starts moves nothing but by its links' forces.
+        let is_still = matches!(
+            (drive.kind, &drive.source),
+            (DriveKind::Position, Source::Constant(x)) if *x == mats.x0[drive.mat]
+        );
+        moved[drive.mat] |= !is_still;
+    }
+    // Forces at t = 0, of couplings as if they were open.
+    let open = Timeline::new(timeline.rate);
+    let forces = forces(network, &open, &mats.x0, &[]);
+    for ((moved, force), kind) in moved.iter_mut().zip(forces).zip(&mats.kind) {
+        *moved |= force != 0.0 && moves(*kind);
+    }
+    moved
+}

@@ -1,0 +1,190 @@
+//! A linear body: masses and springs as matrices, and its damping where that goes with them.
+
+use crate::network::{LinkKind, MatKind, Network};
+use crate::scheme::moves;
+use crate::units::Rate;
+
+/// Relative difference at which two dampings are one: what a score's digits and rounding leave.
+const SAME: f64 = 1e-9;
+/// Most masses of a body whose whole spectrum is computed: its matrix takes 8 n² bytes, its reduction
+/// n³ multiplications (0.4 s for 1,000, 25 s for 4,000).
+pub(crate) const MASSES_MAX: usize = 2_000;
+
+/// Why a body has no modes here.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum NoModes {
+    /// A link is a contact or has a law.
+    NotLinear,
+    /// A link acts only for a time.
+    Coupled,
+    /// Its parts are true at different rates, or at another than the scene's.
+    OtherRate,
+    /// Damping does not go with stiffness and mass: the modes would feel each other.
+    Damping,
+    /// More than `MASSES_MAX`.
+    Large,
+    /// A number that is none.
+    NotFinite,
+    /// A mode so slow that rounding would put it out of tune.
+    Slow,
+    /// A hand, a path or an ergon of a mass and speed is at it.
+    Handled,
+    /// An output hears a force inside it.
+    ForceHeard,
+}
+
+impl NoModes {
+    /// As the plan tells it.
+    pub(crate) fn why(&self) -> &'static str {
+        match self {
+            Self::NotLinear => "it is not linear",
+            Self::Coupled => "a coupling opens and closes in it",
+            Self::OtherRate => "its numbers are those of another rate",
+            Self::Damping => "its damping is not proportional to stiffness and mass",
+            Self::Large => "it has more masses than a whole spectrum is computed for",
+            Self::NotFinite => "a number in it is not finite",
+            Self::Slow => "one of its modes is slower than a mode can be computed exactly",
+            Self::Handled => "a hand, a path or an ergon of its own mass and speed acts on it",
+            Self::ForceHeard => "an output listens to a force inside it",
+        }
+    }
+}
+
+/// M, K and Z of a linear body; Z = α·M + β·K.
+pub(crate) struct Linear {
+    /// MATs that move, by their index in the network   (n)
+    pub(crate) free: Vec<usize>,
+    /// √M   (n)
+    pub(crate) root: Vec<f64>,
+    /// M^-½ K M^-½ (n, n)
+    pub(crate) stiffness: Vec<f64>,
+    /// Force on each where all are at x = 0 [N]   (n)
+    pub(crate) force: Vec<f64>,
+    pub(crate) alpha: f64,
+    pub(crate) beta: f64,
+    /// The discrete network is the truth: M, K, Z are algorithmic.
+    pub(crate) is_discrete: bool,
+}
+
+impl Linear {
+    /// The matrices of a network that is one linear body.
+    pub(crate) fn new(network: &Network, rate: Rate) -> Result<Self, NoModes> {
+        let mats = network.mats();
+        let free: Vec<usize> = (0..network.n_mat())
+            .filter(|&i| moves(mats.kind[i]))
+            .collect();
+        let is_discrete = truth(network, &free, rate)?;
+        if free.len() > MASSES_MAX {
+            return Err(NoModes::Large);
+        }
+        let n = free.len();
+        let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
+        let mut damping = Damping::default();
+        let (mut stiffness, mut force) = (vec![0.0; n * n], vec![0.0; n]);
+        let slot = |mat: usize| free.binary_search(&mat).ok();
+        for run in network.runs() {
+            if !matches!(run.kind, LinkKind::Ref) {
+                return Err(NoModes::NotLinear);
+            }
+            damping.link(run.k, run.z)?;
+            for i in 0..run.len {
+                let (a, b) = (run.a + i, run.b + i);
+                let (sa, sb) = (slot(a), slot(b));
+                for (own, sign) in [(sa, 1.0), (sb, -1.0)] {
+                    let Some(own) = own else { continue };
+                    stiffness[own * n + own] += run.k / (root[own] * root[own]);
+                    let held = |end: usize, other: Option<usize>| match other {
+                        Some(_) => 0.0,
+                        None => mats.x0[end],
+                    };
+                    force[own] += sign * run.k * (held(b, sb) - held(a, sa) - run.rest);
+                }
+                if let (Some(a), Some(b)) = (sa, sb) {
+                    stiffness[a * n + b] -= run.k / (root[a] * root[b]);
+                    stiffness[b * n + a] -= run.k / (root[a] * root[b]);
+                }
+            }
+        }
+        for (own, &i) in free.iter().enumerate() {
+            let tied = mats.kind[i] == MatKind::Cel;
+            let (k, z) = if tied {
+                (mats.k[i], mats.z[i])
+            } else {
+                (0.0, 0.0)
+            };
+            stiffness[own * n + own] += k / mats.m[i];
+            force[own] += k * mats.rest[i];
+            damping.mass(mats.m[i], k, z)?;
+        }
+        Ok(Self {
+            alpha: damping.alpha.unwrap_or(0.0),
+            beta: damping.beta.unwrap_or(0.0),
+            free,
+            root,
+            stiffness,
+            force,
+            is_discrete,
+        })
+    }
+}
+
+/// Whether the discrete network is the truth: for all of the body, and at the scene's rate, or not at all.
+fn truth(network: &Network, free: &[usize], rate: Rate) -> Result<bool, NoModes> {
+    let at = |part: usize| network.parts().get(part).and_then(|part| part.ca_rate);
+    let masses = free.iter().map(|&i| at(network.mats().part[i] as usize));
+    let mut truths = masses.chain(network.runs().iter().map(|run| at(run.part)));
+    let Some(first) = truths.next() else {
+        return Ok(false);
+    };
+    let is_ours = first.is_none_or(|own| own.hertz() == rate.hertz());
+    if is_ours && truths.all(|other| other.map(Rate::hertz) == first.map(Rate::hertz)) {
+        Ok(first.is_some())
+    } else {
+        Err(NoModes::OtherRate)
+    }
+}
+
+/// α and β of Z = α·M + β·K, as far as they are known.
+#[derive(Default)]
+struct Damping {
+    alpha: Option<f64>,
+    beta: Option<f64>,
+}
+
+impl Damping {
+    fn link(&mut self, k: f64, z: f64) -> Result<(), NoModes> {
+        if k == 0.0 && z == 0.0 {
+            return Ok(());
+        }
+        let beta = z / k;
+        let known = *self.beta.get_or_insert(beta);
+        same(known, beta)
+    }
+
+    /// After all links: a mass and its tie to the ground.
+    fn mass(&mut self, m: f64, k: f64, z: f64) -> Result<(), NoModes> {
+        let beta = self.beta.unwrap_or(0.0);
+        let left = z - beta * k;
+        // What two nearly equal numbers leave of each other is no damping.
+        let left = if left.abs() <= SAME * z.abs() {
+            0.0
+        } else {
+            left
+        };
+        let alpha = left / m;
+        let known = *self.alpha.get_or_insert(alpha);
+        same(known, alpha)
+    }
+}
+
+fn same(known: f64, other: f64) -> Result<(), NoModes> {
+    if !known.is_finite() || !other.is_finite() {
+        // A damper without a spring.
+        return Err(NoModes::Damping);
+    }
+    if (known - other).abs() <= SAME * known.abs().max(other.abs()) {
+        Ok(())
+    } else {
+        Err(NoModes::Damping)
+    }
+}

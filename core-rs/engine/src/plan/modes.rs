@@ -1,0 +1,134 @@
+//! A linear body as its modes, seen from where it is struck and heard.
+
+use super::linear::{Linear, NoModes};
+use crate::cell::{Cell, Ratios};
+use crate::network::Network;
+use crate::spectrum::whole;
+use crate::units::Rate;
+
+/// A pole below this angle a step is left to the network as it is written: the two-term recurrence
+/// would round its frequency (relative error 1e-16/θ²).
+pub(crate) const ANGLE_MIN: f64 = 1e-4;
+
+/// A weighted sum of positions: (MAT, weight); MATs that do not move count nothing.
+pub(crate) type Row = Vec<(usize, f64)>;
+
+/// The modes of a body, each of mass 1.
+pub(crate) struct Modes {
+    /// ω₀² [1/s²], or algorithmic   (n_modes), rising
+    pub(crate) lambda: Vec<f64>,
+    /// Z along the mode [1/s], or algorithmic   (n_modes)
+    pub(crate) zeta: Vec<f64>,
+    /// How much of each mode each row sees   (n_rows, n_modes)
+    pub(crate) shapes: Vec<Vec<f64>>,
+    /// Where each mode is at t = 0, how fast, and where it rests   (n_modes)
+    pub(crate) x0: Vec<f64>,
+    pub(crate) v0: Vec<f64>,
+    pub(crate) rest: Vec<f64>,
+    pub(crate) is_discrete: bool,
+}
+
+impl Modes {
+    /// The modes of a network that is one linear body; each row is a weighted sum of positions.
+    pub(crate) fn new(network: &Network, rows: &[Row], rate: Rate) -> Result<Self, NoModes> {
+        let linear = Linear::new(network, rate)?;
+        let n = linear.free.len();
+        let mats = network.mats();
+        let slot = |mat: usize| linear.free.binary_search(&mat).ok();
+        // A point is seen as M^-½ e; a motion's coordinates are those of M^½ x.
+        let mut seen: Vec<Vec<f64>> = Vec::with_capacity(rows.len() + 3);
+        for row in rows {
+            let mut sum = vec![0.0; n];
+            for &(mat, weight) in row {
+                if let Some(own) = slot(mat) {
+                    sum[own] += weight / linear.root[own];
+                }
+            }
+            seen.push(sum);
+        }
+        let weighted = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            linear
+                .free
+                .iter()
+                .enumerate()
+                .map(|(own, &i)| of(own, i))
+                .collect()
+        };
+        seen.push(weighted(&|own, i| linear.root[own] * mats.x0[i]));
+        seen.push(weighted(&|own, i| linear.root[own] * mats.v0[i]));
+        seen.push(weighted(&|own, _| linear.force[own] / linear.root[own]));
+        let (lambda, mut seen) = whole(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
+        let top = lambda.last().copied().unwrap_or(0.0);
+        // A body that nothing holds has a mode at 0, to rounding.
+        let lambda: Vec<f64> = lambda
+            .into_iter()
+            .map(|lambda| {
+                if lambda <= 1e-13 * top * n as f64 {
+                    0.0
+                } else {
+                    lambda
+                }
+            })
+            .collect();
+        let zeta = lambda
+            .iter()
+            .map(|lambda| linear.alpha + linear.beta * lambda)
+            .collect();
+        let force = seen.pop().unwrap_or_default();
+        let v0 = seen.pop().unwrap_or_default();
+        let x0 = seen.pop().unwrap_or_default();
+        let rests = |(force, lambda): (f64, &f64)| if *lambda > 0.0 { force / lambda } else { 0.0 };
+        let rest: Vec<f64> = force.into_iter().zip(&lambda).map(rests).collect();
+        Ok(Self {
+            lambda,
+            zeta,
+            shapes: seen,
+            x0,
+            v0,
+            rest,
+            is_discrete: linear.is_discrete,
+        })
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.lambda.len()
+    }
+
+    /// The continuous motion of a mode.
+    pub(crate) fn cell(&self, mode: usize) -> Cell {
+        Cell::new(1.0, self.lambda[mode], self.zeta[mode])
+    }
+
+    /// κ and ζ of a mode in discrete time.
+    pub(crate) fn ratios(&self, mode: usize, rate: Rate) -> Ratios {
+        if self.is_discrete {
+            Ratios {
+                kappa: self.lambda[mode],
+                zeta: self.zeta[mode],
+            }
+        } else {
+            self.cell(mode).ratios(rate)
+        }
+    }
+
+    /// x[−1] of a mode about where it rests, from x[0] about it.
+    pub(crate) fn before(&self, mode: usize, rate: Rate) -> f64 {
+        let (x, v) = (self.x0[mode] - self.rest[mode], self.v0[mode]);
+        if self.is_discrete {
+            x - v * rate.step()
+        } else {
+            x - self.cell(mode).last_step(x, v, 0.0, rate)
+        }
+    }
+
+    /// Damped frequency [Hz] and decay rate [1/s] of a mode.
+    pub(crate) fn pitch(&self, mode: usize, rate: Rate) -> (f64, f64) {
+        if self.is_discrete {
+            let ratios = self.ratios(mode, rate);
+            let sigma = -0.5 * crate::maths::log(1.0 - ratios.zeta) * rate.hertz();
+            (ratios.pitch(rate).map_or(0.0, |(f, _)| f), sigma)
+        } else {
+            (self.cell(mode).frequency(), 0.5 * self.zeta[mode])
+        }
+    }
+}

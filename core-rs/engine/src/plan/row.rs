@@ -1,0 +1,169 @@
+//! What a plan tells of itself: a row for everything that is computed together, and for all that is not.
+
+use super::BankPlan;
+use super::body::Body;
+use super::cost::Costs;
+use super::islands::Island;
+use crate::network::{LinkKind, Network, Subset};
+use crate::scheme::{Certificate, Word, moves};
+use crate::timeline::Timeline;
+
+/// Why something is not computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// No output listens to it, or to anything it can move.
+    Unheard,
+    /// Nothing ever moves it.
+    Still,
+}
+
+/// How modules are computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum What {
+    /// Module by module, by the CA scheme.
+    Stepped,
+    /// Each isolated CEL by its own poles.
+    Oscillators,
+    /// As modes: how many there are, how many are computed, and how loud the others would be [dB].
+    Modes {
+        /// All of the body's.
+        of: usize,
+        /// Those computed.
+        kept: usize,
+        /// The others together, relative to all.
+        left_out: Option<f64>,
+    },
+    /// Not at all.
+    LeftOut(Reason),
+}
+
+/// A row of a plan.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The parts whose modules these are.
+    pub parts: Vec<String>,
+    /// MATs that move.
+    pub mats: usize,
+    /// LIAs.
+    pub links: usize,
+    /// How they are computed.
+    pub what: What,
+    /// Seconds of work for a second of sound, by the table of costs.
+    pub cost: f64,
+    /// Whether it can diverge; `None` where nothing is computed.
+    pub word: Option<Word>,
+    /// Why it is not computed in a better way.
+    pub because: Option<String>,
+}
+
+impl Row {
+    pub(super) fn left_out(network: &Network, island: &Island, reason: Reason) -> Self {
+        let mats = network.mats();
+        let part = mats.part[island.mats[0] as usize] as usize;
+        let is_free = |mat: &&u32| moves(mats.kind[**mat as usize]);
+        Self {
+            parts: vec![network.parts()[part].name.clone()],
+            mats: island.mats.iter().filter(is_free).count(),
+            links: island.links.len(),
+            what: What::LeftOut(reason),
+            cost: 0.0,
+            word: None,
+            because: None,
+        }
+    }
+
+    pub(super) fn stepped(
+        network: &Network,
+        timeline: &Timeline,
+        certificate: Certificate,
+    ) -> Self {
+        let mats = free(network);
+        let mut ns = Costs::of("frame") + mats as f64 * Costs::of("mat");
+        for run in network.runs() {
+            let each = match &run.kind {
+                LinkKind::Ref if run.len > 1 => Costs::of("link"),
+                LinkKind::Lnl(law) if law.hardens().is_none() => Costs::of("expression"),
+                LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
+                LinkKind::But(but) if but.contact == crate::network::Contact::Exact => {
+                    Costs::of("contact")
+                }
+                _ => Costs::of("single"),
+            };
+            ns += each * run.len as f64;
+        }
+        if !timeline.gestures.is_empty() {
+            ns += Costs::of("hand") * timeline.keys.len() as f64;
+        }
+        Self {
+            parts: parts(network),
+            mats,
+            links: network.n_lia(),
+            what: What::Stepped,
+            cost: seconds(ns, timeline),
+            word: Some(certificate.word),
+            because: None,
+        }
+    }
+
+    pub(super) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
+        let network = &subset.network;
+        let taps = subset.outputs.len().saturating_sub(1) as f64;
+        let each = Costs::of("oscillator") + taps * Costs::of("oscillator_tap");
+        Self {
+            parts: parts(network),
+            mats: free(network),
+            links: network.n_lia(),
+            what: What::Modes {
+                of: body.modes,
+                kept: body.kept.modes.len(),
+                left_out: body.kept.left_out,
+            },
+            cost: seconds(each * body.kept.modes.len() as f64, timeline),
+            word: Some(Word::Proved),
+            because: None,
+        }
+    }
+}
+
+/// A row for each part that has isolated CELs.
+pub(super) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) -> Vec<Row> {
+    let mut counts = vec![0_usize; network.parts().len()];
+    for (mat, _) in banks.iter().flat_map(|bank| &bank.mats) {
+        counts[network.mats().part[*mat as usize] as usize] += 1;
+    }
+    let parts = network.parts().iter().zip(counts);
+    parts
+        .filter(|(_, count)| *count > 0)
+        .map(|(part, count)| Row {
+            parts: vec![part.name.clone()],
+            mats: count,
+            links: 0,
+            what: What::Oscillators,
+            cost: seconds(Costs::of("oscillator") * count as f64, timeline),
+            word: Some(Word::Proved),
+            because: None,
+        })
+        .collect()
+}
+
+fn seconds(ns: f64, timeline: &Timeline) -> f64 {
+    ns * 1e-9 * timeline.rate.hertz()
+}
+
+fn free(network: &Network) -> usize {
+    let kinds = network.mats().kind.iter();
+    kinds.filter(|&&kind| moves(kind)).count()
+}
+
+/// The parts of a network's MATs, in order.
+fn parts(network: &Network) -> Vec<String> {
+    let mut has = vec![false; network.parts().len()];
+    for (&part, &kind) in network.mats().part.iter().zip(&network.mats().kind) {
+        has[part as usize] |= moves(kind);
+    }
+    let parts = network.parts().iter().zip(has);
+    parts
+        .filter(|(_, has)| *has)
+        .map(|(part, _)| part.name.clone())
+        .collect()
+}

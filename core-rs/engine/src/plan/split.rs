@@ -1,0 +1,90 @@
+//! What happens, shared out to the islands that it happens to.
+
+use std::collections::HashMap;
+
+use crate::network::Subset;
+use crate::timeline::{Drive, Ergon, Strike, Timeline};
+
+/// An island's own timeline, and what its keys and gestures are in the whole.
+pub(super) struct Own {
+    pub(super) timeline: Timeline,
+    pub(super) keys: Vec<u32>,
+    pub(super) gestures: Vec<u32>,
+}
+
+/// Where a module is: index of the subset, local index in it.
+type Home = (usize, usize);
+
+/// Each subset with its share. What happens to nothing that is kept is forgotten.
+pub(super) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, Own)> {
+    let homes = homes(&subsets, timeline);
+    let home = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
+    let mut own: Vec<Own> = subsets
+        .iter()
+        .map(|_| Own {
+            timeline: Timeline::new(timeline.rate),
+            keys: Vec::new(),
+            gestures: Vec::new(),
+        })
+        .collect();
+    for strike in &timeline.strikes {
+        for &(at, mat) in home(strike.mat) {
+            let mat = mat as u32;
+            own[at].timeline.strikes.push(Strike { mat, ..*strike });
+        }
+    }
+    for ergon in &timeline.ergons {
+        for &(at, mat) in home(ergon.mat) {
+            let mat = mat as u32;
+            own[at].timeline.ergons.push(Ergon { mat, ..*ergon });
+        }
+    }
+    for drive in &timeline.drives {
+        for &(at, mat) in home(drive.mat as u32) {
+            let drive = drive.clone();
+            own[at].timeline.drives.push(Drive { mat, ..drive });
+        }
+    }
+    for (index, key) in timeline.keys.iter().enumerate() {
+        for &(at, struck) in home(key.struck as u32) {
+            own[at].keys.push(index as u32);
+            own[at].timeline.key(&key.name, struck);
+        }
+    }
+    for (index, gesture) in timeline.gestures.iter().enumerate() {
+        for own in &mut own {
+            let here = own.keys.iter().position(|&key| key as usize == gesture.key);
+            if let Some(key) = here {
+                let gesture = gesture.clone();
+                own.timeline.gestures.push(gesture.on(key));
+                own.gestures.push(index as u32);
+            }
+        }
+    }
+    for gate in &timeline.gates {
+        for (at, subset) in subsets.iter().enumerate() {
+            if let Ok(link) = subset.links.binary_search(&(gate.link as u32)) {
+                own[at].timeline.gates.push(gate.on(link));
+            }
+        }
+    }
+    subsets.into_iter().zip(own).collect()
+}
+
+/// The homes of every MAT that something happens to: one if it moves, any number if it is held.
+fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
+    let strikes = timeline.strikes.iter().map(|strike| strike.mat);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
+    let drives = timeline.drives.iter().map(|drive| drive.mat as u32);
+    let keys = timeline.keys.iter().map(|key| key.struck as u32);
+    let all = strikes.chain(ergons).chain(drives).chain(keys);
+    let mut homes: HashMap<u32, Vec<Home>> = all.map(|mat| (mat, Vec::new())).collect();
+    for (at, subset) in subsets.iter().enumerate() {
+        for (local, mat) in subset.mats.iter().enumerate() {
+            if let Some(homes) = homes.get_mut(mat) {
+                homes.push((at, local));
+            }
+        }
+    }
+    homes
+}

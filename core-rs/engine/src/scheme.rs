@@ -1,0 +1,140 @@
+//! Network → Scheme: the numbers of the CA scheme at one rate.
+//!
+//! It stands here in delta form: with d = x[n] − x[n−1] kept,
+//! d += F/M − κ(x − rest) − ζd, x += d. It equals x⁺ = 2x − x⁻ + F/M and stays exact where positions
+//! are large and steps small.
+
+mod certify;
+mod discretise;
+mod listen;
+mod start;
+
+pub use certify::{Certificate, Means, Word};
+pub(crate) use listen::Tap;
+pub(crate) use start::{backward_steps, forces};
+
+use std::sync::Arc;
+
+use crate::law::{Law, Scratch};
+use crate::network::{But, Error, MatKind, Network, Output};
+use crate::units::Rate;
+
+/// The law of a planned run, with algorithmic numbers.
+#[derive(Clone, Debug)]
+pub(crate) enum Kind {
+    Ref,
+    But(But),
+    Lnl {
+        law: Arc<Law>,
+        /// Per-sample velocity times this is the law's v: 1/T, or T_ca/T under `ca`.
+        rate: f64,
+        /// Index of the law's room.
+        room: usize,
+    },
+}
+
+/// A run of links in algorithmic units: f = k·e + z·(e − e⁻) for springs.
+#[derive(Clone, Debug)]
+pub(crate) struct Run {
+    pub(crate) kind: Kind,
+    pub(crate) a: usize,
+    pub(crate) b: usize,
+    pub(crate) len: usize,
+    pub(crate) first: usize,
+    pub(crate) k: f64,
+    pub(crate) z: f64,
+    pub(crate) rest: f64,
+    /// Index of the gate that opens and closes the run (a coupling), if any.
+    pub(crate) gate: Option<usize>,
+}
+
+/// What is computed at every step: constant while a simulation runs.
+#[derive(Clone, Debug)]
+pub struct Scheme {
+    /// Frames a second [Hz].
+    pub rate: f64,
+    /// κ = K/M of the tie to the ground     (n_mat)
+    pub(crate) kappa: Vec<f64>,
+    /// ζ = Z/M of the tie to the ground     (n_mat)
+    pub(crate) zeta: Vec<f64>,
+    /// Stiffness of the tie [N/m], for those who listen to its force   (n_mat)
+    pub(crate) ground: Vec<f64>,
+    /// 1/M [m/N]: T²/m; 0 for fixed points  (n_mat)
+    pub(crate) w: Vec<f64>,
+    /// Where the ground is [m]              (n_mat)
+    pub(crate) rest: Vec<f64>,
+    /// Which part the MAT belongs to        (n_mat)
+    pub(crate) part: Vec<u32>,
+    /// Forces from the state, in order of declaration.
+    pub(crate) runs: Vec<Run>,
+    /// Energy-exact contacts: solved after all other forces are known.
+    pub(crate) exact: Vec<Run>,
+    /// Whether any two of them share a MAT.
+    pub(crate) exact_coupled: bool,
+    pub(crate) outputs: Vec<Output>,
+    /// The outputs' terms as they are summed   (n_out)
+    pub(crate) taps: Vec<Vec<Tap>>,
+    pub(crate) n_lia: usize,
+    pub(crate) n_parts: usize,
+    /// Whether the answer to a force is proportional to it.
+    pub(crate) linear: bool,
+}
+
+/// Room in which the laws of a scheme are evaluated.
+#[derive(Clone, Debug)]
+pub(crate) struct Laws {
+    /// Elongations and their rates of one run of links   (longest run)
+    pub(crate) e: Vec<f64>,
+    pub(crate) v: Vec<f64>,
+    /// One for each law                                  (n_laws)
+    pub(crate) scratch: Vec<Scratch>,
+}
+
+impl Scheme {
+    /// Room for the scheme's laws.
+    pub(crate) fn laws(&self) -> Laws {
+        let mut laws = Laws {
+            e: Vec::new(),
+            v: Vec::new(),
+            scratch: Vec::new(),
+        };
+        for run in &self.runs {
+            if let Kind::Lnl { law, room, .. } = &run.kind {
+                laws.e.resize(laws.e.len().max(run.len), 0.0);
+                if *room == laws.scratch.len() {
+                    laws.scratch.push(law.scratch());
+                }
+            }
+        }
+        laws.v.clone_from(&laws.e);
+        laws
+    }
+
+    /// Scheme a network at `rate`. Fails where a magic contact cannot be exact.
+    pub fn new(network: &Network, rate: Rate) -> Result<Self, Error> {
+        discretise::scheme(network, rate)
+    }
+
+    /// Whether the scheme is stable.
+    pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
+        certify::certify(self, network)
+    }
+
+    /// Number of MATs.
+    pub fn n_mat(&self) -> usize {
+        self.w.len()
+    }
+
+    /// Number of outputs.
+    pub fn n_out(&self) -> usize {
+        self.outputs.len()
+    }
+}
+
+/// Whether a MAT moves of itself.
+pub(crate) fn moves(kind: MatKind) -> bool {
+    matches!(kind, MatKind::Mas | MatKind::Cel)
+}
+
+#[cfg(test)]
+mod tests;

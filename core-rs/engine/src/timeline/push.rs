@@ -1,0 +1,70 @@
+//! Strikes → forces on frames.
+
+use super::{Timeline, frame, whole};
+use crate::cell::Cell;
+use crate::network::{MatKind, Network};
+
+/// A force on a MAT at one frame: part of a strike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Push {
+    pub(crate) frame: u64,
+    /// Instant of the strike [s], which may lie between frames.
+    pub(crate) at: f64,
+    pub(crate) mat: u32,
+    pub(crate) source: u32,
+    /// Force [N].
+    pub(crate) force: f64,
+    /// Impulse of the whole strike [N·s] at its first push; 0 at its second.
+    pub(crate) impulse: f64,
+}
+
+/// The forces of all strikes, by rising frame.
+///
+/// On a key and under `ca` a strike acts in one step. An isolated CEL takes it between samples so that
+/// every later sample is exact; any other MAT by the linear split, which keeps the impulse and
+/// its first moment.
+pub(crate) fn pushes(network: &Network, timeline: &Timeline) -> Vec<Push> {
+    let (rate, mats) = (timeline.rate, network.mats());
+    let mut is_whole: Vec<bool> = network
+        .parts()
+        .iter()
+        .map(|part| part.ca_rate.is_some())
+        .collect();
+    for key in &timeline.keys {
+        is_whole[mats.part[key.struck] as usize] = true;
+    }
+    let mut pushes = Vec::with_capacity(timeline.strikes.len());
+    for strike in &timeline.strikes {
+        let (mat, at, impulse) = (strike.mat as usize, strike.at, strike.impulse);
+        let mut push = |frame: u64, force: f64, impulse: f64| {
+            if force != 0.0 {
+                pushes.push(Push {
+                    frame,
+                    at,
+                    mat: strike.mat,
+                    source: strike.source,
+                    force,
+                    impulse,
+                });
+            }
+        };
+        if is_whole[mats.part[mat] as usize] {
+            push(frame(at, rate.hertz()), impulse * rate.hertz(), impulse);
+            continue;
+        }
+        let n = whole(at * rate.hertz());
+        let alpha = (at * rate.hertz() - n as f64).clamp(0.0, 1.0);
+        let [p0, p1] = if mats.kind[mat] == MatKind::Cel && network.degree(mat) == 0 {
+            Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]).split(impulse, alpha, rate)
+        } else {
+            [
+                (1.0 - alpha) * impulse * rate.hertz(),
+                alpha * impulse * rate.hertz(),
+            ]
+        };
+        push(n, p0, impulse);
+        push(n + 1, p1, 0.0);
+    }
+    pushes.sort_by_key(|push| push.frame);
+    pushes
+}

@@ -1,0 +1,94 @@
+//! A plan plays what the scene as written plays.
+
+use std::sync::Arc;
+
+use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::plan::{Budget, Method, Plan, What};
+use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+use super::scene::{Scene, options};
+
+fn heard(mut simulation: Simulation, n_frames: usize) -> Vec<f64> {
+    let mut out = vec![0.0; n_frames * simulation.n_out()];
+    simulation.process(&mut out).unwrap();
+    out
+}
+
+/// Cut into islands, every sum of forces is the same sum: the same bits, but for outputs that add up
+/// several islands.
+#[test]
+fn islands_play_what_the_whole_plays() {
+    for seed in 0..60 {
+        let scene = Scene::random(seed);
+        let network = Arc::new(scene.network.clone());
+        let plan = Plan::new(network, &scene.timeline, &Budget::Method(Method::Ca)).unwrap();
+        let options = Options {
+            ledger: false,
+            ..options(OnFault::Stop)
+        };
+        let whole = heard(scene.simulation(options), scene.n_frames());
+        let planned = Simulation::planned(Arc::new(plan), options).unwrap();
+        let planned = heard(planned, scene.n_frames());
+        let peak = whole.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
+        for (a, b) in whole.iter().zip(&planned) {
+            assert!((a - b).abs() <= 1e-15 * peak, "{seed}: {a} {b}");
+        }
+    }
+}
+
+fn peak(sound: &[f64]) -> f64 {
+    sound.iter().fold(0.0, |peak, x| peak.max(x.abs()))
+}
+
+/// Twelve tied masses in a row, true at 44.1 kHz, bent and struck; heard at two points and all together.
+fn discrete() -> (Network, Timeline) {
+    let rate = Rate::new(44_100.0).unwrap();
+    let mut network = Network::new();
+    network.part("body", Some(rate));
+    for i in 0..12 {
+        let (k, z) = (0.01, 2e-5 + 1e-3 * 0.01);
+        let tie = Tie::Physical { k, z };
+        let v0 = if i == 2 { 0.3 } else { 0.0 };
+        network
+            .cel("m", 1.0, tie, 0.0, 1e-4 * f64::from(i), v0)
+            .unwrap();
+    }
+    for i in 0..11 {
+        network.spring("l", i, i + 1, 0.4, 1e-3 * 0.4, 0.0).unwrap();
+    }
+    let point = |first, len, weight| Term::Position { first, len, weight };
+    network.listen("left", vec![point(3, 1, 1.0)]).unwrap();
+    network.listen("right", vec![point(7, 2, -0.5)]).unwrap();
+    network.listen("all", vec![point(0, 12, 0.1)]).unwrap();
+    let mut timeline = Timeline::new(rate);
+    for (mat, at, impulse) in [(1, 0.0, 1e-6), (5, 0.01, -2e-6), (1, 0.0100001, 3e-6)] {
+        timeline.strike(&network, mat, at, impulse, 0).unwrap();
+    }
+    (network, timeline)
+}
+
+/// Where the discrete network is the truth, its modes are that network: to rounding, for seconds.
+#[test]
+fn the_modes_of_a_discrete_body_are_the_body() {
+    let (network, timeline) = discrete();
+    let network = Arc::new(network);
+    let options = Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    };
+    let whole = Simulation::new(network.clone(), &timeline, options).unwrap();
+    let plan = Plan::new(network, &timeline, &Budget::Method(Method::Modal)).unwrap();
+    let What::Modes { of, kept, .. } = plan.rows()[0].what else {
+        panic!("{:?}", plan.rows());
+    };
+    assert_eq!((of, kept), (12, 12));
+    let planned = Simulation::planned(Arc::new(plan), options).unwrap();
+    let (whole, planned) = (heard(whole, 88_200), heard(planned, 88_200));
+    let most = whole
+        .iter()
+        .zip(&planned)
+        .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(most <= 1e-10 * peak(&whole), "{most} of {}", peak(&whole));
+}
