@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::cell::Cell;
-use crate::kernel::bank::{LANES, Lanes, Motion, Rates, SUMS, Sum, run, run_weighted};
+use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, joined, run, run_weighted};
 use crate::units::Rate;
 
 /// One oscillator, as it is added.
@@ -176,7 +176,7 @@ impl Bank {
             }
             for (sums, &output) in self.sums.chunks(room).zip(&section.outputs) {
                 for (frame, sum) in out.chunks_exact_mut(n_out).zip(&sums[..n_frames]) {
-                    frame[output as usize] += joined(&sum.0);
+                    frame[output as usize] += joined(sum);
                 }
             }
         }
@@ -362,9 +362,4 @@ impl Script {
             }
         }
     }
-}
-
-fn joined(lanes: &[f64; SUMS]) -> f64 {
-    ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
-        + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
 }

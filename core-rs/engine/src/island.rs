@@ -5,6 +5,7 @@
 mod build;
 mod fault;
 mod ledger;
+pub(crate) mod modal;
 pub(crate) mod record;
 
 pub use build::Options;
@@ -59,6 +60,7 @@ struct State {
     layers: Vec<f64>,
     laws: Laws,
     stream: Stream,
+    bodies: Vec<modal::Playing>,
     ledger: Option<Ledger>,
     mutes: Mutes,
 }
@@ -100,14 +102,25 @@ impl Island {
         layers(script, state);
         hands(script, state, n, Voice::step);
         strike(script, state, n);
+        for body in &mut state.bodies {
+            body.strike(n, &mut state.body);
+        }
         kernel::contacts(scheme, &state.gates, &state.targets, &mut state.body);
         hands(script, state, n, Voice::settle);
         kernel::tap(scheme, &state.body, out);
+        state.bodies.iter().for_each(|body| body.tap(out));
         state.mutes.fade(n, scheme, out);
         if let Some(ledger) = &mut state.ledger {
             ledger.before(scheme, &state.targets, &state.body);
         }
+        for body in &mut state.bodies {
+            body.step(n, &state.body.force);
+        }
         let sound = kernel::advance(scheme, &mut state.targets, &mut state.body);
+        state
+            .bodies
+            .iter()
+            .for_each(|body| body.place(&mut state.body));
         if let Some(ledger) = &mut state.ledger {
             for (next, gate) in state.gates_next.iter_mut().zip(&script.gates) {
                 *next = gate.open(n + 1);

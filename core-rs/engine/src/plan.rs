@@ -10,6 +10,7 @@ mod cost;
 mod islands;
 mod linear;
 mod modes;
+mod ported;
 mod row;
 mod split;
 mod truncate;
@@ -20,6 +21,7 @@ pub use row::{Reason, Row, What};
 use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
+use crate::island::modal::Modal;
 use crate::network::{Error, Network, Subset};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -32,6 +34,8 @@ use split::Own;
 pub(crate) struct Isle {
     pub(crate) network: Arc<Network>,
     pub(crate) timeline: Timeline,
+    /// Linear bodies in it that go by their modes.
+    pub(crate) bodies: Vec<Modal>,
     pub(crate) to_whole: Whole,
 }
 
@@ -61,7 +65,7 @@ pub(crate) struct BankPlan {
 /// One thing to compute.
 #[derive(Clone, Debug)]
 pub(crate) enum Unit {
-    Isle(Isle),
+    Isle(Box<Isle>),
     Bank(BankPlan),
 }
 
@@ -85,11 +89,12 @@ impl Plan {
         let mut plan = Self::empty(network.clone(), timeline);
         plan.rows
             .push(Row::stepped(&network, timeline, certificate));
-        plan.units.push(Unit::Isle(Isle {
+        plan.units.push(Unit::Isle(Box::new(Isle {
             network,
             timeline: timeline.clone(),
+            bodies: Vec::new(),
             to_whole: Whole::default(),
-        }));
+        })));
         Ok(plan)
     }
 
@@ -202,25 +207,68 @@ impl Plan {
         } else {
             None
         };
-        self.stepped(subset, own, why)
+        self.stepped(subset, own, budget, why)
     }
 
-    fn stepped(&mut self, subset: Subset, own: Own, why: Option<NoModes>) -> Result<(), Error> {
+    /// An island frame by frame: its linear bodies by their modes, the rest as it is written.
+    fn stepped(
+        &mut self,
+        subset: Subset,
+        own: Own,
+        budget: &Budget,
+        why: Option<NoModes>,
+    ) -> Result<(), Error> {
+        let (cut, not) = ported::cut(&subset, &own.timeline, budget);
+        let mut because = why.filter(|_| cut.is_none()).or(not);
+        if let Some(cut) = cut {
+            let scheme = Scheme::new(&cut.hub.network, self.timeline_rate)?;
+            if let Ok(certificate) = scheme.certify(&cut.hub.network) {
+                let timeline = &cut.own.timeline;
+                if cut.hub.network.n_mat()
+                    > cut.bodies.iter().map(|body| body.modal.ports.len()).sum()
+                {
+                    self.rows
+                        .push(Row::stepped(&cut.hub.network, timeline, certificate));
+                }
+                for found in &cut.bodies {
+                    self.rows.push(Row::ported(found, timeline));
+                }
+                self.units.push(Unit::Isle(Box::new(Isle {
+                    to_whole: Whole {
+                        mats: Some(through(&subset.mats, &cut.hub.mats)),
+                        outputs: Some(subset.outputs),
+                        keys: Some(through(&own.keys, &cut.own.keys)),
+                        gestures: Some(through(&own.gestures, &cut.own.gestures)),
+                    },
+                    network: Arc::new(cut.hub.network),
+                    timeline: cut.own.timeline,
+                    bodies: cut.bodies.into_iter().map(|found| found.modal).collect(),
+                })));
+                return Ok(());
+            }
+            because = Some(NoModes::Stiff);
+        }
         let scheme = Scheme::new(&subset.network, self.timeline_rate)?;
         let certificate = scheme.certify(&subset.network)?;
         let mut row = Row::stepped(&subset.network, &own.timeline, certificate);
-        row.because = why.map(|why| why.why().to_owned());
+        row.because = because.map(|why| why.why().to_owned());
         self.rows.push(row);
-        self.units.push(Unit::Isle(Isle {
+        self.units.push(Unit::Isle(Box::new(Isle {
             network: Arc::new(subset.network),
             timeline: own.timeline,
+            bodies: Vec::new(),
             to_whole: Whole {
                 mats: Some(subset.mats),
                 outputs: Some(subset.outputs),
                 keys: Some(own.keys),
                 gestures: Some(own.gestures),
             },
-        }));
+        })));
         Ok(())
     }
+}
+
+/// Two maps one after the other.
+fn through(first: &[u32], second: &[u32]) -> Vec<u32> {
+    second.iter().map(|&at| first[at as usize]).collect()
 }

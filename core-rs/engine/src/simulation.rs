@@ -56,7 +56,8 @@ impl Simulation {
         for unit in &plan.units {
             units.push(match unit {
                 Unit::Isle(isle) => {
-                    let island = Island::new(isle.network.clone(), &isle.timeline, options)?;
+                    let island =
+                        Island::new(isle.network.clone(), &isle.timeline, &isle.bodies, options)?;
                     most = most.max(island.n_out());
                     Playing::Island(Box::new(island))
                 }
@@ -82,7 +83,7 @@ impl Simulation {
             .iter()
             .zip(&self.plan.units)
             .filter_map(|pair| match pair {
-                (Playing::Island(island), Unit::Isle(isle)) => Some((&**island, isle)),
+                (Playing::Island(island), Unit::Isle(isle)) => Some((&**island, &**isle)),
                 _ => None,
             })
     }

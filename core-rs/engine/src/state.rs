@@ -13,6 +13,8 @@ pub(crate) struct Body {
     pub(crate) force: Vec<f64>,
     /// Force of each LIA now [N]: it pulls a towards b    (n_lia)
     pub(crate) link: Vec<f64>,
+    /// What ports of bodies move by of themselves, beyond their last step [m]   (n_mat; empty: no ports)
+    pub(crate) inner: Vec<f64>,
     /// Of the sum, what comes from outside [N]: kept for the ledger, else empty   (n_mat)
     pub(crate) outside: Vec<f64>,
 }
@@ -23,6 +25,7 @@ impl Body {
         Self {
             force: vec![0.0; x.len()],
             link: vec![0.0; scheme.n_lia],
+            inner: Vec::new(),
             outside: Vec::new(),
             x,
             d,

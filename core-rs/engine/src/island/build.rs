@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::fault::Mutes;
 use super::ledger::Ledger;
+use super::modal::{self, Modal};
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::free::FreeKey;
 use crate::gesture::script::{Gesture, Report, Touch};
@@ -30,12 +31,14 @@ impl Island {
     pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,
+        bodies: &[Modal],
         options: Options,
     ) -> Result<Self, Error> {
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
         let laws = scheme.laws();
         let mut body = start(&network, &scheme, timeline, &timeline.drives);
+        let bodies = join(bodies, &network, timeline, &mut body);
         let (scripts, voices) = hands(&network, timeline)?;
         let pushes = pushes(&network, timeline);
         let mut ergons = timeline.ergons.clone();
@@ -55,6 +58,7 @@ impl Island {
             targets: Vec::new(),
             laws,
             stream: Stream::new(options.record),
+            bodies,
             ledger,
             mutes: Mutes::new(&scheme),
             body,
@@ -106,6 +110,26 @@ fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Driv
     }
     let d = backward_steps(network, timeline, scheme, &x, &pushes);
     Body::new(scheme, x, d)
+}
+
+/// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
+fn join(
+    bodies: &[Modal],
+    network: &Network,
+    timeline: &Timeline,
+    body: &mut Body,
+) -> Vec<modal::Playing> {
+    if bodies.is_empty() {
+        return Vec::new();
+    }
+    body.inner = vec![0.0; body.x.len()];
+    let force = crate::scheme::forces(network, timeline, &body.x, &[]);
+    let start = |modal: &Modal| {
+        let playing = modal::Playing::new(&modal.pushed(&force));
+        playing.place(body);
+        playing
+    };
+    bodies.iter().map(start).collect()
 }
 
 /// What is heard of a network that rests where it is, (n_out).

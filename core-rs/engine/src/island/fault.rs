@@ -130,6 +130,7 @@ impl Island {
         }
         scheme.runs.retain(|run| !lets_go(run.a, run.b, run.len));
         scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
+        state.bodies.retain(|body| !body.touches(&ours));
         script.drives.retain(|drive| !ours[drive.mat]);
         let mut stays = script.voices.iter().map(|voice| !ours[voice.struck]);
         state.voices.retain(|_| stays.next().unwrap_or(true));

@@ -61,6 +61,19 @@ pub(crate) fn run_weighted(
     weighted_on(rates, motion, weights, n_frames, sums, room);
 }
 
+/// Go on `n_frames` and say after each what every row sees, Σ weight·x. `sums` is (n_rows · n_frames), row
+/// by row, `room` apart; what they hold is added to.
+pub(crate) fn follow(
+    rates: &Rates,
+    motion: &mut Motion,
+    weights: &[Lanes],
+    n_frames: usize,
+    sums: &mut [Sum],
+    room: usize,
+) {
+    follow_on(rates, motion, weights, n_frames, sums, room);
+}
+
 /// The loops for one kind of vector: `$width` numbers in a `$vector`. The sum of a group is
 /// (x₀ + x₈) + (x₁₆ + x₂₄) for each of eight lanes, whatever the width.
 macro_rules! loops {
@@ -147,6 +160,38 @@ macro_rules! loops {
                             add_to(last, part, sum);
                             before = next(&a, &b, &now, &before);
                             std::mem::swap(&mut now, &mut before);
+                        }
+                        store(&mut motion.now, part, now);
+                        store(&mut motion.before, part, before);
+                    }
+                }
+            }
+
+            $(#[$feature])?
+            pub(super) unsafe fn follow(
+                rates: &Rates,
+                motion: &mut Motion,
+                weights: &[Lanes],
+                n_frames: usize,
+                sums: &mut [Sum],
+                room: usize,
+            ) {
+                for part in (0..SUMS).step_by($width) {
+                    // SAFETY: parts are multiples of the width below SUMS.
+                    unsafe {
+                        let (a, b) = (load(&rates.a, part), load(&rates.b, part));
+                        let mut now = load(&motion.now, part);
+                        let mut before = load(&motion.before, part);
+                        for frame in 0..n_frames {
+                            let new = next(&a, &b, &now, &before);
+                            before = now;
+                            now = new;
+                            for (row, weights) in weights.iter().enumerate() {
+                                let w = load(weights, part);
+                                let low = $more(w[1], now[1], $mul(w[0], now[0]));
+                                let high = $more(w[3], now[3], $mul(w[2], now[2]));
+                                add_to(&mut sums[row * room + frame], part, $add(low, high));
+                            }
                         }
                         store(&mut motion.now, part, now);
                         store(&mut motion.before, part, before);
@@ -274,6 +319,17 @@ fastest!(
     weighted_on, weighted, rates: &Rates, motion: &mut Motion, weights: &[Lanes],
     n_frames: usize, sums: &mut [Sum], room: usize
 );
+fastest!(
+    follow_on, follow, rates: &Rates, motion: &mut Motion, weights: &[Lanes],
+    n_frames: usize, sums: &mut [Sum], room: usize
+);
+
+/// The end of a sum that was kept in lanes.
+pub(crate) fn joined(sum: &Sum) -> f64 {
+    let lanes = &sum.0;
+    ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
+        + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
+}
 
 #[cfg(test)]
 mod tests;

@@ -12,7 +12,7 @@ pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     let step = body.force[i] * scheme.w[i]
         - scheme.kappa[i] * (body.x[i] - scheme.rest[i])
         - scheme.zeta[i] * body.d[i];
-    body.x[i] + (body.d[i] + step)
+    body.x[i] + (body.d[i] + step + body.inner.get(i).copied().unwrap_or(0.0))
 }
 
 /// The force that brings a MAT to x at the next frame, beside the forces summed so far [N].

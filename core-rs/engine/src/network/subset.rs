@@ -1,6 +1,6 @@
 //! Some of a network's modules as a network of their own, and the way back to the whole.
 
-use super::{Mat, Network, Output, Run, Term};
+use super::{Mat, MatKind, Network, Output, Run, Term};
 
 /// A network cut out of another: local index → index in the whole, rising.
 #[derive(Clone, Debug)]
@@ -25,6 +25,17 @@ impl Network {
     /// The MATs `mats` and `guests`, with every one of `links` that joins two of them, in the order of the
     /// whole; of the outputs, the terms that speak of them, but for guests. All lists rise.
     pub(crate) fn subset(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
+        let mut subset = self.subset_for_all(mats, guests, links);
+        let outputs = &mut subset.network.outputs;
+        subset
+            .outputs
+            .retain(|&index| !outputs[index as usize].terms.is_empty());
+        outputs.retain(|output| !output.terms.is_empty());
+        subset
+    }
+
+    /// The same with all outputs of the whole, also those that do not listen to it.
+    pub(crate) fn subset_for_all(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
         let mut all = [mats, guests].concat();
         all.sort_unstable();
         let mut subset = Subset {
@@ -50,6 +61,13 @@ impl Network {
         subset.network.names = self.names.subset(mats, links);
         subset.listen(&self.outputs, guests);
         subset
+    }
+
+    /// Let a MAT go: a free mass `m` where it is.
+    pub(crate) fn loosen(&mut self, mat: usize, m: f64) {
+        let mats = &mut self.mats;
+        mats.kind[mat] = MatKind::Mas;
+        (mats.m[mat], mats.k[mat], mats.z[mat], mats.rest[mat]) = (m, 0.0, 0.0, 0.0);
     }
 
     fn mat_at(&self, i: usize) -> Mat {
@@ -117,13 +135,11 @@ impl Subset {
                 .iter()
                 .flat_map(|term| self.term(term, guests))
                 .collect();
-            if !terms.is_empty() {
-                self.outputs.push(index as u32);
-                self.network.outputs.push(Output {
-                    name: output.name.clone(),
-                    terms,
-                });
-            }
+            self.outputs.push(index as u32);
+            self.network.outputs.push(Output {
+                name: output.name.clone(),
+                terms,
+            });
         }
     }
 

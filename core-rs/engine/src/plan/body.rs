@@ -7,10 +7,11 @@ use super::budget::Budget;
 use super::cells::hear;
 use super::linear::NoModes;
 use super::modes::{ANGLE_MIN, Modes, Row};
-use super::truncate::{self, Blow, Kept};
+use super::truncate::{self, Kept};
 use crate::bank::{Oscillator, Strikes};
 use crate::network::{Network, Subset, Term};
 use crate::timeline::{Timeline, frame, whole};
+use crate::units::Rate;
 
 /// A body as a bank.
 pub(super) struct Body {
@@ -30,45 +31,37 @@ pub(super) fn bank(subset: &Subset, timeline: &Timeline, budget: &Budget) -> Res
     if !timeline.gates.is_empty() {
         return Err(NoModes::Coupled);
     }
-    let mut rows = outputs(network)?;
+    let Heard { mut rows, held } = heard(network)?;
     let n_out = rows.len();
-    let mut struck: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for (index, strike) in timeline.strikes.iter().enumerate() {
-        struck.entry(strike.mat as usize).or_default().push(index);
-    }
-    rows.extend(struck.keys().map(|&mat| vec![(mat, 1.0)]));
+    let discrete = network.mats().part.first().map(|&part| part as usize);
+    let is_discrete = discrete.is_some_and(|part| network.parts()[part].ca_rate.is_some());
+    let strikes = blows(timeline, rate, |_| true, is_discrete);
+    rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
     let modes = Modes::new(network, &rows, rate)?;
     if (0..modes.len()).any(|mode| modes.ratios(mode, rate).kappa < ANGLE_MIN * ANGLE_MIN) {
         return Err(NoModes::Slow);
     }
-    let (heard, felt) = modes.shapes.split_at(n_out);
-    let blows: Vec<Vec<Blow>> = struck
+    let (seen, felt) = modes.shapes.split_at(n_out);
+    let given: Vec<Vec<f64>> = strikes
         .values()
-        .map(|strikes| {
-            let strike = |&index: &usize| &timeline.strikes[index];
-            strikes
-                .iter()
-                .map(strike)
-                .map(|strike| (strike.at, strike.impulse))
-                .collect()
-        })
+        .map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
         .collect();
-    let kept = truncate::keep(&modes, heard, felt, &blows, budget, rate);
+    let kept = truncate::keep(&modes, seen, felt, &given, budget, rate);
     let rest = (0..n_out)
         .map(|output| {
-            let still: f64 = heard[output]
+            let still: f64 = seen[output]
                 .iter()
                 .zip(&modes.rest)
                 .map(|(a, b)| a * b)
                 .sum();
-            still + held(network, &rows[output])
+            still + held[output]
         })
         .collect();
     let mut bank = BankPlan::default();
     for &mode in &kept.modes {
         let ratios = modes.ratios(mode, rate);
         let mut own = Vec::new();
-        for (row, &output) in heard.iter().zip(&subset.outputs) {
+        for (row, &output) in seen.iter().zip(&subset.outputs) {
             hear(&mut own, output, row[mode]);
         }
         bank.oscillators.push(Oscillator {
@@ -80,20 +73,7 @@ pub(super) fn bank(subset: &Subset, timeline: &Timeline, budget: &Budget) -> Res
             blows: Vec::new(),
         });
     }
-    for (shape, strikes) in felt.iter().zip(struck.values()) {
-        let hertz = rate.hertz();
-        let blow = |&index: &usize| {
-            let strike = &timeline.strikes[index];
-            let at = strike.at * hertz;
-            if modes.is_discrete {
-                (frame(strike.at, hertz), 0.0, strike.impulse)
-            } else {
-                let n = whole(at);
-                (n, (at - n as f64).clamp(0.0, 1.0), strike.impulse)
-            }
-        };
-        let mut blows: Vec<_> = strikes.iter().map(blow).collect();
-        blows.sort_by_key(|&(frame, _, _)| frame);
+    for (shape, blows) in felt.iter().zip(strikes.into_values()) {
         bank.strikes.push(Strikes {
             among: 0..kept.modes.len(),
             cells: if modes.is_discrete {
@@ -118,32 +98,59 @@ pub(super) fn bank(subset: &Subset, timeline: &Timeline, budget: &Budget) -> Res
     })
 }
 
-/// What each output sums.
-fn outputs(network: &Network) -> Result<Vec<Row>, NoModes> {
-    let sum = |terms: &[Term]| {
-        let mut row = Row::new();
-        for term in terms {
-            match *term {
-                Term::Position { first, len, weight } => {
-                    row.extend((first..first + len).map(|i| (i, weight)));
-                }
-                Term::Ground { .. } | Term::Force { .. } => return Err(NoModes::ForceHeard),
-            }
-        }
-        Ok(row)
-    };
-    network
-        .outputs()
-        .iter()
-        .map(|output| sum(&output.terms))
-        .collect()
+/// Strikes on each MAT of a timeline that `is_ours`: frame, part of a frame after it, impulse; rising. In a
+/// discrete network a strike falls on a frame.
+pub(super) fn blows(
+    timeline: &Timeline,
+    rate: Rate,
+    is_ours: impl Fn(u32) -> bool,
+    is_discrete: bool,
+) -> BTreeMap<u32, Vec<(u64, f64, f64)>> {
+    let mut found: BTreeMap<u32, Vec<(u64, f64, f64)>> = BTreeMap::new();
+    for strike in timeline.strikes.iter().filter(|strike| is_ours(strike.mat)) {
+        let at = strike.at * rate.hertz();
+        let (frame, alpha) = if is_discrete {
+            (frame(strike.at, rate.hertz()), 0.0)
+        } else {
+            let n = whole(at);
+            (n, (at - n as f64).clamp(0.0, 1.0))
+        };
+        let blows = found.entry(strike.mat).or_default();
+        blows.push((frame, alpha, strike.impulse));
+    }
+    for blows in found.values_mut() {
+        blows.sort_by_key(|&(frame, _, _)| frame);
+    }
+    found
 }
 
-/// What a row sees of points that never move.
-fn held(network: &Network, row: &Row) -> f64 {
+/// What outputs sum.
+pub(super) struct Heard {
+    /// Positions, by output.
+    pub(super) rows: Vec<Row>,
+    /// Of those, what points say that never move, by output.
+    pub(super) held: Vec<f64>,
+}
+
+/// What each output of a body sums.
+pub(super) fn heard(network: &Network) -> Result<Heard, NoModes> {
     let mats = network.mats();
-    row.iter()
-        .filter(|(mat, _)| !crate::scheme::moves(mats.kind[*mat]))
-        .map(|&(mat, weight)| weight * mats.x0[mat])
-        .sum()
+    let (mut rows, mut held) = (Vec::new(), Vec::new());
+    for output in network.outputs() {
+        let (mut row, mut still) = (Row::new(), 0.0);
+        for term in &output.terms {
+            let Term::Position { first, len, weight } = *term else {
+                return Err(NoModes::ForceHeard);
+            };
+            for i in first..first + len {
+                row.push((i, weight));
+                if !crate::scheme::moves(mats.kind[i]) {
+                    still += weight * mats.x0[i];
+                }
+            }
+        }
+        rows.push(row);
+        held.push(still);
+    }
+    Ok(Heard { rows, held })
 }

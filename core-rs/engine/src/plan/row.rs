@@ -4,6 +4,7 @@ use super::BankPlan;
 use super::body::Body;
 use super::cost::Costs;
 use super::islands::Island;
+use super::ported::Found;
 use crate::network::{LinkKind, Network, Subset};
 use crate::scheme::{Certificate, Word, moves};
 use crate::timeline::Timeline;
@@ -105,6 +106,26 @@ impl Row {
         }
     }
 
+    /// A body inside an island: followed frame by frame.
+    pub(super) fn ported(found: &Found, timeline: &Timeline) -> Self {
+        let modes = found.modal.modes.len();
+        let rows = found.modal.ports.len() + found.modal.heard.len();
+        let each = Costs::of("mode") + rows as f64 * Costs::of("port");
+        Self {
+            parts: found.parts.clone(),
+            mats: found.mats,
+            links: found.links,
+            what: What::Modes {
+                of: modes,
+                kept: modes,
+                left_out: None,
+            },
+            cost: seconds(each * modes as f64, timeline),
+            word: Some(Word::Guarded),
+            because: None,
+        }
+    }
+
     pub(super) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
         let network = &subset.network;
         let taps = subset.outputs.len().saturating_sub(1) as f64;
@@ -157,9 +178,16 @@ fn free(network: &Network) -> usize {
 
 /// The parts of a network's MATs, in order.
 fn parts(network: &Network) -> Vec<String> {
+    let all: Vec<u32> = (0..network.n_mat() as u32).collect();
+    parts_of(network, &all)
+}
+
+/// The parts of some MATs that move, in order.
+pub(super) fn parts_of(network: &Network, of: &[u32]) -> Vec<String> {
+    let mats = network.mats();
     let mut has = vec![false; network.parts().len()];
-    for (&part, &kind) in network.mats().part.iter().zip(&network.mats().kind) {
-        has[part as usize] |= moves(kind);
+    for &mat in of {
+        has[mats.part[mat as usize] as usize] |= moves(mats.kind[mat as usize]);
     }
     let parts = network.parts().iter().zip(has);
     parts

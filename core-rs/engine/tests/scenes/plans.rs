@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan, What};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -91,4 +91,105 @@ fn the_modes_of_a_discrete_body_are_the_body() {
         .zip(&planned)
         .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     assert!(most <= 1e-10 * peak(&whole), "{most} of {}", peak(&whole));
+}
+
+/// The same body in the same scene as hands, contacts and couplings: modes pushed at their ports are the
+/// discrete network still, also where contacts open and close and strikes fall in between.
+#[test]
+fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
+    for contact in [Contact::Plain, Contact::Exact] {
+        let (mut network, mut timeline) = discrete();
+        let rate = Rate::new(44_100.0).unwrap();
+        network.part("hammer", Some(rate));
+        let hammer = network.mas("m", 2.0, -2e-3, 0.8).unwrap();
+        let nail = network.sol("n", 0.01).unwrap();
+        let but = |k: f64, side| But {
+            k,
+            z: 1e-3,
+            gap: 5e-4,
+            side,
+            contact,
+            restitution: 1.0,
+            steps: 2,
+            exponent: 1.0,
+            clamp: false,
+        };
+        network.but("b", hammer, 4, but(0.3, Side::Below)).unwrap();
+        network
+            .but("back", hammer, 9, but(0.2, Side::Above))
+            .unwrap();
+        network
+            .spring("hold", hammer, nail, 1e-5, 0.0, 0.0)
+            .unwrap();
+        network
+            .listen(
+                "h",
+                vec![Term::Position {
+                    first: hammer,
+                    len: 1,
+                    weight: 1.0,
+                }],
+            )
+            .unwrap();
+        network
+            .listen(
+                "f",
+                vec![Term::Force {
+                    first: 11,
+                    len: 2,
+                    weight: 1.0,
+                }],
+            )
+            .unwrap();
+        timeline.strike(&network, 4, 0.015, 2e-6, 0).unwrap();
+        let network = Arc::new(network);
+        let options = Options {
+            ledger: false,
+            ..options(OnFault::Stop)
+        };
+        let n_frames = 30_000;
+        let whole = heard(
+            Simulation::new(network.clone(), &timeline, options).unwrap(),
+            n_frames,
+        );
+        let plan = Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal)).unwrap());
+        assert!(
+            matches!(plan.rows()[1].what, What::Modes { of: 12, .. }),
+            "{:?}",
+            plan.rows()
+        );
+        let mut simulation = Simulation::planned(plan, options).unwrap();
+        let mut planned = vec![0.0; whole.len()];
+        let n_out = simulation.n_out();
+        // In blocks of any size, and back again from a moment remembered.
+        let mut at = 0;
+        for block in [1, 63, 64, 65, 997, 12_345] {
+            let end = at + block * n_out;
+            simulation.process(&mut planned[at..end]).unwrap();
+            at = end;
+        }
+        let moment = simulation.snapshot();
+        simulation.process(&mut planned[at..]).unwrap();
+        let first = planned[at..].to_vec();
+        simulation.restore(&moment);
+        simulation.process(&mut planned[at..]).unwrap();
+        assert_eq!(first, planned[at..]);
+        for output in 0..n_out {
+            let of = |sound: &[f64]| -> Vec<f64> {
+                sound.iter().skip(output).step_by(n_out).copied().collect()
+            };
+            let (whole, planned) = (of(&whole), of(&planned));
+            // Later the smallest difference has grown: a ball between two walls.
+            let (whole, planned) = (&whole[..1_000], &planned[..1_000]);
+            let most = whole
+                .iter()
+                .zip(planned)
+                .fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+            assert!(
+                peak(whole) > 0.0 && most <= 1e-8 * peak(whole),
+                "{contact:?} {output}: {most} of {}",
+                peak(whole)
+            );
+        }
+    }
 }

@@ -40,6 +40,12 @@ proptest! {
         let (mut wide, mut wide_heard) = (start.clone(), sums.clone());
         run_weighted(&rates, &mut wide, &weights, n, &mut wide_heard, n);
         prop_assert_eq!(bits(&motion, &heard), bits(&wide, &wide_heard));
+        let (mut followed, mut seen) = (start.clone(), sums.clone());
+        // SAFETY: as above.
+        unsafe { plain::follow(&rates, &mut followed, &weights, n, &mut seen, n) };
+        let (mut wide, mut wide_seen) = (start.clone(), sums.clone());
+        follow(&rates, &mut wide, &weights, n, &mut wide_seen, n);
+        prop_assert_eq!(bits(&followed, &seen), bits(&wide, &wide_seen));
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
             let (mut wide, mut wide_heard) = (start, sums);

@@ -1,0 +1,337 @@
+//! Linear bodies inside an island: cut out, computed by their modes, touched at their ports.
+
+use std::collections::BTreeMap;
+
+use super::body::{blows, heard};
+use super::budget::Budget;
+use super::linear::NoModes;
+use super::modes::{ANGLE_MIN, Modes, Row};
+use super::split::{Own, split};
+use crate::island::modal::{Modal, Mode, Port, Struck};
+use crate::network::{LinkKind, Network, Subset, Term};
+use crate::scheme::moves;
+use crate::timeline::Timeline;
+use crate::units::Rate;
+
+/// Fewer masses are stepped as quickly as they are seen by their modes.
+const MASSES_MIN: usize = 4;
+/// A body with more ports than this part of its masses is mostly ports.
+const PORTS: usize = 4;
+
+/// An island cut into what is stepped and bodies.
+pub(super) struct Cut {
+    /// What is stepped; ports of bodies are masses in it.
+    pub(super) hub: Subset,
+    pub(super) own: Own,
+    pub(super) bodies: Vec<Found>,
+}
+
+/// A body that was found.
+pub(super) struct Found {
+    pub(super) modal: Modal,
+    /// MATs and LIAs that are no longer stepped.
+    pub(super) mats: usize,
+    pub(super) links: usize,
+    pub(super) parts: Vec<String>,
+}
+
+/// Cut the linear bodies out of an island; `None` where it has none worth it. Also why some were not.
+pub(super) fn cut(
+    island: &Subset,
+    timeline: &Timeline,
+    budget: &Budget,
+) -> (Option<Cut>, Option<NoModes>) {
+    if !budget.takes_modes() {
+        return (None, None);
+    }
+    let network = &island.network;
+    let wiring = Wiring::new(network, timeline);
+    let (mut found, mut why) = (Vec::new(), None);
+    for body in wiring.bodies(network) {
+        match modal(network, timeline, &body, timeline.rate) {
+            Ok(modal) => found.push((body, modal)),
+            Err(reason) => why = Some(reason),
+        }
+    }
+    if found.is_empty() {
+        return (None, why);
+    }
+    (Some(hub(island, timeline, found)), why)
+}
+
+/// A set of MATs that inner links join, and the ports where others end.
+struct Body {
+    mats: Vec<u32>,
+    guests: Vec<u32>,
+    links: Vec<u32>,
+    ports: Vec<u32>,
+}
+
+/// Which links may lie inside a body, and which MATs.
+struct Wiring {
+    may: Vec<bool>,
+    is_inner: Vec<bool>,
+    is_driven: Vec<bool>,
+}
+
+impl Wiring {
+    fn new(network: &Network, timeline: &Timeline) -> Self {
+        let mats = network.mats();
+        let n = network.n_mat();
+        let mut is_driven = vec![false; n];
+        timeline
+            .drives
+            .iter()
+            .for_each(|drive| is_driven[drive.mat] = true);
+        let mut has_key = vec![false; network.parts().len()];
+        for key in &timeline.keys {
+            has_key[mats.part[key.struck] as usize] = true;
+        }
+        let mut may: Vec<bool> = (0..n)
+            .map(|i| moves(mats.kind[i]) && !is_driven[i] && !has_key[mats.part[i] as usize])
+            .collect();
+        timeline
+            .ergons
+            .iter()
+            .for_each(|ergon| may[ergon.mat as usize] = false);
+        let mut is_inner = vec![false; network.n_lia()];
+        for run in network.runs() {
+            is_inner[run.first..run.first + run.len].fill(matches!(run.kind, LinkKind::Ref));
+        }
+        timeline
+            .gates
+            .iter()
+            .for_each(|gate| is_inner[gate.link] = false);
+        for term in network.outputs().iter().flat_map(|output| &output.terms) {
+            match *term {
+                Term::Force { first, len, .. } => is_inner[first..first + len].fill(false),
+                Term::Ground { first, len, .. } => may[first..first + len].fill(false),
+                Term::Position { .. } => {}
+            }
+        }
+        Self {
+            may,
+            is_inner,
+            is_driven,
+        }
+    }
+
+    /// Sets of MATs that inner links join, large enough and with few enough ports.
+    fn bodies(&self, network: &Network) -> Vec<Body> {
+        let mut leader: Vec<usize> = (0..network.n_mat()).collect();
+        let root = |leader: &mut Vec<usize>, mut i: usize| {
+            while leader[i] != i {
+                leader[i] = leader[leader[i]];
+                i = leader[i];
+            }
+            i
+        };
+        for (link, a, b) in ends(network) {
+            if self.is_inner[link] && self.may[a] && self.may[b] {
+                let (a, b) = (root(&mut leader, a), root(&mut leader, b));
+                leader[a.max(b)] = a.min(b);
+            }
+        }
+        let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
+        for mat in (0..network.n_mat()).filter(|&mat| self.may[mat]) {
+            let body = bodies
+                .entry(root(&mut leader, mat))
+                .or_insert_with(Body::empty);
+            body.mats.push(mat as u32);
+        }
+        for (link, a, b) in ends(network) {
+            for (own, other) in [(a, b), (b, a)] {
+                if !self.may[own] {
+                    continue;
+                }
+                let Some(body) = bodies.get_mut(&root(&mut leader, own)) else {
+                    continue;
+                };
+                let is_held = !moves(network.mats().kind[other]) && !self.is_driven[other];
+                if self.is_inner[link] && (self.may[other] || is_held) {
+                    // Both ends tell of a link between two of them: it is noted once.
+                    if own == a || !self.may[other] {
+                        body.links.push(link as u32);
+                    }
+                    if is_held {
+                        body.guests.push(other as u32);
+                    }
+                } else {
+                    body.ports.push(own as u32);
+                }
+            }
+        }
+        let worth = |body: &Body| {
+            body.mats.len() >= MASSES_MIN && body.ports.len() * PORTS <= body.mats.len()
+        };
+        let tidy = |mut body: Body| {
+            for list in [&mut body.guests, &mut body.links, &mut body.ports] {
+                list.sort_unstable();
+                list.dedup();
+            }
+            body
+        };
+        bodies.into_values().map(tidy).filter(worth).collect()
+    }
+}
+
+impl Body {
+    fn empty() -> Self {
+        Self {
+            mats: Vec::new(),
+            guests: Vec::new(),
+            links: Vec::new(),
+            ports: Vec::new(),
+        }
+    }
+}
+
+/// Every link with its two ends.
+fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+    let runs = network.runs().iter();
+    runs.flat_map(|run| (0..run.len).map(|i| (run.first + i, run.a + i, run.b + i)))
+}
+
+/// A body by its modes; ports by their index in the island.
+fn modal(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    rate: Rate,
+) -> Result<Modal, NoModes> {
+    let subset = network.subset(&body.mats, &body.guests, &body.links);
+    let outputs = heard(&subset.network)?;
+    let ports = body
+        .ports
+        .iter()
+        .map(|&mat| subset.mat(mat as usize).unwrap_or(0));
+    let ports: Vec<Row> = ports.map(|mat| vec![(mat, 1.0)]).collect();
+    let strikes = blows(
+        timeline,
+        rate,
+        |mat| body.mats.binary_search(&mat).is_ok(),
+        is_discrete(network, body),
+    );
+    let struck = strikes
+        .keys()
+        .map(|&mat| subset.mat(mat as usize).unwrap_or(0));
+    let struck: Vec<Row> = struck.map(|mat| vec![(mat, 1.0)]).collect();
+    let rows = [ports, outputs.rows, struck].concat();
+    let modes = Modes::new(&subset.network, &rows, rate)?;
+    let n = modes.len();
+    if (0..n).any(|mode| modes.ratios(mode, rate).kappa < ANGLE_MIN * ANGLE_MIN) {
+        return Err(NoModes::Slow);
+    }
+    let rest = |row: usize| -> f64 {
+        modes.shapes[row]
+            .iter()
+            .zip(&modes.rest)
+            .map(|(a, b)| a * b)
+            .sum()
+    };
+    let (n_ports, n_out) = (body.ports.len(), subset.outputs.len());
+    Ok(Modal {
+        modes: (0..n).map(|mode| own(&modes, mode, rate)).collect(),
+        ports: body
+            .ports
+            .iter()
+            .enumerate()
+            .map(|(row, &mat)| Port {
+                mat: mat as usize,
+                rest: rest(row),
+                shape: modes.shapes[row].clone(),
+            })
+            .collect(),
+        heard: subset
+            .outputs
+            .iter()
+            .enumerate()
+            .map(|(row, &output)| (output, modes.shapes[n_ports + row].clone()))
+            .collect(),
+        still: (0..n_out)
+            .map(|row| rest(n_ports + row) + outputs.held[row])
+            .collect(),
+        struck: strikes
+            .into_values()
+            .enumerate()
+            .map(|(row, blows)| Struck {
+                shape: modes.shapes[n_ports + n_out + row].clone(),
+                blows,
+            })
+            .collect(),
+        rate,
+    })
+}
+
+fn is_discrete(network: &Network, body: &Body) -> bool {
+    let part = network.mats().part[body.mats[0] as usize] as usize;
+    network.parts()[part].ca_rate.is_some()
+}
+
+fn own(modes: &Modes, mode: usize, rate: Rate) -> Mode {
+    let (ratios, cell) = (modes.ratios(mode, rate), modes.cell(mode));
+    Mode {
+        a: 2.0 - ratios.kappa - ratios.zeta,
+        b: 1.0 - ratios.zeta,
+        gain: if modes.is_discrete {
+            1.0
+        } else {
+            rate.step() * cell.response(rate.step())
+        },
+        now: modes.x0[mode] - modes.rest[mode],
+        before: modes.before(mode, rate),
+        cell: (!modes.is_discrete).then_some(cell),
+    }
+}
+
+/// What is left when the bodies are cut out: their ports stay, as masses that move as freely.
+fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Modal)>) -> Cut {
+    let network = &island.network;
+    let (mut is_gone, mut is_cut) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
+    let mut ports: Vec<u32> = Vec::new();
+    let mut is_struck_there = vec![false; network.n_mat()];
+    for (body, _) in &found {
+        for &mat in &body.mats {
+            is_gone[mat as usize] = true;
+            is_struck_there[mat as usize] = true;
+        }
+        body.links
+            .iter()
+            .for_each(|&link| is_cut[link as usize] = true);
+        ports.extend(&body.ports);
+    }
+    ports.sort_unstable();
+    let all = 0..network.n_mat() as u32;
+    let mats: Vec<u32> = all.filter(|&mat| !is_gone[mat as usize]).collect();
+    let all = 0..network.n_lia() as u32;
+    let links: Vec<u32> = all.filter(|&link| !is_cut[link as usize]).collect();
+    let mut hub = network.subset_for_all(&mats, &ports, &links);
+    let mut timeline = timeline.clone();
+    timeline
+        .strikes
+        .retain(|strike| !is_struck_there[strike.mat as usize]);
+    let mut bodies = Vec::new();
+    for (body, mut modal) in found {
+        for at in 0..modal.ports.len() {
+            let local = hub.mat(modal.ports[at].mat).unwrap_or(0);
+            modal.ports[at].mat = local;
+            let give = modal.give(at);
+            let step = modal.rate.step();
+            let unit = if modal.modes[0].cell.is_some() {
+                step * step
+            } else {
+                1.0
+            };
+            hub.network.loosen(local, unit / give);
+        }
+        bodies.push(Found {
+            mats: body.mats.len(),
+            links: body.links.len(),
+            parts: super::row::parts_of(network, &body.mats),
+            modal,
+        });
+    }
+    let own = split(vec![hub], &timeline).pop();
+    let (hub, own) = own.unwrap_or_else(|| unreachable!("one subset in, one out"));
+    Cut { hub, own, bodies }
+}
