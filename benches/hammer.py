@@ -1,4 +1,4 @@
-"""A hammer on a string of 60 masses: the planned run's cost, and what CA takes for the same error."""
+"""A hammer on a string of 60 masses: the planned run beside CA that is as exact."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ from ergon import _core
 
 Floats = NDArray[np.float64]
 Run = Callable[[int], Floats]
+_LEAST = 0.1  # seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +61,16 @@ def attempt(made: Callable[[], Side]) -> Side | str:
 
 
 def seconds(rounds: int, sides: Sequence[Side], n_frames: int) -> dict[str, float]:
-    """What n_frames take each side [s]: medians, interleaved, each round from the start."""
+    """What n_frames take each side [s]: medians, interleaved, each time from the start."""
 
     def timed(side: Side) -> float:
-        go_on = side.begin()
-        start = time.perf_counter()
-        go_on(n_frames)
-        return time.perf_counter() - start
+        spent, times = 0.0, 0
+        while spent < _LEAST:  # a glance of a few milliseconds would show what else is running
+            go_on = side.begin()
+            start = time.perf_counter()
+            go_on(n_frames)
+            spent, times = spent + time.perf_counter() - start, times + 1
+        return spent / times
 
     return interleaved(rounds, {side.name: (lambda side=side: timed(side)) for side in sides})
 
