@@ -16,7 +16,7 @@ from benches.planned import planned
 from ergon import _core
 
 RATE = 44100.0
-ROUNDS = 7
+ROUNDS = 5
 COUNT = 10_000
 _M, _F, _T60 = 1e-3, (20.0, 10_000.0), (0.5, 8.0)
 _FRAMES = 11_025

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-import resource
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benches.measure import Row
 from benches.native import Loops
@@ -19,7 +18,7 @@ from benches.planned import planned
 from ergon import _core
 
 RATE = 44100.0
-TABLE = Path(__file__).parent / "growth.csv"
+COLUMNS = "what,number,s_per_s,set_up_s,peak_mb\n"
 _RINGS = (3, 9, 28, 91, 288)  # of a hex gong: 1e2 to 1e6 modules
 _ERGONS = (100, 1_000, 10_000, 100_000, 1_000_000)
 _CELLS = 1_000
@@ -29,14 +28,9 @@ _WORK = 2e9
 
 
 def growth(_: Loops | None) -> list[Row]:
-    """Two rows, and a table with all sizes."""
+    """Two rows; each holds its sizes as lines of a table."""
     measured = {"modules": [_apart("modules", rings) for rings in _RINGS]}
     measured["ergons"] = [_apart("ergons", number) for number in _ERGONS]
-    with TABLE.open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(["what", "number", "s_per_s", "set_up_s", "peak_mb"])
-        for what, found in measured.items():
-            table.writerows([what, *(f"{value:.6g}" for value in one)] for one in found)
     scenes = {
         "modules": "a gong with hardening, by its modules",
         "ergons": f"{_CELLS:,} cells, by ergons in a second",
@@ -44,7 +38,7 @@ def growth(_: Loops | None) -> list[Row]:
     return [_row(what, scenes[what], np.array(found)) for what, found in measured.items()]
 
 
-def _row(what: str, scene: str, found: np.ndarray) -> Row:
+def _row(what: str, scene: str, found: NDArray[np.float64]) -> Row:
     number, cost, set_up, memory = found.T
     slope = float(np.polyfit(np.log(number), np.log(cost), 1)[0])
     last = math.log(cost[-1] / cost[-2]) / math.log(number[-1] / number[-2])
@@ -54,8 +48,9 @@ def _row(what: str, scene: str, found: np.ndarray) -> Row:
         f"{cost[-1]:.3g} s a second of sound, set up in {set_up[-1]:.2g} s, "
         f"{memory[-1]:.0f} MB ({each:.0f} bytes each)"
     )
-    values = {"slope": slope, "slope_last": last, "bytes_each": each}
-    values |= {f"s_per_s at {n:.0f}": c for n, c in zip(number, cost, strict=True)}
+    lines = [",".join([what, *(f"{value:.6g}" for value in one)]) for one in found]
+    values: dict[str, float | int | str] = {"slope": slope, "slope_last": last}
+    values |= {"bytes_each": each, "table": "\n".join(lines)}
     return Row(f"growth: {scene}", said, "in proportion: 1", slope, "exponent", values)
 
 
@@ -99,9 +94,15 @@ def _one(what: str, size: int) -> list[float]:
         start = time.perf_counter()
         simulation.process(block)
         taken.append(time.perf_counter() - start)
-    scale = 2**20 if sys.platform == "darwin" else 2**10  # ru_maxrss: bytes there, KB elsewhere
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / scale
-    return [number, sorted(taken)[_ROUNDS // 2] * RATE / n_frames, set_up, peak]
+    return [number, sorted(taken)[_ROUNDS // 2] * RATE / n_frames, set_up, _peak()]
+
+
+def _peak() -> float:
+    """Peak memory of this process [MB]; not getrusage's, which counts the process it came from."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.is_file() else []
+    found = [float(line.split()[1]) / 2**10 for line in lines if line.startswith("VmHWM")]
+    return found[0] if found else math.nan
 
 
 if __name__ == "__main__":

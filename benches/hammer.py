@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +25,7 @@ _HAMMER = Hammer(m=8e-3, k=4e4, x=-1e-4, v=3.0)
 _STRUCK, TAPS = 7, (20, 44)
 _FRAMES = 22_050
 _TIMES = (1, 2, 4, 8, 16, 32, 64)
-BUDGET = {"error_db": -80.0}
+BUDGET: Mapping[str, Any] = {"error_db": -80.0}
 
 
 def hammer(_: Loops | None) -> list[Row]:

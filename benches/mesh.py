@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +30,7 @@ _STRUCK, TAPS = (9, 13), ((5, 20), (22, 8))
 _FRAMES = 22_050  # a multiple of three
 _SAME = 1e-8
 _PROBED = 300
-BUDGET = {"error_db": -60.0}
+BUDGET: Mapping[str, Any] = {"error_db": -60.0}
 
 
 def mesh(loops: Loops | None) -> list[Row]:

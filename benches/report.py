@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from benches.growth import COLUMNS
 from benches.measure import Row
 from benches.native import FLAGS, compiler
 from benches.planned import can_plan
@@ -19,16 +20,18 @@ from benches.planned import can_plan
 _ROOT = Path(__file__).parent.parent
 PAGE = _ROOT / "docs" / "benchmarks.md"
 DATA = _ROOT / "benches" / "results.json"
+TABLE = _ROOT / "benches" / "growth.csv"
 _HEAD = """\
 # Benchmarks
 
 Made by `python -m benches`; do not edit. `python -m benches bank string` measures some and writes
 nothing. Every figure is a ratio to a reference that ran in the same rounds on the same work:
-interleaved, medians. Only the ratios travel to other machines. {engine}
+interleaved, medians. Only the ratios travel to other machines.{engine}
 
 * Machine: {cpu}, {cores} cores, {system}; Python {python}{load}.
-* C: {compiler}; flags `{flags}`. AVX-512 by hand: 64 lanes, 256 samples at a time.
-* Peers, where they are here: {peers}; one that is not has a row that says so. Faust's C++ is
+* C: {compiler}; flags `{flags}`.
+  AVX-512 by hand: 64 lanes, 256 samples at a time.
+* Peers: {peers}. One that is not here has a row that says so. Faust's C++ is
   compiled with `-O3 -march=native` and runs in our own process. SuperCollider and Csound count the
   difference between two durations, so that starting and loading do not; their resonators have the
   same frequencies and decays, all summed, but begin with an impulse instead of a position, and
@@ -47,7 +50,7 @@ interleaved, medians. Only the ratios travel to other machines. {engine}
 """
 
 
-_PLAIN = "**This core has no planner yet: the engine runs its plain scheme everywhere.**"
+_PLAIN = "\n\n**This core has no planner yet: the engine runs its plain scheme everywhere.**"
 # How each says its version; the first words that hold a digit.
 _PEERS = {
     "Faust": ["faust", "--version"],
@@ -108,5 +111,7 @@ def write(rows: Sequence[Row], made_on: dict[str, str | int | float]) -> None:
         page += f"| {row.scene} | {row.ours} | {row.reference} | {ratio} | {row.sense} |\n"
     PAGE.parent.mkdir(exist_ok=True)
     PAGE.write_text(page)
+    tables = [str(row.values["table"]) + "\n" for row in rows if "table" in row.values]
+    TABLE.write_text(COLUMNS + "".join(tables))
     data = {"v": 1, "machine": made_on, "rows": [asdict(row) for row in rows]}
     DATA.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n")

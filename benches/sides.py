@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +73,7 @@ def seconds(rounds: int, sides: Sequence[Side], n_frames: int) -> dict[str, floa
             spent, times = spent + time.perf_counter() - start, times + 1
         return spent / times
 
-    return interleaved(rounds, {side.name: (lambda side=side: timed(side)) for side in sides})
+    return interleaved(rounds, {side.name: partial(timed, side) for side in sides})
 
 
 def error(heard: Floats, truth: Floats) -> float:

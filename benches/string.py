@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +27,7 @@ _FRAMES = 44_100  # a multiple of three, as the stencil wants it
 # Rounding of x and x⁻ instead of x and its step, over the frames compared.
 _SAME = 1e-8
 _PROBED = 198
-BUDGET = {"error_db": -80.0}
+BUDGET: Mapping[str, Any] = {"error_db": -80.0}
 
 
 def string(loops: Loops | None) -> list[Row]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -30,6 +31,7 @@ class Program:
         folder = _KEPT / f"{name}-{hashlib.sha256(told.encode()).hexdigest()[:16]}"
         library = folder / "program.so"
         if not library.is_file():
+            print(f"compiling {name}.dsp: once, a minute or two", file=sys.stderr, flush=True)
             folder.mkdir(parents=True, exist_ok=True)
             (folder / "numbers.lib").write_text(written)
             code, fresh = folder / "program.cpp", folder / "fresh.so"
