@@ -1,22 +1,29 @@
-"""`python -m benches [SCENE…]`: measure all scenes, or some, and write docs/benchmarks.md."""
+"""`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 
-from benches import hands, networks, reading, report
+from benches import hands, reading, report
+from benches.bank import bank
+from benches.gong import gong
+from benches.growth import growth
+from benches.hammer import hammer
 from benches.measure import Row
+from benches.mesh import mesh
 from benches.native import Loops, compiler
+from benches.quetzalcoatl import quetzalcoatl
+from benches.string import string
 
 
 def main(wanted: list[str]) -> int:
     """Run scenes; only a run of all of them is written down."""
     loops = Loops() if compiler() is not None else None
+    networks = (bank, string, mesh, hammer, gong, quetzalcoatl, growth)
     scenes: dict[str, Callable[[], list[Row]]] = {
-        "bank": lambda: networks.bank(loops),
-        "gong": lambda: networks.gong(loops),
-        "string": lambda: networks.string(loops),
+        **{scene.__name__: partial(scene, loops) for scene in networks},
         "gesture": hands.gesture,
         "check": reading.check,
         "start": reading.start,

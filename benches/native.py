@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-_SOURCE = Path(__file__).parent / "c" / "networks.c"
+_SOURCES = sorted((Path(__file__).parent / "c").glob("*.c"))
 # -march=native: the reference may use all that the machine has; no contraction: the same sums.
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
 
@@ -22,17 +22,21 @@ def compiler() -> str | None:
 
 
 class Loops:
-    """The loops of `networks.c`, called with numpy arrays."""
+    """The loops of `c/`, called with numpy arrays."""
 
     def __init__(self) -> None:
         """Compile; raises where the compiler fails."""
         cc = compiler()
         assert cc is not None
         with tempfile.TemporaryDirectory() as folder:
-            library = Path(folder) / "networks.so"
-            command = [cc, *FLAGS, "-shared", "-fPIC", str(_SOURCE), "-o", str(library)]
+            library = Path(folder) / "loops.so"
+            command = [cc, *FLAGS, "-shared", "-fPIC", *map(str, _SOURCES), "-o", str(library)]
             subprocess.run(command, check=True)
             self._library = ctypes.CDLL(str(library))
+
+    def has(self, name: str) -> bool:
+        """Whether this processor has what the loop is written for."""
+        return hasattr(self._library, name)
 
     def call(self, name: str, *arguments: Any) -> None:
         """Call a loop: arrays by their address, ints as int64, floats as double."""

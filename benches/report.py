@@ -5,34 +5,58 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
+import shutil
 import subprocess
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from benches.growth import COLUMNS
 from benches.measure import Row
 from benches.native import FLAGS, compiler
+from benches.planned import can_plan
 
 _ROOT = Path(__file__).parent.parent
 PAGE = _ROOT / "docs" / "benchmarks.md"
 DATA = _ROOT / "benches" / "results.json"
+TABLE = _ROOT / "benches" / "growth.csv"
 _HEAD = """\
 # Benchmarks
 
-Made by `python -m benches`; do not edit. Every figure is a ratio to a reference that ran in the
-same rounds on the same work: interleaved, medians. Only the ratios travel to other machines.
+Made by `python -m benches`; do not edit. `python -m benches bank string` measures some and writes
+nothing. Every figure is a ratio to a reference that ran in the same rounds on the same work:
+interleaved, medians. Only the ratios travel to other machines.{engine}
 
 * Machine: {cpu}, {cores} cores, {system}; Python {python}{load}.
 * C: {compiler}; flags `{flags}`.
-* The engine and C begin in the same state and are checked to end in the same (relative 1e-8) before
-  they are timed. A module is a MAT or a LIA.
-* The engine runs in one thread, in f64, and its result does not depend on the machine.
+  AVX-512 by hand: 64 lanes, 256 samples at a time.
+* Peers: {peers}. One that is not here has a row that says so. Faust's C++ is
+  compiled with `-O3 -march=native` and runs in our own process. SuperCollider and Csound count the
+  difference between two durations, so that starting and loading do not; their resonators have the
+  same frequencies and decays, all summed, but begin with an impulse instead of a position, and
+  SuperCollider's are in f32.
+* All else is in f64, and in one thread where no other number stands. C and Faust begin in the state
+  of the engine's plain scheme and are checked to go on alike (relative 1e-8) before they are timed.
+  A module is a MAT or a LIA; an ergon counts as two where it is said.
+* dB: root mean square of the difference from the exact motion over that of the motion, all outputs
+  together. Exact are the modes, in closed form, and through a contact DOP853 to 1e-12.
+* Growth in all sizes: `benches/growth.csv`.
 * Targets in brackets are wall time on an idle machine; beside it stands processor time, which does
   not count what else the machine did.
 
 | scene | ergon | reference | ratio | meaning |
 |---|---|---|---|---|
 """
+
+
+_PLAIN = "\n\n**This core has no planner yet: the engine runs its plain scheme everywhere.**"
+# How each says its version; the first words that hold a digit.
+_PEERS = {
+    "Faust": ["faust", "--version"],
+    "SuperCollider": ["scsynth", "-v"],
+    "Csound": ["csound", "--version"],
+}
 
 
 def machine() -> dict[str, str | int | float]:
@@ -44,6 +68,8 @@ def machine() -> dict[str, str | int | float]:
         "python": platform.python_version(),
         "compiler": _version(),
         "flags": " ".join(FLAGS),
+        "peers": _peers(),
+        "engine": "" if can_plan() else _PLAIN,
         "load_before": os.getloadavg()[0] if hasattr(os, "getloadavg") else -1.0,
     }
 
@@ -53,6 +79,18 @@ def _cpu() -> str:
     lines = info.read_text().splitlines() if info.is_file() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or "unknown processor"
+
+
+def _peers() -> str:
+    """Peers with their versions."""
+    here = []
+    for name, line in _PEERS.items():
+        if shutil.which(line[0]) is None:
+            continue
+        done = subprocess.run(line, capture_output=True, text=True)
+        version = re.search(r"\d+(\.\d+)+", done.stdout + done.stderr)
+        here.append(f"{name} {version.group() if version else '?'}")
+    return ", ".join(here) or "none"
 
 
 def _version() -> str:
@@ -73,5 +111,7 @@ def write(rows: Sequence[Row], made_on: dict[str, str | int | float]) -> None:
         page += f"| {row.scene} | {row.ours} | {row.reference} | {ratio} | {row.sense} |\n"
     PAGE.parent.mkdir(exist_ok=True)
     PAGE.write_text(page)
+    tables = [str(row.values["table"]) + "\n" for row in rows if "table" in row.values]
+    TABLE.write_text(COLUMNS + "".join(tables))
     data = {"v": 1, "machine": made_on, "rows": [asdict(row) for row in rows]}
     DATA.write_text(json.dumps(data, indent=1, ensure_ascii=False) + "\n")

@@ -1,0 +1,109 @@
+"""How cost and memory grow with modules and with ergons; each size in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benches.measure import Row
+from benches.native import Loops
+from benches.planned import planned
+from ergon import _core
+
+RATE = 44100.0
+COLUMNS = "what,number,s_per_s,set_up_s,peak_mb\n"
+_RINGS = (3, 9, 28, 91, 288)  # of a hex gong: 1e2 to 1e6 modules
+_ERGONS = (100, 1_000, 10_000, 100_000, 1_000_000)
+_CELLS = 1_000
+_ROUNDS = 3
+# Steps of modules that a round takes: long enough to be timed, short enough for a million modules.
+_WORK = 2e9
+
+
+def growth(_: Loops | None) -> list[Row]:
+    """Two rows; each holds its sizes as lines of a table."""
+    measured = {"modules": [_apart("modules", rings) for rings in _RINGS]}
+    measured["ergons"] = [_apart("ergons", number) for number in _ERGONS]
+    scenes = {
+        "modules": "a gong with hardening, by its modules",
+        "ergons": f"{_CELLS:,} cells, by ergons in a second",
+    }
+    return [_row(what, scenes[what], np.array(found)) for what, found in measured.items()]
+
+
+def _row(what: str, scene: str, found: NDArray[np.float64]) -> Row:
+    number, cost, set_up, memory = found.T
+    slope = float(np.polyfit(np.log(number), np.log(cost), 1)[0])
+    last = math.log(cost[-1] / cost[-2]) / math.log(number[-1] / number[-2])
+    each = 1e6 * (memory[-1] - memory[0]) / (number[-1] - number[0])
+    said = (
+        f"cost ∝ number^{slope:.2f} (last decade {last:.2f}); at {number[-1]:,.0f}: "
+        f"{cost[-1]:.3g} s a second of sound, set up in {set_up[-1]:.2g} s, "
+        f"{memory[-1]:.0f} MB ({each:.0f} bytes each)"
+    )
+    lines = [",".join([what, *(f"{value:.6g}" for value in one)]) for one in found]
+    values: dict[str, float | int | str] = {"slope": slope, "slope_last": last}
+    values |= {"bytes_each": each, "table": "\n".join(lines)}
+    return Row(f"growth: {scene}", said, "in proportion: 1", slope, "exponent", values)
+
+
+def _apart(what: str, size: int) -> list[float]:
+    """number, cost [s/s], set-up [s], peak memory [MB], measured where nothing else was made."""
+    line = [sys.executable, "-m", "benches.growth", what, str(size)]
+    root = Path(__file__).parent.parent
+    done = subprocess.run(line, check=True, capture_output=True, cwd=root)
+    found: list[float] = json.loads(done.stdout)
+    return found
+
+
+def _one(what: str, size: int) -> list[float]:
+    start = time.perf_counter()
+    network = _core.Network()
+    network.part("body")
+    if what == "modules":
+        # The larger, the lower, and the longer it sounds: at every size links of the same kind.
+        f, t60 = 3_800.0 / size, 4e-3 * size**2
+        first = network.plate("", shape="hex", radius=size, M=0.3, f=f, t60=t60, hardening=4e8)
+        for i in range(network.count(first)):  # nothing lies still, and nothing is nearly zero
+            network.start(first + i, 1e-5 * math.sin(0.37 * i), 0.0)
+    else:
+        first = network.bank("", count=_CELLS, M=1e-3, f=(20.0, 10_000.0), t60=(0.5, 8.0))
+    network.listen("out", positions=[(network.centre(first), 1, 1.0)])
+    number = network.n_mat + network.n_lia
+    n_frames = max(64, min(int(RATE), int(_WORK / number)))
+    timeline = _core.Timeline(network, RATE)
+    if what == "ergons":
+        n_frames = int(RATE)
+        number = timeline.rain(
+            range(_CELLS), start=0.0, stop=1.0, rate=size / _CELLS, impulse=(1e-6, 4e-6),
+            seed=5, name="rain",
+        )  # fmt: skip
+    simulation = planned(network, timeline)
+    set_up = time.perf_counter() - start
+    begun, taken = simulation.snapshot(), []
+    block = np.empty((n_frames, 1))
+    for _ in range(_ROUNDS):
+        simulation.restore(begun)
+        start = time.perf_counter()
+        simulation.process(block)
+        taken.append(time.perf_counter() - start)
+    return [number, sorted(taken)[_ROUNDS // 2] * RATE / n_frames, set_up, _peak()]
+
+
+def _peak() -> float:
+    """Peak memory of this process [MB]; not getrusage's, which counts the process it came from."""
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.is_file() else []
+    found = [float(line.split()[1]) / 2**10 for line in lines if line.startswith("VmHWM")]
+    return found[0] if found else math.nan
+
+
+if __name__ == "__main__":
+    print(json.dumps(_one(sys.argv[1], int(sys.argv[2]))))

@@ -1,0 +1,36 @@
+"""Other programs on the same work; each may be missing, and then a row says so."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable
+
+
+class Missing(Exception):
+    """A peer that is not here, or does not do what it is asked; the text says which and why."""
+
+
+def found(program: str, package: str) -> str:
+    """Path of a program; raises Missing, with the Debian package that has it."""
+    path = shutil.which(program)
+    if path is None:
+        raise Missing(f"`{program}` is not here (Debian: {package})")
+    return path
+
+
+def command(line: list[str], limit: float = 600.0) -> str:
+    """Run a command to its end and give what it said; raises Missing where it fails."""
+    try:
+        done = subprocess.run(line, capture_output=True, text=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        raise Missing(f"`{line[0]}` took longer than {limit:g} s") from None
+    said = done.stdout + done.stderr
+    if done.returncode != 0:
+        raise Missing(f"`{line[0]}` failed: {' '.join(said.split())[-200:]}")
+    return said
+
+
+def by_difference(run: Callable[[float], float], short: float, long: float) -> Callable[[], float]:
+    """What `long - short` seconds of sound take, so that starting and loading do not count."""
+    return lambda: run(long) - run(short)

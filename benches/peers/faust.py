@@ -1,0 +1,67 @@
+"""Faust programs as C libraries: compiled once, kept in out/, run in our own process."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benches.peers import Missing, command, found
+
+_HERE = Path(__file__).parent
+_KEPT = _HERE.parent.parent / "out" / "benches"
+FLAGS = ["-O3", "-march=native"]
+
+
+class Program:
+    """`NAME.dsp` with the numbers it imports as `numbers.lib`, in double precision."""
+
+    def __init__(self, name: str, numbers: Mapping[str, float | int]) -> None:
+        """Compile, unless the same was compiled before (minutes); raises Missing."""
+        faust, cxx = found("faust", "faust"), found("g++", "g++")
+        written = "".join(f"{key} = {value!r};\n" for key, value in numbers.items())
+        sources = [_HERE / "faust.cpp", _HERE / f"{name}.dsp"]
+        versions = command([faust, "--version"]) + command([cxx, "--version"])
+        told = "".join([versions, written, *FLAGS, *(path.read_text() for path in sources)])
+        folder = _KEPT / f"{name}-{hashlib.sha256(told.encode()).hexdigest()[:16]}"
+        library = folder / "program.so"
+        if not library.is_file():
+            print(f"compiling {name}.dsp: once, a minute or two", file=sys.stderr, flush=True)
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "numbers.lib").write_text(written)
+            code, fresh = folder / "program.cpp", folder / "fresh.so"
+            places = ["-I", str(folder), "-a", str(sources[0]), "-o", str(code)]
+            command([faust, "-double", "-lang", "cpp", *places, str(sources[1])])
+            width = ["-DFAUSTFLOAT=double", "-shared", "-fPIC"]
+            command([cxx, *FLAGS, *width, str(code), "-o", str(fresh)])
+            fresh.replace(library)
+        try:
+            self._library = ctypes.CDLL(str(library))
+        except OSError as error:
+            raise Missing(f"`faust` made what cannot be loaded: {error}") from None
+        self._library.begin.restype = ctypes.c_void_p
+
+    def begin(self, rate: float) -> Callable[[int], NDArray[np.float64]]:
+        """From the start again: a call that goes on n_frames and gives (n_frames, n_outputs)."""
+        library = self._library
+        made = ctypes.c_void_p(library.begin(ctypes.c_int64(int(rate))))
+
+        class Held:  # frees what was made when nobody can go on with it
+            def __del__(self) -> None:
+                library.end(made)
+
+        held = Held()
+        n_outputs = int(library.outputs(made))
+
+        def go_on(n_frames: int) -> NDArray[np.float64]:
+            assert held is not None
+            out = np.empty((n_outputs, n_frames))
+            library.go_on(made, ctypes.c_int64(n_frames), ctypes.c_void_p(out.ctypes.data))
+            return out.T
+
+        return go_on
