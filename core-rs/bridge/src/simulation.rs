@@ -23,7 +23,8 @@ pub(crate) struct Simulation(simulation::Simulation);
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (network, timeline, *, plan=None, ledger=false, record=false, on_fault="stop"))]
+    #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (network, timeline, *, plan=None, ledger=false, record=false, on_fault="stop", threads=1))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -32,6 +33,7 @@ impl Simulation {
         ledger: bool,
         record: bool,
         on_fault: &str,
+        threads: usize,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let on_fault = word("on_fault", on_fault, &words::ON_FAULT)?;
@@ -39,6 +41,7 @@ impl Simulation {
             ledger,
             record,
             on_fault,
+            threads,
         };
         if let Some(plan) = plan {
             if ledger || record {

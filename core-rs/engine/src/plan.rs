@@ -18,6 +18,7 @@ mod truncate;
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use row::{Reason, Row, What};
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
@@ -67,6 +68,19 @@ pub(crate) struct BankPlan {
 pub(crate) enum Unit {
     Isle(Box<Isle>),
     Bank(BankPlan),
+}
+
+impl Unit {
+    /// Nanoseconds a frame, by the table of costs.
+    fn cost(&self) -> f64 {
+        match self {
+            Self::Isle(isle) => {
+                let bodies = isle.bodies.iter().map(row::body_cost);
+                row::stepped_cost(&isle.network, &isle.timeline) + bodies.sum::<f64>()
+            }
+            Self::Bank(bank) => row::bank_cost(bank),
+        }
+    }
 }
 
 /// What is computed, how, and why the rest is not.
@@ -132,6 +146,24 @@ impl Plan {
             }
         }
         Ok(plan)
+    }
+
+    /// The units in at most `most` groups of about the same cost, one after the other.
+    pub(crate) fn groups(&self, most: usize) -> Vec<Range<usize>> {
+        let costs: Vec<f64> = self.units.iter().map(Unit::cost).collect();
+        let fair = costs.iter().sum::<f64>() / most as f64;
+        let (mut groups, mut first, mut sum) = (Vec::new(), 0, 0.0);
+        for (at, cost) in costs.iter().enumerate() {
+            sum += cost;
+            if sum >= fair && groups.len() + 1 < most {
+                groups.push(first..at + 1);
+                (first, sum) = (at + 1, 0.0);
+            }
+        }
+        if first < costs.len() {
+            groups.push(first..costs.len());
+        }
+        groups
     }
 
     fn empty(network: Arc<Network>, timeline: &Timeline) -> Self {

@@ -3,7 +3,7 @@
 //! While it steps in one thread it does not allocate (but for a recorded stream of ergons), lock, fail or
 //! panic. The bytes depend on neither the number of threads nor the size of blocks.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use crate::bank::Bank;
 use crate::gesture::script::Report;
@@ -11,20 +11,35 @@ use crate::island::{Island, Taken};
 use crate::network::{Error, Network};
 use crate::plan::{Isle, Plan, Unit, whole};
 use crate::timeline::Timeline;
+use crate::units::Rate;
 
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
 
-/// Frames that an island goes on alone before its sound is added: its state stays in the cache.
+/// Frames that a unit goes on alone before its sound is added: its state stays in the cache.
 const STRETCH: usize = 256;
+/// The same where threads share the work: long enough that starting them costs nothing.
+const LONG: usize = 4_096;
+/// Units are added up in so many groups at most, whatever the threads that compute them.
+const GROUPS: usize = 16;
 
 /// A network that plays.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     plan: Arc<Plan>,
-    /// In the order of the plan's units.
-    units: Vec<Playing>,
+    groups: Vec<Group>,
+    threads: usize,
     frame: u64,
-    /// One island's sound   (STRETCH · its n_out)
+}
+
+/// Units whose sound is added up together, in the order of the plan.
+#[derive(Clone, Debug)]
+struct Group {
+    /// Index of the first in the plan.
+    first: usize,
+    units: Vec<Playing>,
+    /// (STRETCH or LONG · n_out)
+    sum: Vec<f64>,
+    /// One island's   (STRETCH · its n_out)
     sound: Vec<f64>,
 }
 
@@ -51,41 +66,41 @@ impl Simulation {
 
     /// What a plan computes, at frame 0.
     pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
-        let mut most = 0;
-        let mut units = Vec::with_capacity(plan.units.len());
-        for unit in &plan.units {
-            units.push(match unit {
-                Unit::Isle(isle) => {
-                    let island =
-                        Island::new(isle.network.clone(), &isle.timeline, &isle.bodies, options)?;
-                    most = most.max(island.n_out());
-                    Playing::Island(Box::new(island))
-                }
-                Unit::Bank(bank) => Playing::Bank(Bank::new(
-                    &bank.oscillators,
-                    bank.strikes.clone(),
-                    plan.timeline_rate,
-                    STRETCH,
-                )),
-            });
+        let n_out = plan.network.outputs().len();
+        let stretch = if options.threads > 1 { LONG } else { STRETCH };
+        let mut groups = Vec::new();
+        for range in plan.groups(GROUPS) {
+            let mut group = Group {
+                first: range.start,
+                units: Vec::with_capacity(range.len()),
+                sum: vec![0.0; n_out * stretch],
+                sound: Vec::new(),
+            };
+            for unit in &plan.units[range] {
+                group.add(unit, plan.timeline_rate, options)?;
+            }
+            groups.push(group);
         }
         Ok(Self {
             plan,
-            units,
+            groups,
+            threads: options.threads.max(1),
             frame: 0,
-            sound: vec![0.0; most * STRETCH],
         })
+    }
+
+    /// All units with what the plan says of them.
+    fn units(&self) -> impl Iterator<Item = (&Playing, &Unit)> {
+        let units = self.groups.iter().flat_map(|group| &group.units);
+        units.zip(&self.plan.units)
     }
 
     /// The islands that are stepped, each with what it is in the whole.
     fn islands(&self) -> impl Iterator<Item = (&Island, &Isle)> {
-        self.units
-            .iter()
-            .zip(&self.plan.units)
-            .filter_map(|pair| match pair {
-                (Playing::Island(island), Unit::Isle(isle)) => Some((&**island, &**isle)),
-                _ => None,
-            })
+        self.units().filter_map(|pair| match pair {
+            (Playing::Island(island), Unit::Isle(isle)) => Some((&**island, &**isle)),
+            _ => None,
+        })
     }
 
     /// Number of outputs.
@@ -108,46 +123,42 @@ impl Simulation {
     /// Fails with the first part that goes non-finite, unless faults are muted.
     pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
-        flushed(|| {
-            out.chunks_mut(STRETCH * n_out)
-                .try_for_each(|out| self.stretch(out, out.len() / n_out))
-        })
+        out.chunks_mut(self.longest() * n_out)
+            .try_for_each(|out| self.stretch(out, out.len() / n_out))
     }
 
     /// Go on `n_frames` frames without listening.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
-        flushed(|| {
-            let mut left = n_frames;
-            while left > 0 {
-                let n = left.min(STRETCH as u64);
-                self.stretch(&mut [], n as usize)?;
-                left -= n;
-            }
-            Ok(())
-        })
+        let mut left = n_frames;
+        while left > 0 {
+            let n = left.min(self.longest() as u64);
+            self.stretch(&mut [], n as usize)?;
+            left -= n;
+        }
+        Ok(())
     }
 
-    /// A stretch of every island. Of several that fault in it, the first in time is told.
+    fn longest(&self) -> usize {
+        if self.threads > 1 { LONG } else { STRETCH }
+    }
+
+    /// A stretch of every group. Of several units that fault in it, the first in time is told.
     fn stretch(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
-        let n_out = self.plan.network.outputs().len();
+        let plan = &*self.plan;
+        let n_out = plan.network.outputs().len();
+        let run = |group: &mut Group| flushed(|| group.run(plan, n_out, n_frames));
+        let faults: Vec<Fault> = if self.threads == 1 {
+            self.groups.iter_mut().filter_map(run).collect()
+        } else {
+            shared(&mut self.groups, self.threads, &run)
+        };
+        let fault = faults.into_iter().min_by_key(|fault| fault.frame);
         for frame in out.chunks_exact_mut(n_out.max(1)) {
-            frame.copy_from_slice(&self.plan.still);
+            frame.copy_from_slice(&plan.still);
         }
-        let mut fault: Option<Fault> = None;
-        let plan = self.plan.clone();
-        for (playing, unit) in self.units.iter_mut().zip(&plan.units) {
-            match (playing, unit) {
-                (Playing::Bank(bank), _) => bank.process(out, n_out, n_frames),
-                (Playing::Island(island), Unit::Isle(isle)) => {
-                    let own = island.n_out();
-                    let sound = &mut self.sound[..own * n_frames];
-                    if let Err(new) = island.process(sound, n_frames) {
-                        let is_first = fault.as_ref().is_none_or(|old| new.frame < old.frame);
-                        fault = if is_first { Some(new) } else { fault };
-                    }
-                    add(sound, own, isle, out, n_out);
-                }
-                (Playing::Island(_), Unit::Bank(_)) => {}
+        for group in &self.groups {
+            for (out, sound) in out.iter_mut().zip(&group.sum) {
+                *out += sound;
             }
         }
         self.frame = match &fault {
@@ -169,7 +180,7 @@ impl Simulation {
 
     fn motion(&self, own: fn(f64, f64) -> f64, of: fn(&Island) -> &[f64]) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.network.n_mat()];
-        for (playing, unit) in self.units.iter().zip(&self.plan.units) {
+        for (playing, unit) in self.units() {
             match (playing, unit) {
                 (Playing::Island(island), Unit::Isle(isle)) => {
                     for (local, &value) in of(island).iter().enumerate() {
@@ -220,7 +231,8 @@ impl Simulation {
     /// Ergons since the last call, as they struck.
     pub fn take_ergons(&mut self) -> Vec<Record> {
         let mut all = Vec::new();
-        for (playing, unit) in self.units.iter_mut().zip(&self.plan.units) {
+        let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
+        for (playing, unit) in units.zip(&self.plan.units) {
             let (Playing::Island(island), Unit::Isle(isle)) = (playing, unit) else {
                 continue;
             };
@@ -239,11 +251,8 @@ impl Simulation {
 
     /// The ledger, if it is kept: not by a plan that computes anything as oscillators.
     pub fn energy(&self) -> Option<Energy> {
-        if self
-            .units
-            .iter()
-            .any(|unit| matches!(unit, Playing::Bank(_)))
-        {
+        let is_bank = |(unit, _): (&Playing, &Unit)| matches!(unit, Playing::Bank(_));
+        if self.units().any(is_bank) {
             return None;
         }
         let mut own = self.islands().map(|(island, _)| island.energy());
@@ -266,7 +275,7 @@ impl Simulation {
     /// Go back to a moment of this simulation.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         *self = (*snapshot.0).clone();
-        for playing in &mut self.units {
+        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let Playing::Island(island) = playing {
                 island.reserve();
             }
@@ -274,9 +283,88 @@ impl Simulation {
     }
 }
 
+impl Group {
+    fn add(&mut self, unit: &Unit, rate: Rate, options: Options) -> Result<(), Error> {
+        self.units.push(match unit {
+            Unit::Isle(isle) => {
+                let Isle {
+                    network,
+                    timeline,
+                    bodies,
+                    ..
+                } = &**isle;
+                let island = Island::new(network.clone(), timeline, bodies, options)?;
+                let room = island.n_out() * STRETCH;
+                self.sound.resize(self.sound.len().max(room), 0.0);
+                Playing::Island(Box::new(island))
+            }
+            Unit::Bank(bank) => {
+                let strikes = bank.strikes.clone();
+                Playing::Bank(Bank::new(&bank.oscillators, strikes, rate, STRETCH))
+            }
+        });
+        Ok(())
+    }
+
+    /// Every unit through `n_frames` frames, their sound into `sum`.
+    fn run(&mut self, plan: &Plan, n_out: usize, n_frames: usize) -> Option<Fault> {
+        let sum = &mut self.sum[..n_out * n_frames];
+        sum.fill(0.0);
+        let mut fault: Option<Fault> = None;
+        for (playing, unit) in self.units.iter_mut().zip(&plan.units[self.first..]) {
+            for from in (0..n_frames).step_by(STRETCH) {
+                let n_frames = STRETCH.min(n_frames - from);
+                let out = &mut sum[n_out * from..n_out * (from + n_frames)];
+                match (&mut *playing, unit) {
+                    (Playing::Bank(bank), _) => bank.process(out, n_out, n_frames),
+                    (Playing::Island(island), Unit::Isle(isle)) => {
+                        let own = island.n_out();
+                        let sound = &mut self.sound[..own * n_frames];
+                        if let Err(new) = island.process(sound, n_frames) {
+                            let is_first = fault.as_ref().is_none_or(|old| new.frame < old.frame);
+                            fault = if is_first { Some(new) } else { fault };
+                            break;
+                        }
+                        add(sound, own, isle, out, n_out);
+                    }
+                    (Playing::Island(_), Unit::Bank(_)) => {}
+                }
+            }
+        }
+        fault
+    }
+}
+
+/// Run every group, each by the next thread that is free.
+fn shared(
+    groups: &mut [Group],
+    threads: usize,
+    run: &(impl Fn(&mut Group) -> Option<Fault> + Sync),
+) -> Vec<Fault> {
+    let waiting = Mutex::new(groups.iter_mut());
+    let faults = Mutex::new(Vec::new());
+    let work = || {
+        // A poisoned lock is a thread that panicked: the scope passes that on.
+        while let Some(group) = waiting.lock().ok().and_then(|mut groups| groups.next()) {
+            if let Some(fault) = run(group)
+                && let Ok(mut faults) = faults.lock()
+            {
+                faults.push(fault);
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(work);
+        }
+        work();
+    });
+    faults.into_inner().unwrap_or_default()
+}
+
 /// Add an island's sound (n_frames · own) to the outputs that it is heard at (n_frames · n_out).
 fn add(sound: &[f64], own: usize, isle: &Isle, out: &mut [f64], n_out: usize) {
-    if out.is_empty() || own == 0 {
+    if n_out == 0 || own == 0 {
         return;
     }
     for (frame, heard) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(own)) {

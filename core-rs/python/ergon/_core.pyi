@@ -405,6 +405,7 @@ class Simulation:
         ledger: bool = False,
         record: bool = False,
         on_fault: Literal["stop", "mute"] = "stop",
+        threads: int = 1,
     ) -> Self: ...
     rate: float
     frame: int

@@ -24,6 +24,8 @@ pub struct Options {
     pub record: bool,
     /// What to do with a part that goes non-finite.
     pub on_fault: OnFault,
+    /// Threads that share the work; the bytes are the same for any number.
+    pub threads: usize,
 }
 
 impl Island {

@@ -5,7 +5,8 @@ use super::body::Body;
 use super::cost::Costs;
 use super::islands::Island;
 use super::ported::Found;
-use crate::network::{LinkKind, Network, Subset};
+use crate::island::modal::Modal;
+use crate::network::{Contact, LinkKind, Network, Subset};
 use crate::scheme::{Certificate, Word, moves};
 use crate::timeline::Timeline;
 
@@ -78,29 +79,12 @@ impl Row {
         timeline: &Timeline,
         certificate: Certificate,
     ) -> Self {
-        let mats = free(network);
-        let mut ns = Costs::of("frame") + mats as f64 * Costs::of("mat");
-        for run in network.runs() {
-            let each = match &run.kind {
-                LinkKind::Ref if run.len > 1 => Costs::of("link"),
-                LinkKind::Lnl(law) if law.hardens().is_none() => Costs::of("expression"),
-                LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
-                LinkKind::But(but) if but.contact == crate::network::Contact::Exact => {
-                    Costs::of("contact")
-                }
-                _ => Costs::of("single"),
-            };
-            ns += each * run.len as f64;
-        }
-        if !timeline.gestures.is_empty() {
-            ns += Costs::of("hand") * timeline.keys.len() as f64;
-        }
         Self {
             parts: parts(network),
-            mats,
+            mats: free(network),
             links: network.n_lia(),
             what: What::Stepped,
-            cost: seconds(ns, timeline),
+            cost: seconds(stepped_cost(network, timeline), timeline),
             word: Some(certificate.word),
             because: None,
         }
@@ -109,8 +93,6 @@ impl Row {
     /// A body inside an island: followed frame by frame.
     pub(super) fn ported(found: &Found, timeline: &Timeline) -> Self {
         let modes = found.modal.modes.len();
-        let rows = found.modal.ports.len() + found.modal.heard.len();
-        let each = Costs::of("mode") + rows as f64 * Costs::of("port");
         Self {
             parts: found.parts.clone(),
             mats: found.mats,
@@ -120,7 +102,7 @@ impl Row {
                 kept: modes,
                 left_out: None,
             },
-            cost: seconds(each * modes as f64, timeline),
+            cost: seconds(body_cost(&found.modal), timeline),
             word: Some(Word::Guarded),
             because: None,
         }
@@ -128,8 +110,6 @@ impl Row {
 
     pub(super) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
         let network = &subset.network;
-        let taps = subset.outputs.len().saturating_sub(1) as f64;
-        let each = Costs::of("oscillator") + taps * Costs::of("oscillator_tap");
         Self {
             parts: parts(network),
             mats: free(network),
@@ -139,7 +119,7 @@ impl Row {
                 kept: body.kept.modes.len(),
                 left_out: body.kept.left_out,
             },
-            cost: seconds(each * body.kept.modes.len() as f64, timeline),
+            cost: seconds(bank_cost(&body.bank), timeline),
             word: Some(Word::Proved),
             because: None,
         }
@@ -165,6 +145,39 @@ pub(super) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) 
             because: None,
         })
         .collect()
+}
+
+/// What is stepped costs a frame [ns].
+pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
+    let mut ns = Costs::of("frame") + free(network) as f64 * Costs::of("mat");
+    for run in network.runs() {
+        let each = match &run.kind {
+            LinkKind::Ref if run.len > 1 => Costs::of("link"),
+            LinkKind::Lnl(law) if law.hardens().is_none() => Costs::of("expression"),
+            LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
+            LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
+            _ => Costs::of("single"),
+        };
+        ns += each * run.len as f64;
+    }
+    if timeline.gestures.is_empty() {
+        return ns;
+    }
+    ns + Costs::of("hand") * timeline.keys.len() as f64
+}
+
+/// What a body inside an island costs a frame [ns].
+pub(super) fn body_cost(modal: &Modal) -> f64 {
+    let rows = modal.ports.len() + modal.heard.len();
+    modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
+}
+
+/// What a bank costs a frame [ns].
+pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
+    let all = bank.oscillators.iter();
+    let taps: usize = all.map(|own| own.heard.len().max(1) - 1).sum();
+    let each = bank.oscillators.len() as f64 * Costs::of("oscillator");
+    each + taps as f64 * Costs::of("oscillator_tap")
 }
 
 fn seconds(ns: f64, timeline: &Timeline) -> f64 {

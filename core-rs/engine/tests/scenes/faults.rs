@@ -18,6 +18,7 @@ const OPTIONS: Options = Options {
     ledger: true,
     record: true,
     on_fault: OnFault::Mute,
+    threads: 1,
 };
 
 /// A healthy bell, and a part `sick` whose mass `m` passes 10 km at 0.1 s.
