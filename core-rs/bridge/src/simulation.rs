@@ -22,7 +22,8 @@ pub(crate) struct Simulation(simulation::Simulation);
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (network, timeline, *, ledger=false, record=false, on_fault="stop"))]
+    #[pyo3(signature = (network, timeline, *, ledger=false, record=false, on_fault="stop",
+        unchecked=false))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -30,6 +31,7 @@ impl Simulation {
         ledger: bool,
         record: bool,
         on_fault: &str,
+        unchecked: bool,
     ) -> PyResult<Self> {
         if network.0.n_mat() != timeline.network().n_mat()
             || network.0.n_lia() != timeline.network().n_lia()
@@ -44,6 +46,7 @@ impl Simulation {
             ledger,
             record,
             on_fault,
+            unchecked,
         };
         // The network as it is now: outputs may have been added since the timeline was made.
         let network = std::sync::Arc::new(network.0.clone());

@@ -369,7 +369,9 @@ class Simulation:
         ledger: bool = False,
         record: bool = False,
         on_fault: Literal["stop", "mute"] = "stop",
-    ) -> Self: ...
+        unchecked: bool = False,
+    ) -> Self:
+        """`unchecked` runs even what the certificate refuses: to see where it really diverges."""
     rate: float
     frame: int
     n_out: int

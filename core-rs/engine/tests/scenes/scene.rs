@@ -31,6 +31,7 @@ pub(crate) fn options(on_fault: OnFault) -> Options {
         ledger: true,
         record: false,
         on_fault,
+        unchecked: false,
     }
 }
 
