@@ -4,6 +4,7 @@
 #   make check      format, lint, types; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields
+#   make charts     pictures of error against cost, and of stability (docs/charts)
 #   make test-long  the minutes-long tests, and random cases drawn anew
 
 PYTHON ?= python3
@@ -12,7 +13,7 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test check bench docs test-long clean
+.PHONY: demo test check bench docs charts test-long clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -40,6 +41,9 @@ bench: $(VENV)/dev
 docs: $(VENV)/dev
 	$(BIN)/python -m ergon.scores.staging.error_pages docs/errors
 	$(BIN)/python -m ergon.scores.reading.reference docs/reference.md
+
+charts: $(VENV)/dev
+	$(BIN)/python -m ergon.lab.bundled docs/charts
 
 # The package in an environment of its own; rebuilt when the Rust changes. Python and YAML are live.
 $(VENV)/built: pyproject.toml $(RUST)

@@ -16,6 +16,7 @@ from benches.growth import COLUMNS
 from benches.measure import Row
 from benches.native import FLAGS, compiler
 from benches.planned import can_plan
+from ergon.lab.machine import cpu
 
 _ROOT = Path(__file__).parent.parent
 PAGE = _ROOT / "docs" / "benchmarks.md"
@@ -62,7 +63,7 @@ _PEERS = {
 def machine() -> dict[str, str | int | float]:
     """What the figures depend on."""
     return {
-        "cpu": _cpu(),
+        "cpu": cpu(),
         "cores": os.cpu_count() or 1,
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
@@ -72,13 +73,6 @@ def machine() -> dict[str, str | int | float]:
         "engine": "" if can_plan() else _PLAIN,
         "load_before": os.getloadavg()[0] if hasattr(os, "getloadavg") else -1.0,
     }
-
-
-def _cpu() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.is_file() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or "unknown processor"
 
 
 def _peers() -> str:

@@ -19,6 +19,12 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "compile": ("compile", "compile_score", "Print the stream of ergons as CSV or JSON lines."),
     "render": ("render", "render", "Compute the sound of a score into a WAV file."),
     "plot": ("plot", "plot", "Draw a gesture, asked and done, in the terminal or as SVG."),
+    "chart": ("chart", "chart", "Draw error against cost of every way of computing a score."),
+    "stability": (
+        "stability",
+        "stability",
+        "Draw where a method fails, as predicted and as it is.",
+    ),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),

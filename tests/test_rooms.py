@@ -19,7 +19,8 @@ MAY = {
     "instruments": {TEXT, TABLES, "_core"},
     READING: {TEXT, TABLES, CLOCK, GESTURE, "instruments"},
     STAGING: {TEXT, TABLES, CLOCK, GESTURE, READING, "instruments", "_core"},
-    "cli": {"scores", "instruments", "exchange", "view", "_core"},
+    "lab": {"scores", "instruments", "exchange", "_core"},
+    "cli": {"scores", "instruments", "exchange", "lab", "view", "_core"},
 }
 
 

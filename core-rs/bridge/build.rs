@@ -5,7 +5,7 @@ use std::path::Path;
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     let package = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/ergon");
-    for part in ["cli", "exchange", "instruments", "scores", "view"] {
+    for part in ["cli", "exchange", "instruments", "lab", "scores", "view"] {
         assert!(
             package.join(part).is_dir(),
             "core-rs/python/ergon/{part} is not a link to {part}/. \

@@ -72,14 +72,22 @@ class Stage:
         return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
 
 
+@dataclass(slots=True)
+class Ready:
+    """All of a piece but what computes it. `collector` holds warnings and notes."""
+
+    network: _core.Network
+    timeline: _core.Timeline
+    listening: Listening
+    n_frames: int
+    hands: Hands
+    collector: Collector
+
+
 @lasting
-def stage(
-    piece: Piece, *, seed: int | None = None, ledger: bool = False, record: bool = False
-) -> Stage:
-    """Build all that plays a piece. Raises StageError with every mistake that the engine finds."""
+def prepare(piece: Piece) -> Ready:
+    """What is and what will happen in a piece. Raises StageError with every mistake found."""
     collector = Collector()
-    if seed is not None:
-        piece = replace(piece, seed=seed)
     assembly = Assembly(seed=piece.seed)
     try:
         couplings = _network(piece, assembly)
@@ -90,22 +98,40 @@ def stage(
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         n_frames = _frames(piece, end, collector)
-        if collector.has_errors():
-            raise StageError(collector.finish())
-        simulation = _core.Simulation(assembly.network, timeline, ledger=ledger, record=record)
     except _core.EngineError as error:
-        collector.error("E309", str(error.args[0]), _place(piece, error))
-        raise StageError(collector.finish()) from error
+        raise _refused(piece, collector, error) from error
+    if collector.has_errors():
+        raise StageError(collector.finish())
+    return Ready(assembly.network, timeline, listening, n_frames, hands, collector)
+
+
+@lasting
+def stage(
+    piece: Piece, *, seed: int | None = None, ledger: bool = False, record: bool = False
+) -> Stage:
+    """Build all that plays a piece. Raises StageError with every mistake that the engine finds."""
+    if seed is not None:
+        piece = replace(piece, seed=seed)
+    ready = prepare(piece)
+    try:
+        simulation = _core.Simulation(ready.network, ready.timeline, ledger=ledger, record=record)
+    except _core.EngineError as error:
+        raise _refused(piece, ready.collector, error) from error
     return Stage(
         piece,
-        assembly.network,
+        ready.network,
         simulation,
-        listening,
-        n_frames,
-        hands.gestures,
-        hands.sources,
-        collector.finish(),
+        ready.listening,
+        ready.n_frames,
+        ready.hands.gestures,
+        ready.hands.sources,
+        ready.collector.finish(),
     )
+
+
+def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
+    collector.error("E309", str(error.args[0]), _place(piece, error))
+    return StageError(collector.finish())
 
 
 def solo(piece: Piece, name: str, key: str) -> Stage:
@@ -211,4 +237,4 @@ def _itself(place: Place) -> Place:
     return place
 
 
-__all__ = ["Stage", "StageError", "StagedGesture", "solo", "stage"]
+__all__ = ["Ready", "Stage", "StageError", "StagedGesture", "prepare", "solo", "stage"]

@@ -24,7 +24,8 @@ pub(crate) struct Simulation(simulation::Simulation);
 impl Simulation {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, plan=None, ledger=false, record=false, on_fault="stop", threads=1))]
+    #[pyo3(signature = (network, timeline, *, plan=None, ledger=false, record=false, on_fault="stop", threads=1,
+        unchecked=false))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -34,6 +35,7 @@ impl Simulation {
         record: bool,
         on_fault: &str,
         threads: usize,
+        unchecked: bool,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let on_fault = word("on_fault", on_fault, &words::ON_FAULT)?;
@@ -42,6 +44,7 @@ impl Simulation {
             record,
             on_fault,
             threads,
+            unchecked,
         };
         if let Some(plan) = plan {
             if ledger || record {

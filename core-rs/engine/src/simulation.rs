@@ -61,7 +61,8 @@ impl Simulation {
         timeline: &Timeline,
         options: Options,
     ) -> Result<Self, Error> {
-        Self::planned(Arc::new(Plan::plain(network, timeline)?), options)
+        let plan = Plan::plain(network, timeline, options.unchecked)?;
+        Self::planned(Arc::new(plan), options)
     }
 
     /// What a plan computes, at frame 0.

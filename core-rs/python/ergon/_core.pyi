@@ -406,7 +406,9 @@ class Simulation:
         record: bool = False,
         on_fault: Literal["stop", "mute"] = "stop",
         threads: int = 1,
-    ) -> Self: ...
+        unchecked: bool = False,
+    ) -> Self:
+        """`unchecked` runs even what the certificate refuses: to see where it really diverges."""
     rate: float
     frame: int
     n_out: int

@@ -26,10 +26,12 @@ pub struct Options {
     pub on_fault: OnFault,
     /// Threads that share the work; the bytes are the same for any number.
     pub threads: usize,
+    /// Run even what the certificate refuses: to see where a scheme really diverges.
+    pub unchecked: bool,
 }
 
 impl Island {
-    /// Scheme a network, certify it, and set it at frame 0 of its timeline.
+    /// A network at frame 0 of its timeline.
     pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,

@@ -19,6 +19,7 @@ const OPTIONS: Options = Options {
     record: true,
     on_fault: OnFault::Mute,
     threads: 1,
+    unchecked: false,
 };
 
 /// A healthy bell, and a part `sick` whose mass `m` passes 10 km at 0.1 s.
@@ -233,4 +234,25 @@ fn an_absurd_drive_mutes_its_own_part_first() {
     play(&mut simulation, 4_000);
     let names: Vec<String> = simulation.muted().into_iter().map(|it| it.0).collect();
     assert_eq!(names, ["rail"]);
+}
+
+#[test]
+fn what_the_certificate_refuses_runs_unchecked_until_it_diverges() {
+    let mut network = Network::new();
+    network.part("p", Rate::new(HERTZ).ok());
+    let tie = Tie::Physical { k: 4.2, z: 0.0 };
+    network.cel("m", 1.0, tie, 0.0, 1e-3, 0.0).unwrap();
+    let timeline = Timeline::new(Rate::new(HERTZ).unwrap());
+    let network = Arc::new(network);
+    let stop = Options {
+        on_fault: OnFault::Stop,
+        ..OPTIONS
+    };
+    assert!(Simulation::new(network.clone(), &timeline, stop).is_err());
+    let unchecked = Options {
+        unchecked: true,
+        ..stop
+    };
+    let mut simulation = Simulation::new(network, &timeline, unchecked).unwrap();
+    assert_eq!(simulation.skip(1000).unwrap_err().module, "p.m");
 }

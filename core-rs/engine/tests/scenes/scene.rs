@@ -32,6 +32,7 @@ pub(crate) fn options(on_fault: OnFault) -> Options {
         record: false,
         on_fault,
         threads: 1,
+        unchecked: false,
     }
 }
 

@@ -1,0 +1,82 @@
+"""`ergon chart`: error against cost of every way of computing a score."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+import click
+
+from ergon.lab.names import METHODS, METRICS
+
+from . import laboratory, options, score
+from .console import Console
+from .outcome import Findings, Refused
+
+if TYPE_CHECKING:
+    from ergon.lab.chart import Chart
+    from ergon.lab.names import Metric
+
+
+@click.command()
+@options.score
+@click.option("-o", "--output", metavar="NAME", help="NAME.svg, .png and .csv; SCORE-chart here.")
+@click.option("--seconds", type=click.FloatRange(0.05, 60), default=2.0, help="From the start.")
+@click.option(
+    "--metric", type=click.Choice(tuple(METRICS)), default="waveform", help="What is drawn."
+)
+@click.option("--methods", metavar="NAMES", help=f"Only these, of {','.join(METHODS)}.")
+@click.option("--upto", type=click.IntRange(2, 64), default=8, help="Most oversampling.")
+@options.force
+@options.speaking
+def chart(
+    console: Console,
+    score_path: str,
+    output: str | None,
+    seconds: float,
+    metric: str,
+    methods: str | None,
+    upto: int,
+    force: bool,
+) -> None:
+    """Draw error against cost of every way of computing a score.
+
+    The beginning of the piece is computed by each method, 1, 2, 4 … times oversampled, in each
+    precision, and compared with the best of them taken further. The table (NAME.csv) holds every
+    measure, and the reason of what failed.
+    """
+    from ergon.lab import chart_table, runs
+    from ergon.lab.chart import SilentError, measure, settings, work
+    from ergon.lab.draw_chart import draw
+    from ergon.lab.machine import machine
+    from ergon.lab.scene import Score
+
+    stem = laboratory.stem(output, score_path, "chart", force)
+    known = laboratory.words(methods, METHODS, "--methods") if methods else runs.methods()
+    loaded = score.read(console, score_path)
+    piece = score.piece_of(loaded)
+    wanted = settings(known, runs.precisions(), upto, runs.has_planner())
+    total = work(wanted, round(seconds * piece.rate))
+    try:
+        with console.progress(f"charting {score_path}", total, piece.rate) as progress:
+            found = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
+    except SilentError as error:
+        raise Refused(f"{error}; --seconds takes more of it") from None
+    title, where = piece.title or stem.name, machine()
+    _report(console, found)
+    table = chart_table.csv(found, title, where)
+    laboratory.write(console, stem, table, lambda: draw(found, title, where), force)
+    if found.reference is None:
+        raise Findings("no method ran at two rates, so nothing can be compared; the table says why")
+
+
+def _report(console: Console, found: Chart) -> None:
+    from ergon.lab import chart_table
+
+    for doubt in found.doubts:
+        console.warn(doubt)
+    if console.json:
+        for point in found.points:
+            console.record("point", **chart_table.fields(point))
+        console.record("reference", metric=found.metric, **chart_table.reference(found))
+    else:
+        console.data(chart_table.lines(found))

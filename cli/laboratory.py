@@ -1,0 +1,65 @@
+"""What the commands of the laboratory share: names of files, lists of words, and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .console import Console
+from .outcome import Refused
+from .score import STDIN
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMS = ("csv", "svg", "png")
+
+
+def stem(output: str | None, source: str, what: str, force: bool) -> Path:
+    """NAME of NAME.csv, NAME.svg and NAME.png. Raises RefusedError where one may not be written."""
+    from ergon.exchange.safe import check_target
+    from ergon.lab.pictures import targets
+
+    if output is None:
+        base = "score" if source == STDIN else Path(source).stem
+        found = Path(f"{base}-{what}")
+    else:
+        found = Path(output)
+        if found.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
+            found = found.with_suffix("")
+    for path in targets(found):
+        check_target(path, force=force)
+    return found
+
+
+def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...]:
+    """`a,b` as words that are all known; all of them without a text."""
+    if text is None:
+        return tuple(known)
+    from ergon.scores.text.spelling import nearest
+
+    found = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    for word in found:
+        if word not in known:
+            close = nearest(word, known)
+            asked = f"; did you mean '{close}'?" if close else ""
+            raise Refused(f"{option}: there is no '{word}' ({', '.join(known)}){asked}")
+    return found
+
+
+def write(
+    console: Console, stem: Path, table: str, draw: Callable[[], Figure], force: bool
+) -> None:
+    """The table, then the pictures; without matplotlib the table alone, and a refusal."""
+    from ergon.exchange.safe import write_text
+    from ergon.lab.pictures import NoPicturesError, save, targets
+
+    csv = targets(stem)[0]
+    write_text(csv, table, force=force)
+    console.say(f"wrote {csv}")
+    try:
+        for path in save(draw, stem, force=force):
+            console.say(f"wrote {path}")
+    except NoPicturesError as error:
+        raise Refused(f"{error}; {csv} is written") from None

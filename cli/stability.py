@@ -1,0 +1,83 @@
+"""`ergon stability`: where a method fails, predicted and measured, and where it is also right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ergon.lab.names import MAPS, METHODS
+
+from . import laboratory, options, score
+from .console import Console
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from ergon.lab.maps import Map
+
+
+@click.command()
+@click.argument("score_path", metavar="[SCORE]", required=False)
+@click.option("-o", "--output", metavar="NAME", help="NAME.svg, .png, .csv; X-stability here.")
+@click.option("--method", type=click.Choice(METHODS), default="ca", help="How it is computed.")
+@click.option("--maps", "chosen", metavar="NAMES", help=f"Only these, of {','.join(MAPS)}.")
+@click.option("--seconds", type=click.FloatRange(0.05, 60), default=0.5, help="Of a score.")
+@click.option(
+    "--accurate",
+    type=click.FloatRange(-200, 0),
+    default=-20.0,
+    help="Error of the first 0.1 s of sound that still counts as right [dB].",
+)
+@options.force
+@options.speaking
+def stability(
+    console: Console,
+    score_path: str | None,
+    output: str | None,
+    method: str,
+    chosen: str | None,
+    seconds: float,
+    accurate: float,
+    force: bool,
+) -> None:
+    """Draw where a method fails, as predicted and as it is.
+
+    Without SCORE the maps are of small scenes of ergon's own: a cell, a contact, a hard stroke, the
+    rate of a string, a joint. With SCORE its springs and its rate are multiplied. Every spot is
+    really run, also where ergon would refuse to.
+    """
+    from ergon.lab import map_table, runs
+    from ergon.lab.draw_maps import draw
+    from ergon.lab.maps import survey_all
+
+    if method not in runs.methods():
+        raise Refused(f"this engine has no method '{method}' ({', '.join(runs.methods())})")
+    stem = laboratory.stem(output, score_path or method, "stability", force)
+    maps, title = _maps(console, score_path, method, chosen, seconds)
+    total = sum(one.n_spots for one in maps.values())
+    with console.progress("mapping", total, 1.0) as progress:
+        found = survey_all(maps, method, accurate, progress.at)
+    if console.json:
+        for record in map_table.records(found):
+            console.record("spot", **record)
+    else:
+        console.data(map_table.lines(found))
+    table = map_table.csv(found, f"{method}, {title}", accurate)
+    laboratory.write(console, stem, table, lambda: draw(found, title), force)
+
+
+def _maps(
+    console: Console, score_path: str | None, method: str, chosen: str | None, seconds: float
+) -> tuple[dict[str, Map], str]:
+    from ergon.lab import atlas
+
+    if score_path is None:
+        names = laboratory.words(chosen, MAPS, "--maps")
+        known = atlas.built_in(method)
+        return {name: known[name] for name in names}, f"where {method} is stable, and where right"
+    piece = score.piece_of(score.read(console, score_path))
+    known = atlas.of_score(piece, seconds)
+    names = laboratory.words(chosen, tuple(known), "--maps")
+    title = piece.title or Path(score_path).stem
+    return {name: known[name] for name in names}, f"{title}: where {method} is stable, and right"

@@ -1,0 +1,148 @@
+"""Which maps there are: of the laboratory's own scenes, and of a score."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from ergon.lab import canonical
+from ergon.lab.canonical import RATE
+from ergon.lab.maps import Case, Map
+from ergon.lab.metrics import Floats
+from ergon.lab.scene import Bare, Scene, Score
+from ergon.lab.stiffness import has_contacts, stiffer
+from ergon.lab.truth import Truth, converged
+from ergon.scores.reading.piece import Piece
+
+_TIMES = (1.0, 2.0, 4.0, 8.0)
+_OVERSAMPLED = "oversampling"
+EXACT_DB = -300.0  # what a formula does not know
+
+
+def _spaced(low: float, high: float, count: int) -> tuple[float, ...]:
+    return tuple(float(x) for x in np.geomspace(low, high, count))
+
+
+def _found(scene: Scene) -> Callable[[int], Truth]:
+    return lambda n_frames: converged(scene, n_frames)
+
+
+def built_in(method: str) -> dict[str, Map]:
+    """The maps of a method, by name."""
+    maps = (_cell(method), _contact(method), _strike(method), _rate(method), _coupling(method))
+    return {one.name: one for one in maps}
+
+
+def _cell(method: str) -> Map:
+    def case(kappa: float, zeta: float) -> Case:
+        def exact(n_frames: int) -> Truth:
+            return Truth(canonical.cell_exactly(kappa, zeta, n_frames), EXACT_DB)
+
+        return Case(canonical.cell(kappa, zeta), 1, exact)
+
+    def load(kappa: float, zeta: float) -> float:
+        return canonical.cell_load(kappa, zeta, method)
+
+    # Half a step beside the round numbers: no spot lies on the border itself.
+    top = 1.25 * min(canonical.limit(method), 16.0)
+    xs = tuple(float(x) for x in (np.arange(25) + 0.5) * top / 25)
+    ys = tuple(float(y) for y in (np.arange(13) + 0.25) * 2.5 / 13)
+    return Map("cell", "a mass on a spring and a damper", "κ = K/M", "ζ = Z/M", xs, ys, 0.1, case,
+               load, log_x=False, log_y=False)  # fmt: skip
+
+
+def _oversampled(make: Callable[[float], Bare], finer: int = 16) -> Callable[[float, float], Case]:
+    """Cases of a scene over oversampling. What it really does does not depend on that."""
+
+    @cache
+    def truth(x: float, n_frames: int) -> Truth:
+        return converged(make(x), n_frames, finer)
+
+    return lambda x, times: Case(make(x), round(times), lambda n_frames: truth(x, n_frames))
+
+
+def _contact(method: str) -> Map:
+    def load(kappa: float, times: float) -> float:
+        return canonical.contact_load(kappa, times, method)
+
+    return Map("contact", "a hammer that bounces on a bar", "κ of the contact at 44.1 kHz",
+               _OVERSAMPLED, _spaced(0.03, 3000.0, 21), _TIMES, 0.25,
+               _oversampled(canonical.contact), load)  # fmt: skip
+
+
+def _strike(method: str) -> Map:
+    def load(speed: float, times: float) -> float:
+        return canonical.struck_load(speed, times, method)
+
+    return Map("strike", "a string whose springs harden, struck", "speed of the stroke [m/s]",
+               _OVERSAMPLED, _spaced(0.1, 1000.0, 21), _TIMES, 0.1,
+               _oversampled(canonical.struck), load)  # fmt: skip
+
+
+def _rate(method: str) -> Map:
+    def case(rate: float, masses: float) -> Case:
+        scene = canonical.string(round(masses), rate)
+        return Case(scene, 1, _found(scene))
+
+    def load(rate: float, masses: float) -> float:
+        return canonical.string_load(masses, rate, method)
+
+    masses = tuple(float(n) for n in (10, 14, 20, 28, 40, 57, 80, 113, 160))
+    return Map("rate", "a string of many masses, 110 Hz", "rate [Hz]", "masses",
+               _spaced(RATE / 16.3, RATE * 2.1, 17), masses, 0.1, case, load)  # fmt: skip
+
+
+def _coupling(method: str) -> Map:
+    def load(kappa: float, times: float) -> float:
+        return canonical.coupled_load(kappa, times, method)
+
+    return Map("coupling", "two cells joined by a spring", "κ of the joint at 44.1 kHz",
+               _OVERSAMPLED, _spaced(0.003, 300.0, 21), _TIMES, 0.1,
+               # The difference mode is high and rings long: its phase asks for much.
+               _oversampled(canonical.coupled, 256), load)  # fmt: skip
+
+
+# --- a score ------------------------------------------------------------------------------------
+
+_FACTORS = tuple(2.0**i for i in range(-2, 9))
+_RATES = (0.25, 0.5, 1.0, 2.0, 4.0)
+
+
+def of_score(piece: Piece, seconds: float) -> dict[str, Map]:
+    """All springs stiffer; and only the contacts, where there are any."""
+    maps = [_stiffer(piece, seconds, "springs", contacts_only=False)]
+    if has_contacts(piece):
+        maps.append(_stiffer(piece, seconds, "contacts", contacts_only=True))
+    return {one.name: one for one in maps}
+
+
+def _stiffer(piece: Piece, seconds: float, name: str, *, contacts_only: bool) -> Map:
+    top = _RATES[-1]
+
+    def scene(factor: float, times: float) -> Score:
+        changed = stiffer(piece, factor, contacts_only=contacts_only)
+        return Score(replace(changed, rate=piece.rate * times))
+
+    @cache
+    def finest(factor: float) -> Truth:
+        n_frames = round(seconds * piece.rate * top) + 1
+        return converged(scene(factor, top), n_frames, finer=4)
+
+    def case(factor: float, times: float) -> Case:
+        def truth(n_frames: int) -> Truth:
+            found = finest(factor)
+            if found.frames is None:
+                return found
+            stride = round(top / times)
+            frames: Floats = found.frames[::stride][:n_frames]
+            return Truth(frames, found.change_db)
+
+        return Case(scene(factor, times), 1, truth)
+
+    what = "all its contacts" if contacts_only else "all its springs"
+    title = f"{piece.title or 'the score'}: {what} stiffer"
+    return Map(name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
+               _RATES, seconds, case)  # fmt: skip

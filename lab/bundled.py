@@ -1,0 +1,71 @@
+"""`python -m ergon.lab.bundled docs/charts`: charts of scores that ship, and the maps of a method.
+
+The page beside the pictures says on which machine they were made.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+from ergon.exchange.safe import write_text
+from ergon.lab import atlas, chart_table, draw_chart, draw_maps, map_table, runs
+from ergon.lab.chart import measure, settings
+from ergon.lab.machine import machine
+from ergon.lab.maps import ACCURATE_DB, survey_all
+from ergon.lab.pictures import save, targets
+from ergon.lab.scene import Score
+from ergon.scores.reading.load import load
+
+SCORES = ("one-gesture", "tempo", "hand", "two-keys")
+_SECONDS, _UPTO, _METHOD = 2.0, 8, "ca"
+_HEAD = """\
+# Charts of what ships
+
+Made by `python -m ergon.lab.bundled` on {machine}; do not edit. [How to read them](../charts.md).
+Errors are the same on every machine, costs are not.
+"""
+
+
+def main(folder: Path) -> None:
+    """Write all pictures, their tables, and the page."""
+    page = [_HEAD.format(machine=machine())]
+    for name in SCORES:
+        page.append(_chart(folder, name))
+    page.append(_maps(folder))
+    write_text(folder / "README.md", "\n".join(page), force=True)
+
+
+def _chart(folder: Path, name: str) -> str:
+    path = Path(str(files("ergon"))) / "scores" / "library" / f"{name}.yaml"
+    piece = load(path).piece
+    assert piece is not None, f"{name} has mistakes"
+    wanted = settings(runs.methods(), runs.precisions(), _UPTO, runs.has_planner())
+    found = measure(Score(piece), wanted, _SECONDS, "waveform", lambda done: None)
+    title, where = piece.title, machine()
+    stem = folder / name
+    write_text(targets(stem)[0], chart_table.csv(found, title, where), force=True)
+    save(lambda: draw_chart.draw(found, title, where), stem, force=True, png=False)
+    print(f"{name}\n{chart_table.lines(found)}", flush=True)
+    return (
+        f"## {title}\n\n![Error over cost of {title}]({name}.svg)\n\n"
+        f"In numbers: [{name}.csv]({name}.csv).\n"
+    )
+
+
+def _maps(folder: Path) -> str:
+    found = survey_all(atlas.built_in(_METHOD), _METHOD, ACCURATE_DB, lambda done: None)
+    title = f"where {_METHOD} is stable, and where right"
+    stem = folder / "stability"
+    write_text(targets(stem)[0], map_table.csv(found, title, ACCURATE_DB), force=True)
+    save(lambda: draw_maps.draw(found, title), stem, force=True, png=False)
+    print(map_table.lines(found), flush=True)
+    return (
+        "## Stability of the CA scheme\n\n![Maps: stable and right](stability.svg)\n\n"
+        "In numbers: [stability.csv](stability.csv).\n"
+    )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

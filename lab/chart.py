@@ -1,0 +1,290 @@
+"""Error against cost: a scene by many methods, each oversampled and in each precision."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite, isnan, log10
+from statistics import median
+from typing import Literal
+
+import numpy as np
+
+from ergon import _core
+from ergon.lab import runs
+from ergon.lab.energy import drift, production_db
+from ergon.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
+from ergon.lab.names import Metric
+from ergon.lab.partials import Partial, compare, strongest
+from ergon.lab.reference import Reference, doubts, refine, steps
+from ergon.lab.runs import Run, Setting
+from ergon.lab.scene import Scene
+from ergon.scores.staging.stage import StageError
+
+ROUNDS = 3  # timed, after one that warms up and makes the sound
+_LOOKS = 20  # into the ledger, to see a drift
+_DOUBLINGS = 2  # of the reference, beyond all that is charted
+Progress = Callable[[int], None]
+
+
+class SilentError(Exception):
+    """There is no sound to compare."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One setting: what it costs [s of one core per s of sound] and how far it is off.
+
+    None is what was not measured. `t60` [%] and `cents` are the worst among the strongest partials;
+    `bands_db` is of third octaves; `energy_db` is energy made by the scheme over energy given,
+    `drift_db_s` its trend.
+    """
+
+    setting: Setting
+    status: Literal["ok", "refused", "diverged"] = "ok"
+    reason: str = ""
+    cost: float | None = None
+    waveform_db: float | None = None
+    early_db: float | None = None
+    spectral_db: float | None = None
+    convergence: float | None = None
+    bands_db: float | None = None
+    cents: float | None = None
+    t60: float | None = None
+    energy_db: float | None = None
+    drift_db_s: float | None = None
+    on_front: bool = False
+
+    def error(self, metric: Metric) -> float | None:
+        """What the metric says; smaller is better."""
+        return {
+            "waveform": self.waveform_db,
+            "spectral": self.spectral_db,
+            "cents": self.cents,
+            "energy": self.energy_db,
+        }[metric]
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """All points of a scene, and the reference that they were measured against.
+
+    `floor` is the reference's own error in the metric: nothing below it can be told. None for
+    energy, whose truth is 0. `doubts` name methods that settle on another sound.
+    """
+
+    points: list[Point]
+    reference: Reference | None
+    floor: float | None
+    metric: Metric
+    seconds: float
+    rate: float
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Bench:
+    """Runs in the making, and how many frames they have computed."""
+
+    scene: Scene
+    n_frames: int
+    progress: Progress
+    ready: dict[Setting, Run] = field(default_factory=dict)
+    failed: dict[Setting, Point] = field(default_factory=dict)
+    sounds: dict[Setting, Floats] = field(default_factory=dict)
+    done: int = 0
+
+    def begin(self, setting: Setting) -> Run | None:
+        try:
+            return runs.start(self.scene, setting)
+        except (_core.EngineError, StageError) as error:
+            self.failed[setting] = Point(setting, "refused", _sentence(error))
+            return None
+
+    def play(self, setting: Setting, run: Run) -> Floats | None:
+        try:
+            frames = run.frames(self.n_frames)
+        except _core.DivergedError as error:
+            self.failed[setting] = Point(setting, "diverged", _sentence(error))
+            return None
+        self.done += self.n_frames * setting.oversampling
+        self.progress(self.done)
+        return frames
+
+    def sound(self, setting: Setting) -> Floats | None:
+        run = self.begin(setting)
+        frames = None if run is None else self.play(setting, run)
+        return None if frames is None else self.scene.hear(frames)
+
+
+def _sentence(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def settings(
+    methods: Sequence[str], precisions: Sequence[str], upto: int, planner: bool
+) -> list[Setting]:
+    """Every method at every oversampling up to `upto` in every precision, and the planner's own."""
+    grid = [Setting(m, s, p) for m in methods for s in steps(upto) for p in precisions]
+    return [*grid, Setting(None)] if planner else grid
+
+
+def work(wanted: Sequence[Setting], n_frames: int) -> int:
+    """Frames to compute for a chart, to tell how far it is."""
+    top = max(setting.oversampling for setting in wanted)
+    beyond = sum(top << i for i in range(1, _DOUBLINGS + 1))
+    return n_frames * ((ROUNDS + 1) * sum(setting.oversampling for setting in wanted) + beyond)
+
+
+def measure(
+    scene: Scene, wanted: Sequence[Setting], seconds: float, metric: Metric, progress: Progress
+) -> Chart:
+    """Run everything, compare everything. Raises SilentError when no sound was made to compare."""
+    bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
+    for setting in wanted:
+        run = bench.begin(setting)
+        frames = None if run is None else bench.play(setting, run)
+        if run is not None and frames is not None:
+            bench.ready[setting] = run
+            bench.sounds[setting] = scene.hear(frames)
+    costs = _costs(bench)
+    sounds = dict(bench.sounds)
+    # What refining finds out about settings that nobody asked for is no failure of the chart.
+    failed = dict(bench.failed)
+    reference = refine(sounds, bench.sound, doublings=_DOUBLINGS)
+    points = list(failed.values())
+    floor = None
+    doubtful: tuple[str, ...] = ()
+    if reference is not None:
+        doubtful = tuple(doubts(sounds, reference))
+        if onset(reference.sound) is None:
+            raise SilentError(f"nothing sounds in the first {seconds:g} s")
+        judge = Judge(reference, scene.rate)
+        for setting, sound in bench.sounds.items():
+            note = bench.ready[setting].chosen
+            points.append(judge.point(Point(setting, "ok", note, costs[setting]), sound))
+        floor = judge.floor(metric)
+    if metric == "energy":
+        points = [_with_energy(bench, point) for point in points]
+    order = {setting: i for i, setting in enumerate(wanted)}
+    points.sort(key=lambda point: order[point.setting])
+    marked = _marked(points, metric, floor)
+    return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful)
+
+
+def _costs(bench: _Bench) -> dict[Setting, float]:
+    """Medians of interleaved rounds: whatever else the machine does, it does to all alike."""
+    spent: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
+    for _ in range(ROUNDS):
+        for setting, run in bench.ready.items():
+            run.rewind()
+            bench.play(setting, run)
+            spent[setting].append(run.spent)
+    heard = bench.n_frames / bench.scene.rate
+    return {setting: median(one) / heard for setting, one in spent.items()}
+
+
+def _with_energy(bench: _Bench, point: Point) -> Point:
+    """The point with what its ledger says; as it is where the method keeps none."""
+    if point.status != "ok":
+        return point
+    edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
+    try:
+        run = runs.start(bench.scene, point.setting, ledger=True)
+        ledgers = []
+        for n_frames in np.diff(edges):
+            run.frames(int(n_frames))
+            ledgers.append(run.energy())
+    except _core.EngineError:
+        return point
+    t = [float(edge) / bench.scene.rate for edge in edges[1:]]
+    found = drift(t, ledgers)
+    return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=found.per_second)
+
+
+class Judge:
+    """Measures sounds against a reference."""
+
+    def __init__(self, reference: Reference, rate: float) -> None:
+        """Find where the reference sounds, and its strongest partials, in its loudest channel."""
+        self.reference, self.rate = reference, rate
+        x = reference.sound
+        self._channel = int(np.argmax(np.sum(x**2, axis=0)))
+        self._first = onset(x) or 0
+        self._partials = strongest(x[self._first :, self._channel], rate)
+
+    def point(self, point: Point, y: Floats) -> Point:
+        """The point with all its errors."""
+        x = self.reference.sound
+        found = spectral(y, x)
+        partials = self._compared(y)
+        t60 = [abs(p.t60_ratio - 1.0) for p in partials if not isnan(p.t60_ratio)]
+        return replace(
+            point,
+            waveform_db=waveform_db(y, x),
+            early_db=early_db(y, x, self.rate),
+            spectral_db=found.difference,
+            convergence=found.convergence,
+            bands_db=bands_db(y, x, self.rate),
+            cents=max((abs(p.cents) for p in partials), default=None),
+            t60=100.0 * max(t60) if t60 else None,
+        )
+
+    def floor(self, metric: Metric) -> float | None:
+        """The reference's own error in the metric."""
+        if metric == "waveform":
+            return self.reference.floor_db
+        if metric == "energy":
+            return None
+        before = self.point(Point(self.reference.setting), self.reference.before).error(metric)
+        return None if before is None else before * self.reference.share
+
+    def _compared(self, y: Floats) -> list[Partial]:
+        span = slice(self._first, None), self._channel
+        x, y = self.reference.sound[span], y[span]
+        found = (compare(y, x, f, self.rate) for f in self._partials)
+        return [partial for partial in found if partial is not None]
+
+
+def _marked(points: list[Point], metric: Metric, floor: float | None) -> list[Point]:
+    front = set(_front(points, metric, floor))
+    return [replace(point, on_front=point.setting in front) for point in points]
+
+
+def _front(points: list[Point], metric: Metric, floor: float | None) -> Iterator[Setting]:
+    """Settings that no other beats in both error and cost; below the floor all are alike."""
+    least = float("inf")
+    measured = [(p.cost, p.error(metric), p) for p in points if p.setting.method is not None]
+    told = ((c, e, p) for c, e, p in measured if c is not None and e is not None)
+    for _, error, point in sorted(told, key=lambda one: (one[0], one[1])):
+        shown = error if floor is None else max(error, floor)
+        if shown < least:
+            least = shown
+            yield point.setting
+
+
+def likely_cost(chart: Chart, point: Point) -> float | None:
+    """What a point costs, or would: a run that failed takes S times its method's dearest share."""
+    if point.cost is not None:
+        return point.cost
+    same = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]
+    every = same or [p for p in chart.points if p.cost]
+    if not every:
+        return None
+    shares = [p.cost / p.setting.oversampling for p in every if p.cost]
+    return max(shares) * point.setting.oversampling
+
+
+def slope(chart: Chart, method: str) -> float | None:
+    """Decades of error per decade of step, from the waveform of one method above the floor."""
+    floor = -300.0 if chart.reference is None else chart.reference.floor_db + 6.0
+    row = [
+        (log10(p.setting.oversampling), p.waveform_db / 20.0)
+        for p in chart.points
+        if p.setting.method == method and p.setting.precision == "f64" and p.waveform_db is not None
+        if isfinite(p.waveform_db) and floor < p.waveform_db < -6.0
+    ]
+    if len(row) < 2:
+        return None
+    doublings, errors = zip(*row, strict=True)
+    return -float(np.polyfit(doublings, errors, 1)[0])

@@ -1,0 +1,67 @@
+"""What a ledger says of a run: energy that the scheme itself made, and its drift."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, log10
+from typing import Protocol
+
+import numpy as np
+
+
+class Ledger(Protocol):
+    """Joules since frame 0, as `_core.Energy` has them."""
+
+    @property
+    def start(self) -> float:
+        """Energy at frame 0."""
+
+    @property
+    def stored(self) -> float:
+        """Energy now."""
+
+    @property
+    def injected(self) -> float:
+        """Work of hands and strikes."""
+
+    @property
+    def lost(self) -> float:
+        """Heat."""
+
+    @property
+    def produced(self) -> float:
+        """Made by explicit contacts and laws; less than 0 where they destroy."""
+
+    @property
+    def residual(self) -> float:
+        """What the books do not explain."""
+
+
+def production_db(ledger: Ledger) -> float:
+    """10·log10 of the energy made or missing over the energy given; -inf when the books close."""
+    wrong = abs(ledger.produced) + abs(ledger.residual)
+    given = abs(ledger.start) + abs(ledger.injected)
+    if wrong == 0.0:
+        return -inf
+    return 10.0 * log10(wrong / given) if given > 0.0 else inf
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """Energy that is there over what should be: its trend [dB/s], and its worst error [dB]."""
+
+    per_second: float
+    worst: float
+
+
+def drift(t: Sequence[float], ledgers: Sequence[Ledger]) -> Drift:
+    """Follow (stored + lost)/(start + injected) through instants t [s]; 0 dB is exact."""
+    ratios = np.array(
+        [(one.stored + one.lost) / max(one.start + one.injected, 1e-300) for one in ledgers]
+    )
+    level = 10.0 * np.log10(np.maximum(ratios, 1e-300))
+    if len(level) < 2:
+        return Drift(0.0, float(np.abs(level).max(initial=0.0)))
+    slope = np.polyfit(np.asarray(t), level, 1)[0]
+    return Drift(float(slope), float(np.abs(level).max()))

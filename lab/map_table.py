@@ -1,0 +1,52 @@
+"""Maps in numbers: a CSV file, records, and a few lines for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields as names_of
+
+from ergon.lab import table
+from ergon.lab.maps import Map, Spot, disagreements
+
+_NAMES = [f.name for f in names_of(Spot) if f.name not in ("x", "y")]
+Surveyed = Mapping[str, tuple[Map, Sequence[Spot]]]
+
+
+def csv(found: Surveyed, method: str, accurate_db: float) -> str:
+    """The whole file: a row for every spot of every map."""
+    facts = [
+        f"stability of {method}",
+        "theory, certified: predicted by a formula, by the engine before it runs",
+        f"stable: what happened; accurate: error_db of at most {accurate_db:g} dB",
+        *(f"{name}: x is {one.x_label}, y is {one.y_label}" for name, (one, _) in found.items()),
+    ]
+    names = ["map", "x", "y", *_NAMES]
+    rows = ([record[name] for name in names] for record in records(found))
+    return table.text(facts, names, rows)
+
+
+def records(found: Surveyed) -> list[dict[str, table.Value]]:
+    """Everything about every spot."""
+    return [
+        {"map": name, "x": spot.x, "y": spot.y, **{one: getattr(spot, one) for one in _NAMES}}
+        for name, (_, spots) in found.items()
+        for spot in spots
+    ]
+
+
+def lines(found: Surveyed) -> str:
+    """One line a map: how many spots are stable, how many right, and where prediction failed."""
+    rows = []
+    for name, (one, spots) in found.items():
+        stable = sum(1 for spot in spots if spot.stable)
+        right = sum(1 for spot in spots if spot.accurate)
+        missed, strict = disagreements(spots)
+        words = f"{name}: {one.title}. Of {len(spots)} spots {stable} are stable, {right} accurate"
+        if missed:
+            words += f"; {missed} ran away though certified"
+        if strict:
+            words += f"; {strict} stayed though refused"
+        if refused := sum(1 for spot in spots if spot.stable is None):
+            words += f"; {refused} could not be run"
+        rows.append(words + "\n")
+    return "".join(rows)

@@ -1,0 +1,125 @@
+"""How far one sound is from another: waveform, spectrum, bands.
+
+Sounds are arrays (n_frames,) or (n_frames, n_channels); the second one is always the reference.
+Nothing here ever becomes a sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf, log10
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+EARLY = 0.1  # [s] of sound before small errors of pitch dominate a difference of waveforms
+_ONSET = 1e-3  # of the peak: -60 dB
+WINDOWS = (512, 2048, 8192)  # frames: strokes, notes, partials
+_HEARD_DB = -60.0  # below a frame's strongest bin nothing is compared
+_SILENT_DB = -120.0  # frames so far below the loudest one are silence
+_WORST_DB = 100.0  # a bin that is missing altogether differs by this
+
+
+def waveform_db(y: Floats, x: Floats) -> float:
+    """20·log10(‖y - x‖/‖x‖); -inf where they are the same, inf where only x is silent."""
+    difference, size = float(np.linalg.norm(y - x)), float(np.linalg.norm(x))
+    if difference == 0.0:
+        return -inf
+    return 20.0 * log10(difference / size) if size > 0.0 else inf
+
+
+def onset(x: Floats) -> int | None:
+    """The first frame within 60 dB of the peak; None for silence."""
+    size = np.abs(_columns(x)).max(axis=1, initial=0.0)
+    peak = size.max(initial=0.0)
+    return int(np.argmax(size >= _ONSET * peak)) if peak > 0.0 else None
+
+
+def early_db(y: Floats, x: Floats, rate: float) -> float:
+    """`waveform_db` over the first 0.1 s of sound."""
+    first = onset(x) or 0
+    span = slice(first, first + max(1, round(EARLY * rate)))
+    return waveform_db(y[span], x[span])
+
+
+@dataclass(frozen=True, slots=True)
+class Spectral:
+    """Means over three resolutions: `difference` of levels [dB], `convergence` of magnitudes."""
+
+    difference: float
+    convergence: float
+
+
+def spectral(y: Floats, x: Floats) -> Spectral:
+    """Multi-resolution difference of short-time spectra, which forgives phases.
+
+    `difference` is the mean |ΔdB| over bins within 60 dB of their frame's strongest;
+    `convergence` is ‖|Y| - |X|‖/‖|X|‖. Zero for silence.
+    """
+    found = [_at(y, x, size) for size in WINDOWS]
+    return Spectral(*(float(np.mean(column)) for column in zip(*found, strict=True)))
+
+
+def _at(y: Floats, x: Floats, size: int) -> tuple[float, float]:
+    """(mean |ΔdB|, convergence) with windows of `size` frames."""
+    total, n_bins, error, energy = 0.0, 0, 0.0, 0.0
+    for ours, theirs in zip(_columns(y).T, _columns(x).T, strict=True):
+        got, wanted = _magnitudes(ours, size), _magnitudes(theirs, size)
+        error += float(np.sum((got - wanted) ** 2))
+        energy += float(np.sum(wanted**2))
+        peak = wanted.max(axis=1, keepdims=True)
+        loud = peak > 10.0 ** (_SILENT_DB / 20.0) * peak.max()
+        heard = loud & (wanted > 10.0 ** (_HEARD_DB / 20.0) * peak)
+        floor = 10.0 ** (-_WORST_DB / 20.0)
+        ratio = np.maximum(got[heard] / wanted[heard], floor)
+        total += float(np.sum(np.abs(20.0 * np.log10(ratio))))
+        n_bins += int(np.count_nonzero(heard))
+    if n_bins == 0:
+        return 0.0, 0.0 if error == 0.0 else inf
+    return total / n_bins, float(np.sqrt(error / energy))
+
+
+def _magnitudes(x: Floats, size: int) -> Floats:
+    """Short-time magnitudes (n_windows, n_bins) by Hann windows a quarter apart."""
+    padded = np.pad(x, (0, max(0, size - len(x))))
+    window = np.hanning(size + 1)[:-1]
+    return np.abs(np.fft.rfft(sliding_window_view(padded, size)[:: size // 4] * window, axis=1))
+
+
+def third_octaves(x: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Centres [Hz] and rms levels [dB re 1] of the third octaves from 25 Hz to 0.45·rate."""
+    columns = _columns(x)
+    power = np.sum(np.abs(np.fft.rfft(columns, axis=0)) ** 2, axis=1) / len(columns) ** 2
+    power[1:] *= 2.0  # negative frequencies
+    frequency = np.fft.rfftfreq(len(columns), 1.0 / rate)
+    centres = np.array(list(_centres(min(20e3, 0.45 * rate))))
+    low, high = (np.searchsorted(frequency, centres * 2.0**step) for step in (-1 / 6, 1 / 6))
+    sums = np.concatenate([[0.0], np.cumsum(power)])
+    band = sums[high] - sums[low]
+    return centres, 10.0 * np.log10(np.maximum(band, 1e-300))
+
+
+def bands_db(y: Floats, x: Floats, rate: float) -> float:
+    """Mean difference of third octaves [dB], over those within 60 dB of the reference's strongest.
+
+    What can still be compared where waveforms have parted for good: a gong, a bow, a rattle.
+    """
+    ours, theirs = (third_octaves(sound, rate)[1] for sound in (y, x))
+    heard = theirs > theirs.max() + _HEARD_DB
+    return float(np.mean(np.minimum(np.abs(ours - theirs)[heard], _WORST_DB)))
+
+
+def _centres(highest: float) -> Iterator[float]:
+    """1000·2^(i/3) Hz, as far as the bands reach."""
+    i = -16  # 25 Hz
+    while (centre := 1000.0 * 2.0 ** (i / 3)) <= highest:
+        yield centre
+        i += 1
+
+
+def _columns(x: Floats) -> Floats:
+    return x[:, None] if x.ndim == 1 else x

@@ -1,0 +1,65 @@
+"""Figures by matplotlib, an extra that only the laboratory needs; the same figure, the same SVG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ergon.exchange.safe import MARK, writing
+from ergon.lab.names import EXTRA
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Safe for the colour-blind (Okabe & Ito, 2008).
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#333333")
+_STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "ergon",  # names of clip paths: by content, not by chance
+    "svg.fonttype": "none",  # text stays text, for readers and search
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "grid.color": "#e5e5e5",
+    "grid.linewidth": 0.6,
+}
+_DPI = 144
+
+
+class NoPicturesError(Exception):
+    """matplotlib is not there; the message says how to get it."""
+
+
+def save(
+    draw: Callable[[], Figure], stem: Path, *, force: bool = False, png: bool = True
+) -> list[Path]:
+    """Draw once, write STEM.svg (and STEM.png), each whole or not at all."""
+    try:
+        import matplotlib
+    except ImportError:
+        raise NoPicturesError(f"pictures need matplotlib: {EXTRA}") from None
+    with matplotlib.rc_context(_STYLE):
+        figure = draw()
+        svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})
+        pixels = _bytes(figure, "png", {"Software": MARK.decode()}) if png else b""
+    # Near the beginning, where it is looked for.
+    svg = svg.replace(b"<svg ", b"<!-- " + MARK + b" -->\n<svg ", 1)
+    paths = targets(stem)[1:] if png else targets(stem)[1:2]
+    for path, content in zip(paths, (svg, pixels), strict=False):
+        with writing(path, binary=False, force=force) as file:
+            file.write(content)
+    return paths
+
+
+def targets(stem: Path) -> list[Path]:
+    """The files of a picture: its numbers, and two forms of it."""
+    return [stem.with_name(f"{stem.name}.{form}") for form in ("csv", "svg", "png")]
+
+
+def _bytes(figure: Figure, form: str, metadata: dict[str, str | None]) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format=form, dpi=_DPI, metadata=metadata)
+    return out.getvalue()

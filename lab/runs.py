@@ -1,0 +1,102 @@
+"""Running a scene by a method, oversampled: the one place that knows how.
+
+S times oversampled it is the same scene at S times the rate, every S-th frame.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ergon import _core
+from ergon.lab.metrics import Floats
+from ergon.lab.names import METHODS, PRECISIONS
+from ergon.lab.scene import Scene
+
+_BLOCK = 512  # frames heard between two looks at the clock
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """How to compute. Method None is the planner's own choice, with all that belongs to it."""
+
+    method: str | None = "ca"
+    oversampling: int = 1
+    precision: str = "f64"
+
+    def __str__(self) -> str:
+        """`ca ×4`, `ca ×4 f32`, `planner`."""
+        if self.method is None:
+            return "planner"
+        precision = "" if self.precision == "f64" else f" {self.precision}"
+        return f"{self.method} ×{self.oversampling}{precision}"
+
+
+def methods() -> tuple[str, ...]:
+    """Methods that this engine may be asked for; a scene may still refuse one."""
+    return METHODS
+
+
+def precisions() -> tuple[str, ...]:
+    """Precisions that this engine may be asked for."""
+    return PRECISIONS
+
+
+class Run:
+    """A scene on its way; `spent` is the processor time that it took so far [s]."""
+
+    def __init__(self, simulation: Any, stride: int, chosen: str = "") -> None:
+        """`stride` frames of the simulation make one that is heard."""
+        self._simulation, self._stride = simulation, stride
+        self._start = simulation.snapshot()
+        self.chosen = chosen
+        self.n_out = int(simulation.n_out)
+        self.spent = 0.0
+
+    def rewind(self) -> None:
+        """Back to frame 0, the clock too."""
+        self._simulation.restore(self._start)
+        self.spent = 0.0
+
+    def frames(self, n_frames: int) -> Floats:
+        """The next outputs (n_frames, n_out). Raises DivergedError."""
+        heard = np.empty((n_frames, self.n_out))
+        block = np.empty((min(_BLOCK, n_frames) * self._stride, self.n_out))
+        for at in range(0, n_frames, _BLOCK):
+            part = block[: min(_BLOCK, n_frames - at) * self._stride]
+            begin = time.process_time()
+            self._simulation.process(part)
+            self.spent += time.process_time() - begin
+            heard[at : at + _BLOCK] = part[:: self._stride]
+        return heard
+
+    def energy(self) -> _core.Energy:
+        """The ledger of a run that keeps one."""
+        ledger: _core.Energy = self._simulation.energy()
+        return ledger
+
+
+def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bool = False) -> Run:
+    """Set a scene up at frame 0.
+
+    Raises EngineError where the engine refuses (UnstableError where it would diverge); `unchecked`
+    lets the CA scheme run all the same. Raises StageError where the score itself is at fault.
+    """
+    whole = scene.at(scene.rate * setting.oversampling)
+    if setting.method == "ca":
+        simulation = _core.Simulation(
+            whole.network, whole.timeline, ledger=ledger, unchecked=unchecked
+        )
+        return Run(simulation, setting.oversampling)
+    plan = _core.Plan(whole.network, whole.timeline, method=setting.method)
+    simulation = _core.Simulation(whole.network, whole.timeline, plan=plan, ledger=ledger)
+    chosen = "" if setting.method else describe(plan)
+    return Run(simulation, setting.oversampling, chosen)
+
+
+def describe(plan: _core.Plan) -> str:
+    """A plan in a line: `bell: modes, action: stepped`."""
+    return ", ".join(f"{' + '.join(row.parts)}: {row.what}" for row in plan.rows())

@@ -1,0 +1,80 @@
+"""What can be run at any rate: a network, what happens to it, and how it is heard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ergon import _core
+from ergon.exchange.level import HIGHPASS
+from ergon.lab.metrics import Floats
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.stage import prepare
+
+
+@dataclass(frozen=True, slots=True)
+class Set:
+    """A scene set up at one rate."""
+
+    network: _core.Network
+    timeline: _core.Timeline
+
+
+class Scene(Protocol):
+    """Something to run. Parameters are physical: another rate is the same instrument."""
+
+    @property
+    def rate(self) -> float:
+        """Frames a second at which it is heard [Hz]."""
+
+    def at(self, rate: float) -> Set:
+        """The scene at a rate. Raises EngineError or StageError."""
+
+    def hear(self, frames: Floats) -> Floats:
+        """Outputs (n_frames, n_out) at the scene's own rate as a sound (n_frames, n_channels)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """A piece, heard as in a file of the usual kind: mixed, without what pushes cones aside."""
+
+    piece: Piece
+
+    @property
+    def rate(self) -> float:
+        """The piece's own."""
+        return self.piece.rate
+
+    def at(self, rate: float) -> Set:
+        """The piece at another rate."""
+        ready = prepare(replace(self.piece, rate=rate))
+        return Set(ready.network, ready.timeline)
+
+    def hear(self, frames: Floats) -> Floats:
+        """Through the piece's own routes."""
+        listening = prepare(self.piece).listening
+        mixed = np.zeros((len(frames), listening.n_channels))
+        mixer = listening.mixer(self.rate, frames.shape[1], highpass=HIGHPASS)
+        mixer.process(np.ascontiguousarray(frames), mixed)
+        return mixed
+
+
+@dataclass(frozen=True, slots=True)
+class Bare:
+    """A network of the laboratory's own, started by its X0 and V0 and heard as it is."""
+
+    build: Callable[[_core.Network], None]
+    rate: float = 44_100.0
+
+    def at(self, rate: float) -> Set:
+        """Built anew."""
+        network = _core.Network()
+        self.build(network)
+        return Set(network, _core.Timeline(network, rate))
+
+    def hear(self, frames: Floats) -> Floats:
+        """Every output is a channel."""
+        return frames

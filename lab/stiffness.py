@@ -1,0 +1,56 @@
+"""A piece with all its springs, or only its contacts, a factor stiffer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import sqrt
+from typing import Any
+
+from ergon.instruments.model import Module
+from ergon.scores.reading.piece import Piece
+
+_CONTACTS = ("BUT", "LNL")
+
+
+def stiffer(piece: Piece, factor: float, *, contacts_only: bool = False) -> Piece:
+    """The piece with the stiffness of its instruments times `factor`; keys stay as they are.
+
+    Where a frequency stands for a stiffness, it goes with the square root.
+    """
+    instruments = {
+        name: replace(
+            instrument,
+            modules=tuple(
+                module
+                if contacts_only and module.kind not in _CONTACTS
+                else _stiffer(module, factor)
+                for module in instrument.modules
+            ),
+        )
+        for name, instrument in piece.instruments.items()
+    }
+    return replace(piece, instruments=instruments)
+
+
+def has_contacts(piece: Piece) -> bool:
+    """Whether there is anything that `contacts_only` would change."""
+    modules = (m for instrument in piece.instruments.values() for m in instrument.modules)
+    return any(_stiffer(m, 2.0).fields != m.fields for m in modules if m.kind in _CONTACTS)
+
+
+def _stiffer(module: Module, factor: float) -> Module:
+    given: Mapping[str, Any] = module.fields
+    fields = dict(given)
+    for name in ("K", "hardening"):
+        if fields.get(name):
+            fields[name] = fields[name] * factor
+    pitch = fields.get("f")
+    if module.kind != "LNL" and pitch is not None:
+        root = sqrt(factor)
+        fields["f"] = tuple(f * root for f in pitch) if isinstance(pitch, tuple) else pitch * root
+    if fields.get("law") is not None:
+        fields["law"] = f"{factor!r}*({fields['law']})"
+    if fields.get("points") is not None:
+        fields["points"] = tuple((d, force * factor) for d, force in fields["points"])
+    return replace(module, fields=fields)

@@ -1,0 +1,163 @@
+"""`ergon chart` and `ergon stability` as they are typed."""
+
+import csv
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from one_bell import SCORE
+
+from ergon.cli import app
+from ergon.cli.chart import chart
+from ergon.cli.laboratory import FORMS
+from ergon.lab.pictures import targets
+
+HARD = """\
+ergon: 1
+title: Too hard
+instruments:
+  b:
+    modules:
+      a: {CEL: {M: 1g, f: 100Hz, t60: 1s, X0: 1mm}}
+      g: {SOL: {}}
+      s: {REF: {between: [a, g], K: 10000kN/m}}
+    out: {SOX: a}
+render: {tail: 1s}
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bell.yaml").write_text(SCORE)
+    (tmp_path / "hard.yaml").write_text(HARD)
+    return tmp_path
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line[0] != "#"]
+    return list(csv.DictReader(lines))
+
+
+def test_a_chart_of_a_bell(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["chart", "bell.yaml", "--seconds", "0.3", "--upto", "4"]) == 0
+    out, err = capsys.readouterr()
+    assert "ca ×4" in out
+    assert "reference: ca ×16" in out
+    assert err.splitlines() == [f"wrote bell-chart.{form}" for form in FORMS]
+    points = rows(here / "bell-chart.csv")
+    assert [(p["method"], p["oversampling"]) for p in points] == [
+        ("ca", "1"), ("ca", "2"), ("ca", "4")
+    ]  # fmt: skip
+    assert all(float(p["cost"]) > 0 and float(p["waveform_db"]) < 0 for p in points)
+    # Ours may be made again, in any of its names.
+    assert (
+        app.run(
+            ["chart", "bell.yaml", "--seconds", "0.1", "--upto", "2", "-q", "-o", "bell-chart.svg"]
+        )
+        == 0
+    )
+
+
+def test_failures_are_in_the_chart(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["chart", "hard.yaml", "--seconds", "0.1", "-o", "out/x", "--json"]) == 0
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    points = [record for record in records if record["event"] == "point"]
+    assert [p["status"] for p in points] == ["refused", "ok", "ok", "ok"]
+    assert "b.a" in points[0]["reason"]
+    assert points[0]["cost"] is None
+    assert records[-1]["event"] == "reference"
+    assert records[-1]["setting"] == "ca ×32"
+    assert "ca ×1: refused" in (here / "out" / "x.svg").read_text(encoding="utf-8")
+
+
+def test_where_nothing_runs_twice_the_table_says_why(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = HARD.replace("10000kN/m", "1e7kN/m")
+    (here / "harder.yaml").write_text(text)
+    assert app.run(["chart", "harder.yaml", "--seconds", "0.1", "--upto", "2"]) == 1
+    assert "the table says why" in capsys.readouterr().err
+    assert {p["status"] for p in rows(here / "harder-chart.csv")} == {"refused"}
+
+
+@pytest.mark.parametrize(
+    ("typed", "code", "said"),
+    [
+        (["chart", "bell.yaml", "--methods", "ca,bm5"], 2, "did you mean 'bm4'?"),
+        (["chart", "bell.yaml", "--metric", "beauty"], 2, "waveform"),
+        (["chart", "bell.yaml", "--seconds", "0.05", "--upto", "2"], 2, "nothing sounds"),
+        (["chart", "none.yaml"], 1, "none.yaml"),
+        (["chart", "wrong.yaml"], 1, "E1"),
+        (["chart", "bell.yaml", "-o", "mine"], 2, "was not made by ergon"),
+        (["stability", "--maps", "cel"], 2, "did you mean 'cell'?"),
+        (["stability", "--method", "euler"], 2, "euler"),
+        (["stability", "--accurate", "3"], 2, "accurate"),
+        (["stability", "bell.yaml", "--maps", "cell"], 2, "springs, contacts"),
+        (["stability", "wrong.yaml"], 1, "E1"),
+    ],
+)
+def test_what_is_refused(
+    here: Path, capsys: pytest.CaptureFixture[str], typed: list[str], code: int, said: str
+) -> None:
+    (here / "wrong.yaml").write_text("ergon: 1\nkees: {}\n")
+    (here / "mine.csv").write_text("a,b\n")
+    text = SCORE.replace("at: A, play", "at: 1|2, play")  # half a second of silence
+    (here / "bell.yaml").write_text(text)
+    assert app.run(typed) == code
+    out, err = capsys.readouterr()
+    assert said in err
+    assert "Traceback" not in out + err
+    assert {path.name for path in here.iterdir()} == {
+        "bell.yaml", "hard.yaml", "wrong.yaml", "mine.csv"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("typed", [
+    ["chart", "bell.yaml", "--seconds", "0.2", "--upto", "2", "-o", "x"],
+    ["stability", "--maps", "rate", "-o", "x"],
+])  # fmt: skip
+def test_without_matplotlib_there_is_the_table(
+    here: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    typed: list[str],
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert app.run(typed) == 2
+    assert "pip install ergon-live[lab]; x.csv is written" in capsys.readouterr().err
+    assert [path.exists() for path in targets(here / "x")] == [True, False, False]
+    assert rows(here / "x.csv")
+
+
+def test_maps_of_a_method(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["stability", "--maps", "cell", "--json"]) == 0
+    spots = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert {spot["event"] for spot in spots} == {"spot"}
+    for spot in spots:
+        assert spot["stable"] == spot["certified"] == (spot["x"] + 2 * spot["y"] < 4)
+    table = rows(here / "ca-stability.csv")
+    assert [row["stable"] for row in table] == ["yes" if s["stable"] else "no" for s in spots]
+    assert (here / "ca-stability.svg").exists()
+
+
+def test_maps_of_a_score(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["stability", "hard.yaml", "--seconds", "0.05"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("springs: Too hard: all its springs stiffer.")
+    assert "contacts" not in out  # it has none
+    assert "wrote hard-stability.png" in err
+    table = {(row["x"], row["y"]): row for row in rows(here / "hard-stability.csv")}
+    assert table["1", "1"]["certified"] == table["1", "1"]["stable"] == "no"
+    assert table["1", "2"]["certified"] == table["1", "2"]["stable"] == "yes"
+
+
+def test_a_method_that_this_engine_has_not(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from ergon.lab import runs
+
+    if "bm4" in runs.methods():
+        pytest.skip("this engine has it")
+    assert app.run(["stability", "--method", "bm4"]) == 2
+    assert "no method 'bm4'" in capsys.readouterr().err
+    assert chart.name == "chart"

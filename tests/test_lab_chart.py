@@ -1,0 +1,281 @@
+"""Charts: orders that are known come out, references know their own error, failures are shown."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ergon import _core
+from ergon.lab import canonical, chart, chart_table, runs
+from ergon.lab.metrics import waveform_db
+from ergon.lab.reference import doubts, ladder, refine, steps
+from ergon.lab.runs import Setting
+from ergon.lab.scene import Bare, Score
+from ergon.scores.reading.load import load
+
+CA = Setting("ca")
+
+
+def silent(done: int) -> None:
+    pass
+
+
+def grid(upto: int) -> list[Setting]:
+    return chart.settings(("ca",), ("f64",), upto, False)
+
+
+def sounds(scene: Bare, upto: int, n_frames: int) -> dict[Setting, np.ndarray]:
+    return {s: runs.start(scene, s).frames(n_frames) for s in grid(upto)}
+
+
+# --- running ------------------------------------------------------------------------------------
+
+
+def test_oversampling_hears_the_same_instants():
+    """A cell alone has exact poles at any rate: every S-th frame is the same sample."""
+
+    def build(network: _core.Network) -> None:
+        network.part("p")
+        network.listen(
+            "m", positions=[(network.cel("m", M=1e-3, f=440.0, t60=1.0, X0=1e-3), 1, 1.0)]
+        )
+
+    scene = Bare(build)
+    whole = runs.start(scene, CA).frames(1500)
+    for times in (2, 3, 8):
+        assert np.abs(runs.start(scene, Setting("ca", times)).frames(1500) - whole).max() < 1e-15
+
+
+def test_a_run_that_is_rewound_repeats_itself():
+    run = runs.start(canonical.contact(0.5), Setting("ca", 2))
+    first = run.frames(700)
+    assert run.spent > 0.0
+    run.rewind()
+    assert run.spent == 0.0
+    assert np.array_equal(run.frames(700), first)
+
+
+def test_what_this_engine_cannot_do_is_refused(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delattr(_core, "Plan", raising=False)
+    assert runs.methods() == ("ca",)
+    assert runs.precisions() == ("f64",)
+    for setting in (Setting("bm4"), Setting("ca", 1, "f32"), Setting(None)):
+        with pytest.raises(_core.EngineError, match="no "):
+            runs.start(canonical.coupled(0.1), setting)
+
+
+def test_a_planner_is_asked_for_what_is_wanted(monkeypatch: pytest.MonkeyPatch):
+    """The one place that knows the planner's signature: plan, then a simulation by that plan."""
+    asked: list[dict[str, Any]] = []
+
+    class Plan:
+        def __init__(self, network: object, timeline: object, **wishes: object) -> None:
+            asked.append(wishes)
+            if wishes.get("method") == "ieq":
+                raise _core.EngineError("ieq is for contacts")
+            self.rows = [{"part": "pair", "method": "modal", "oversampling": 1}]
+
+    plain = _core.Simulation
+
+    def simulation(network: Any, timeline: Any, *, plan: Plan, threads: int, ledger: bool) -> Any:
+        assert threads == 1
+        return plain(network, timeline, ledger=ledger)
+
+    monkeypatch.setattr(_core, "Plan", Plan, raising=False)
+    monkeypatch.setattr(_core, "Simulation", simulation)
+    wanted = [*chart.settings(("ca", "ieq"), ("f64", "f32"), 2, runs.has_planner())]
+    found = chart.measure(canonical.coupled(0.1), wanted, 0.1, "waveform", silent)
+    assert {"method": "ca", "oversampling": 2, "precision": "f32"} in asked
+    assert {} in asked
+    points = {str(p.setting): p for p in found.points}
+    assert points["ieq ×1"].status == "refused"
+    assert points["ieq ×1"].reason == "ieq is for contacts"
+    assert points["planner"].reason == "pair modal ×1"
+    assert points["planner"].waveform_db == -math.inf
+
+
+# --- orders and references ----------------------------------------------------------------------
+
+
+def test_steps():
+    assert steps(8) == (1, 2, 4, 8)
+    assert steps(1) == (1,)
+    assert steps(6) == (1, 2, 4)
+
+
+def smooth_string() -> Bare:
+    """Let go in the form of its two lowest modes: no partial so high that its phase is lost."""
+
+    def build(network: _core.Network) -> None:
+        network.part("p")
+        first = network.string("s", masses=40, M=8e-3, f=110.0)
+        for i in range(40):
+            at = math.pi * (i + 1) / 41
+            network.start(first + i, 1e-3 * (math.sin(at) + 0.3 * math.sin(2.0 * at)), 0.0)
+        network.listen("s", positions=[(first + 7, 1, 1.0)])
+
+    return Bare(build)
+
+
+def test_ca_is_of_second_order_on_a_linear_string():
+    """Without losses: with damping on links the order falls to one."""
+    found = chart.measure(smooth_string(), grid(8), 0.2, "waveform", silent)
+    assert [p.status for p in found.points] == ["ok"] * 4
+    assert chart.slope(found, "ca") == pytest.approx(2.0, abs=0.1)
+    assert found.reference is not None
+    assert found.reference.setting == Setting("ca", 32)
+    assert found.reference.order == pytest.approx(2.0, abs=0.1)
+    errors = [p.waveform_db for p in found.points]
+    assert errors == sorted(errors, reverse=True)
+    assert found.floor is not None
+    assert found.floor < errors[-1] - 20.0
+
+
+def test_the_references_own_error_is_told_rightly():
+    """Against a run far beyond it: within 1 dB on a string, within 10 dB with bounces."""
+    for scene, n, slack in ((smooth_string(), 8820, 1.0),
+                            (canonical.contact(0.5), 11025, 10.0)):  # fmt: skip
+        row = sounds(scene, 16, n)
+        found = refine(row, lambda setting: None)
+        assert found is not None
+        truth = runs.start(scene, Setting("ca", 256)).frames(n)
+        assert found.floor_db == pytest.approx(waveform_db(found.sound, truth), abs=slack)
+
+
+def test_luck_in_the_last_doubling_does_not_count():
+    rng = np.random.default_rng(1)
+    noise, x = rng.normal(size=4000), rng.normal(size=4000)
+    errors = {1: 1e-1, 2: 5e-2, 4: 2.5e-2, 8: 1.25e-2, 16: 1.2499e-2}  # 16 as wrong as 8
+    row = {Setting("ca", s): x + e * noise for s, e in errors.items()}
+    found = refine(row, lambda setting: None)
+    assert found is not None
+    assert found.changes[-1] < -110.0
+    assert found.floor_db > -55.0
+
+
+def test_a_rung_that_fails_ends_the_ladder_below_it():
+    x = np.ones(10)
+    row = {Setting("ca", s): x for s in (1, 4, 8)}
+    assert [s for s, _ in ladder(row, "ca")] == [4, 8]
+    assert refine({Setting("ca", 1): x}, lambda setting: None) is None
+
+
+def test_an_exact_method_needs_no_refining():
+    x = np.ones(100)
+    row = {Setting("modal", s): x.copy() for s in (1, 2)}
+    found = refine(row, lambda setting: pytest.fail("it was refined"))
+    assert found is not None
+    assert found.order is None
+    assert found.floor_db < -300.0
+
+
+def test_methods_that_settle_on_different_sounds_are_doubted():
+    rng = np.random.default_rng(3)
+    x, wrong, noise = (rng.normal(size=4000) for _ in range(3))
+    row = {Setting("ca", s): x + 1e-3 / s**2 * noise for s in (1, 2, 4, 8)}
+    row |= {Setting("bm4", s): x + 1e-4 / s**4 * noise for s in (1, 2, 4, 8)}
+    found = refine(row, lambda setting: None)
+    assert found is not None
+    assert found.setting == Setting("bm4", 8)
+    assert doubts(row, found) == []
+    row |= {Setting("modal", s): x + 1e-2 * wrong for s in (1, 2)}  # sure of itself, and wrong
+    found = refine({s: y for s, y in row.items() if s.method != "modal"}, lambda setting: None)
+    assert found is not None
+    (doubt,) = doubts(row, found)
+    assert doubt.startswith("modal ×2 and bm4 ×8 differ by -40 dB")
+
+
+# --- failures -----------------------------------------------------------------------------------
+
+
+def stiff(factor: float) -> Bare:
+    """Two masses on a spring that needs more than the rate: λ = factor·4 at 44.1 kHz."""
+
+    def build(network: _core.Network) -> None:
+        network.part("p")
+        mass, ground = network.mas("m", M=1e-3, X0=1e-3), network.sol("g")
+        network.ref("r", mass, ground, K=4.0 * factor * 1e-3 * 44100.0**2)
+        network.listen("m", positions=[(mass, 1, 1.0)])
+
+    return Bare(build)
+
+
+def test_a_refusal_is_a_point_with_its_reason():
+    found = chart.measure(stiff(2.0), grid(8), 0.05, "waveform", silent)
+    first, *others = found.points
+    assert (first.status, first.cost, first.waveform_db) == ("refused", None, None)
+    assert "p.m" in first.reason or "diverge" in first.reason
+    assert [p.status for p in others] == ["ok"] * 3
+    dearest = others[0].cost
+    assert dearest is not None
+    likely = chart.likely_cost(found, first)
+    assert likely is not None
+    assert likely > 0.0
+
+
+def test_a_run_that_diverges_is_a_point_with_its_reason():
+    found = chart.measure(canonical.struck(150.0), grid(8), 0.1, "waveform", silent)
+    assert [p.status for p in found.points] == ["diverged", "ok", "ok", "ok"]
+    assert "went beyond all bounds" in found.points[0].reason
+
+
+def test_where_everything_fails_there_is_no_reference():
+    found = chart.measure(stiff(100.0), grid(2), 0.05, "waveform", silent)
+    assert found.reference is None
+    assert {p.status for p in found.points} == {"refused"}
+    assert chart.likely_cost(found, found.points[0]) is None
+    assert "refused" in chart_table.lines(found)
+
+
+def test_silence_cannot_be_compared():
+    with pytest.raises(chart.SilentError, match=r"first 0\.05 s"):
+        chart.measure(canonical.struck(0.0), grid(2), 0.05, "waveform", silent)
+
+
+# --- what is best -------------------------------------------------------------------------------
+
+
+def test_the_front_holds_what_nothing_beats():
+    def point(times: int, cost: float, error: float) -> chart.Point:
+        return chart.Point(Setting("ca", times), cost=cost, waveform_db=error)
+
+    points = [
+        point(1, 1.0, -20.0),
+        point(2, 2.0, -19.0),
+        point(4, 3.0, -60.0),
+        point(8, 4.0, -70.0),
+    ]
+    front = [p.on_front for p in chart._marked(points, "waveform", -50.0)]
+    assert front == [True, False, True, False]  # below the floor -60 and -70 are alike
+
+
+def test_energy_is_what_the_scheme_made():
+    closed = chart.measure(canonical.coupled(0.1), grid(2), 0.05, "energy", silent)
+    assert all(p.energy_db is not None and p.energy_db < -130.0 for p in closed.points)
+    made = chart.measure(canonical.contact(1.0), grid(2), 0.2, "energy", silent)
+    first = made.points[0].energy_db
+    assert first is not None
+    assert first > -40.0
+    assert made.floor is None
+    assert made.points[0].drift_db_s is not None
+    assert abs(made.points[0].drift_db_s) < 10.0
+    drifts = [p.drift_db_s for p in closed.points]
+    assert all(drift is not None and abs(drift) < 1e-9 for drift in drifts)
+
+
+def test_a_score_is_heard_through_its_mix():
+    text = (
+        "ergon: 1\n"
+        "instruments: {b: {modules: {m: {CEL: {M: 1g, f: 440Hz, t60: 1s}}}, out: {SOX: m}}}\n"
+        "strikes: {s: {to: b.m, at: 0.01s, impulse: 1mNs}}\n"
+        "mix: {channels: 2, route: [{from: b, to: [1, 2], gain: 6dB}]}\n"
+    )
+    loaded = load("here.yaml", text=text)
+    assert loaded.piece is not None
+    scene = Score(loaded.piece)
+    frames = runs.start(scene, CA).frames(2000)
+    sound = scene.hear(frames)
+    assert sound.shape == (2000, 2)
+    gain = np.abs(sound[:, 0]).max() / np.abs(frames).max()
+    assert gain == pytest.approx(10 ** (6 / 20), rel=0.05)  # the high-pass of files shifts a little

@@ -1,0 +1,170 @@
+"""Maps: known borders come out where they are, and stable is not accurate."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ergon import _core
+from ergon.lab import atlas, canonical, map_table, maps
+from ergon.lab.names import MAPS, METHODS, ORDERS
+from ergon.lab.runs import Setting, start
+from ergon.lab.stiffness import has_contacts, stiffer
+from ergon.lab.truth import converged
+from ergon.scores.reading.load import load
+
+BUILT_IN = atlas.built_in("ca")
+
+
+def silent(done: int) -> None:
+    pass
+
+
+def survey(name: str, rows: slice = slice(None)) -> tuple[maps.Map, list[maps.Spot]]:
+    from dataclasses import replace
+
+    whole = BUILT_IN[name]
+    one = replace(whole, ys=whole.ys[rows])
+    return one, maps.survey(one, "ca", maps.ACCURATE_DB, silent)
+
+
+def test_the_border_of_a_cell_is_jurys():
+    """K + 2Z = 4M: predicted by formula and certificate, measured within the same grid cell."""
+    one, spots = survey("cell")
+    for spot in spots:
+        inside = spot.x + 2.0 * spot.y < 4.0
+        assert (spot.theory, spot.certified, spot.stable) == (inside, inside, inside), spot
+    assert {spot.stable for spot in spots} == {True, False}
+    assert maps.disagreements(spots) == (0, 0)
+    # Stable is not accurate: near the border the cell sings another note.
+    last = max((s for s in spots if s.stable and s.y < 0.1), key=lambda s: s.x)
+    assert last.x > 3.8
+    assert last.accurate is False
+    assert any(spot.accurate for spot in spots)
+    assert one.n_spots == len(spots)
+
+
+@pytest.mark.parametrize("name", ["rate", "coupling"])
+def test_borders_of_linear_scenes_are_where_the_formula_has_them(name: str):
+    _, spots = survey(name, slice(0, 2))
+    for spot in spots:
+        assert spot.load is not None
+        if abs(spot.load - 1.0) > 1e-3:
+            assert spot.theory == spot.certified == spot.stable, spot
+    assert {spot.stable for spot in spots} == {True, False}
+
+
+def test_a_contact_may_run_away_though_each_of_its_states_is_stable():
+    """A certificate of a contact guards; what runs away all the same is seen, with its reason."""
+    _, spots = survey("contact", slice(2, 3))
+    missed, strict = maps.disagreements(spots)
+    assert (missed, strict) == (1, 0)
+    (spot,) = (s for s in spots if s.certified and s.stable is False)
+    assert "times the energy" in spot.reason or "beyond all bounds" in spot.reason
+
+
+def test_the_bound_of_a_hard_stroke_is_on_the_safe_side():
+    _, spots = survey("strike", slice(0, 1))
+    assert all(spot.certified for spot in spots)  # at rest nothing is stiff
+    assert all(spot.stable for spot in spots if spot.theory)
+    assert not all(spot.stable for spot in spots)
+    assert any(spot.stable and not spot.theory for spot in spots)
+
+
+def test_loads_are_eigenvalues():
+    """The formulas against the engine's certificate, where that is exact (beyond the border)."""
+    for kappa in (0.5, 3.9):
+        network = canonical.coupled(kappa).at(canonical.RATE).network
+        load = canonical.coupled_load(kappa, 1.0, "ca")
+        found = network.certify(canonical.RATE).lambda_max / 4.0
+        assert load <= found * (1.0 + 1e-12)
+        assert found <= 2.0 * load  # Gershgorin
+    scene = canonical.string(30, 44100.0)
+    border = 44100.0 * math.sqrt(canonical.string_load(30, 44100.0, "ca"))
+    network = scene.at(44100.0).network
+    network.certify(border * (1.0 + 1e-6))
+    with pytest.raises(_core.UnstableError):
+        network.certify(border * (1.0 - 1e-6))
+
+
+def test_every_method_has_limits_and_every_map_a_name():
+    assert tuple(BUILT_IN) == MAPS
+    for method in METHODS:
+        assert canonical.limit(method) >= 4.0
+        assert set(atlas.built_in(method)) == set(MAPS)
+    assert ORDERS["ca"] == 2
+
+
+def test_the_truth_is_a_run_that_half_as_fine_repeats():
+    found = converged(canonical.string(20, 44100.0), 4410)
+    assert found.frames is not None
+    assert found.change_db < -45.0
+    far = start(canonical.string(20, 44100.0), Setting("ca", 128)).frames(4410)
+    assert np.abs(found.frames - far).max() < 0.01 * np.abs(far).max()
+
+
+def test_unchecked_runs_what_is_refused():
+    scene = canonical.cell(4.2, 0.0)
+    with pytest.raises(_core.UnstableError):
+        start(scene, Setting("ca"))
+    with pytest.raises(_core.DivergedError):
+        start(scene, Setting("ca"), unchecked=True).frames(4410)
+
+
+# --- scores -------------------------------------------------------------------------------------
+
+TEXT = """\
+ergon: 1
+title: Two masses
+instruments:
+  b:
+    modules:
+      a: {MAS: {M: 1g, V0: 1m/s}}
+      g: {SOL: {}}
+      s: {REF: {between: [a, g], K: 300kN/m, Z: 0.1Ns/m}}
+      c: {CEL: {M: 2g, f: 300Hz, t60: 1s}}
+      t: {BUT: {between: [a, c], K: 5kN/m, gap: 0mm, side: below}}
+      n: {LNL: {between: [a, c], law: k*d, k: 100}}
+    out: {SOX: c}
+render: {tail: 1s}
+"""
+
+
+def piece(text: str = TEXT):
+    loaded = load("here.yaml", text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    return loaded.piece
+
+
+def test_stiffer_means_every_spring():
+    fields = {m.name: m.fields for m in stiffer(piece(), 4.0).instruments["b"].modules}
+    assert fields["s"]["K"] == 1.2e6
+    assert fields["s"]["Z"] == 0.1
+    assert fields["c"]["f"] == 600.0
+    assert fields["t"]["K"] == 20e3
+    law = _core.Law(fields["n"]["law"], constants=fields["n"]["constants"])
+    assert law.force(0.01) == pytest.approx(4.0)
+    only = {
+        m.name: m.fields for m in stiffer(piece(), 4.0, contacts_only=True).instruments["b"].modules
+    }
+    assert (only["s"]["K"], only["c"]["f"], only["t"]["K"]) == (300e3, 300.0, 20e3)
+    assert has_contacts(piece())
+    assert not has_contacts(
+        piece(TEXT.replace("      t:", "      # t:").replace("      n:", "      # n:"))
+    )
+
+
+def test_a_score_fails_where_its_certificate_says():
+    """λ ≈ K·T²/M: 4 at 44.1 kHz is 7.8 MN/m for 1 g, 26 times the score's."""
+    one = atlas.of_score(piece(), 0.05)["springs"]
+    spots = {(s.x, s.y): s for s in maps.survey(one, "ca", maps.ACCURATE_DB, silent)}
+    assert spots[16.0, 1.0].stable is True
+    assert spots[32.0, 1.0].stable is False
+    assert spots[32.0, 2.0].stable is True
+    assert spots[128.0, 2.0].stable is False
+    assert all(s.certified == s.stable for s in spots.values() if s.x >= 16.0)
+    assert spots[0.25, 4.0].accurate is True
+    text = map_table.csv({"springs": (one, list(spots.values()))}, "ca", maps.ACCURATE_DB)
+    header, *rows = (line for line in text.splitlines() if not line.startswith("#"))
+    assert header.startswith("map,x,y,theory,certified,stable,accurate")
+    assert len(rows) == one.n_spots

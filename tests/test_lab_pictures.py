@@ -1,0 +1,107 @@
+"""Pictures and tables: the same bytes every time, ours by their mark, with what failed."""
+
+import csv
+import sys
+from pathlib import Path
+
+import pytest
+
+from ergon.exchange.safe import RefusedError, is_ours
+from ergon.lab import chart_table, draw_chart, draw_maps, map_table, maps, table
+from ergon.lab.atlas import built_in
+from ergon.lab.chart import Chart, Point
+from ergon.lab.pictures import NoPicturesError, save, targets
+from ergon.lab.runs import Setting
+
+POINTS = [
+    Point(Setting("ca", 1), "refused", "it would diverge: bell.m", None),
+    Point(Setting("ca", 2), "ok", "", 0.01, waveform_db=-20.0, cents=3.0, on_front=True),
+    Point(Setting("ca", 4), "diverged", "bell.m went beyond all bounds", None),
+    Point(Setting("ca", 8), "ok", "", 0.04, waveform_db=-40.0, cents=0.2),
+    Point(Setting("bm4", 1, "f32"), "ok", "", 0.02, waveform_db=-90.0, cents=0.0, on_front=True),
+    Point(Setting(None), "ok", "bell modal ×1", 0.005, waveform_db=-80.0, cents=0.0),
+]
+
+
+def example(metric: str) -> Chart:
+    return Chart(POINTS, None, -85.0 if metric == "waveform" else 0.01, metric, 2.0, 44100.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("metric", ["waveform", "cents"])
+def test_a_chart_is_the_same_picture_every_time(tmp_path: Path, metric: str):
+    chart = example(metric)
+    files = [
+        save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / name)
+        for name in ("one", "two")
+    ]
+    for one, two in zip(*files, strict=True):
+        assert one.read_bytes() == two.read_bytes()
+        assert is_ours(one)
+    text = files[0][0].read_text(encoding="utf-8")
+    assert "ca ×1: refused" in text
+    assert "ca ×4: diverged" in text
+    assert "the planner's choice" in text
+    assert "bell modal ×1" in text
+    assert "best for its cost" in text
+    assert "<dc:date>" not in text
+    assert files[0][1].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_chart_of_nothing_but_failures_is_drawn(tmp_path: Path):
+    chart = Chart(POINTS[:1], None, None, "waveform", 2.0, 44100.0)
+    svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")
+    assert "ca ×1: refused" in svg.read_text(encoding="utf-8")
+
+
+def test_a_table_of_a_chart_holds_the_reasons():
+    text = chart_table.csv(example("cents"), "Bell,\n a bell", "a machine")
+    facts = [line for line in text.splitlines() if line.startswith("#")]
+    assert facts[0] == "# made by ergon"
+    assert facts[1] == "# chart of Bell, a bell, the first 2 s at 44100 Hz"
+    rows = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+    assert [row["status"] for row in rows] == [point.status for point in POINTS]
+    assert rows[0]["reason"] == "it would diverge: bell.m"
+    assert (rows[0]["cost"], rows[0]["cents"]) == ("", "")
+    assert (rows[1]["cost"], rows[1]["waveform_db"], rows[1]["on_front"]) == ("0.01", "-20", "yes")
+    assert rows[4]["precision"] == "f32"
+    assert rows[5]["method"] == "planner"
+
+
+def test_values_of_a_table():
+    text = table.text([], ["a"], [[None], [True], [-float("inf")], [1 / 3], [7], ["x, y"]])
+    assert text.splitlines()[1:] == ["a", '""', "yes", "-inf", "0.333333", "7", '"x, y"']
+
+
+def test_maps_are_the_same_picture_every_time(tmp_path: Path):
+    one = built_in("ca")["coupling"]
+    spots = [maps.Spot(x, y, True, x < 1, None if x > 100 else x < 1, x < 0.1 or None, 0.5)
+             for y in one.ys for x in one.xs]  # fmt: skip
+    panel = one, spots
+    for found in ({"a": panel, "b": panel}, {"a": panel, "b": panel, "c": panel}):
+        files = [
+            save(lambda f=found: draw_maps.draw(f, "maps"), tmp_path / name, png=False)
+            for name in ("x", "y")
+        ]
+        for first, second in zip(*files, strict=True):
+            assert first.read_bytes() == second.read_bytes()
+    assert "could not be run" in map_table.lines({"coupling": (one, spots)})
+
+
+def test_no_file_of_another_is_overwritten(tmp_path: Path):
+    (tmp_path / "x.svg").write_text("<svg>mine</svg>")
+    with pytest.raises(RefusedError, match="was not made by ergon"):
+        save(lambda: draw_chart.draw(example("cents"), "Bell", ""), tmp_path / "x")
+    assert (tmp_path / "x.svg").read_text() == "<svg>mine</svg>"
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_without_matplotlib_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(NoPicturesError, match=r"pip install ergon-live\[lab\]"):
+        save(lambda: pytest.fail("it drew"), tmp_path / "x")
+
+
+def test_names_of_the_three_files():
+    assert [path.name for path in targets(Path("a/b.c"))] == ["b.c.csv", "b.c.svg", "b.c.png"]
