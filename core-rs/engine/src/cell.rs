@@ -193,6 +193,21 @@ impl Cell {
         }
     }
 
+    /// Displacement [m] per impulse [N·s], `t` [s] >= 0 after it.
+    pub(crate) fn answer(&self, t: f64) -> f64 {
+        self.response(t) / self.mass
+    }
+
+    /// Weights of where it is about its rest, and of where it is one sample later, that make where it is `part`
+    /// of the way between.
+    pub(crate) fn way(&self, part: f64, rate: Rate) -> (f64, f64) {
+        let step = rate.step();
+        let whole = self.response(step);
+        let left = self.response((1.0 - part) * step) / whole;
+        let done = self.response(part * step) / whole;
+        (left * exp(-2.0 * self.sigma * part * step), done)
+    }
+
     /// The forces [N] at samples n and n+1 that stand for an impulse [N·s] at (n + α)T, 0 <= α < 1:
     /// from n+2 on (and at n+1 already) the scheme runs through the continuous motion's samples.
     pub fn split(&self, impulse: f64, alpha: f64, rate: Rate) -> [f64; 2] {

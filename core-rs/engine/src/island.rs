@@ -4,8 +4,10 @@
 
 mod build;
 mod fault;
+pub(crate) mod fine;
 mod ledger;
 pub(crate) mod modal;
+
 pub(crate) mod record;
 
 pub use build::Options;
@@ -61,6 +63,7 @@ struct State {
     laws: Laws,
     stream: Stream,
     bodies: Vec<modal::Playing>,
+    fine: Option<fine::Fine>,
     ledger: Option<Ledger>,
     mutes: Mutes,
 }
@@ -99,6 +102,9 @@ impl Island {
         for drive in &script.drives {
             drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
         }
+        if let Some(fine) = &mut state.fine {
+            fine.carry(&mut state.body);
+        }
         layers(script, state);
         hands(script, state, n, Voice::step);
         strike(script, state, n);
@@ -106,6 +112,16 @@ impl Island {
             body.strike(n, &mut state.body);
         }
         kernel::contacts(scheme, &state.gates, &state.targets, &mut state.body);
+        if let Some(fine) = &mut state.fine {
+            let State {
+                gates,
+                targets,
+                bodies,
+                body,
+                ..
+            } = state;
+            fine.step(scheme, gates, targets, bodies, body);
+        }
         hands(script, state, n, Voice::settle);
         kernel::tap(scheme, &state.body, out);
         state.bodies.iter().for_each(|body| body.tap(out));

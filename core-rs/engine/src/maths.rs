@@ -1,7 +1,7 @@
 //! Transcendentals that give the same bytes on every machine (`libm`, compiled with the engine).
 
 pub use libm::{
-    asin, atan2, cos, exp, expm1, floor, fma, log, log1p, log10, pow, sin, sincos, sqrt, tanh,
+    asin, atan2, cos, exp, expm1, floor, fma, log, log1p, log2, log10, pow, sin, sincos, sqrt, tanh,
 };
 
 /// Ratio of amplitudes for a level in decibels.

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use crate::bank::{Oscillator, Strikes};
 use crate::island::modal::Modal;
 use crate::network::{Error, Network, Subset};
-use crate::scheme::Scheme;
+use crate::scheme::{Certificate, Scheme};
 use crate::timeline::Timeline;
 use islands::Island;
 use linear::NoModes;
@@ -37,6 +37,8 @@ pub(crate) struct Isle {
     pub(crate) timeline: Timeline,
     /// Linear bodies in it that go by their modes.
     pub(crate) bodies: Vec<Modal>,
+    /// How often a frame contacts are computed while they may be closed.
+    pub(crate) steps: usize,
     pub(crate) to_whole: Whole,
 }
 
@@ -115,6 +117,7 @@ impl Plan {
             network,
             timeline: timeline.clone(),
             bodies: Vec::new(),
+            steps: 1,
             to_whole: Whole::default(),
         })));
         Ok(plan)
@@ -261,42 +264,24 @@ impl Plan {
         let (cut, not) = ported::cut(&subset, &own.timeline, budget);
         let mut because = why.filter(|_| cut.is_none()).or(not);
         if let Some(cut) = cut {
-            let scheme = Scheme::new(&cut.hub.network, self.timeline_rate)?;
-            if let Ok(certificate) = scheme.certify(&cut.hub.network) {
-                let timeline = &cut.own.timeline;
-                if cut.hub.network.n_mat()
-                    > cut.bodies.iter().map(|body| body.modal.ports.len()).sum()
-                {
-                    self.rows
-                        .push(Row::stepped(&cut.hub.network, timeline, certificate));
+            match self.hub(&cut.hub.network, budget) {
+                Ok((steps, certificate)) => {
+                    self.cut(subset, own, cut, steps, certificate);
+                    return Ok(());
                 }
-                for found in &cut.bodies {
-                    self.rows.push(Row::ported(found, timeline));
-                }
-                self.units.push(Unit::Isle(Box::new(Isle {
-                    to_whole: Whole {
-                        mats: Some(through(&subset.mats, &cut.hub.mats)),
-                        outputs: Some(subset.outputs),
-                        keys: Some(through(&own.keys, &cut.own.keys)),
-                        gestures: Some(through(&own.gestures, &cut.own.gestures)),
-                    },
-                    network: Arc::new(cut.hub.network),
-                    timeline: cut.own.timeline,
-                    bodies: cut.bodies.into_iter().map(|found| found.modal).collect(),
-                })));
-                return Ok(());
+                Err(_) => because = Some(NoModes::Stiff),
             }
-            because = Some(NoModes::Stiff);
         }
-        let scheme = Scheme::new(&subset.network, self.timeline_rate)?;
-        let certificate = scheme.certify(&subset.network)?;
+        let (steps, certificate) = self.hub(&subset.network, budget)?;
         let mut row = Row::stepped(&subset.network, &own.timeline, certificate);
         row.because = because.map(|why| why.why().to_owned());
+        row.steps = steps;
         self.rows.push(row);
         self.units.push(Unit::Isle(Box::new(Isle {
             network: Arc::new(subset.network),
             timeline: own.timeline,
             bodies: Vec::new(),
+            steps,
             to_whole: Whole {
                 mats: Some(subset.mats),
                 outputs: Some(subset.outputs),
@@ -305,6 +290,55 @@ impl Plan {
             },
         })));
         Ok(())
+    }
+
+    /// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
+    fn hub(&self, network: &Network, budget: &Budget) -> Result<(usize, Certificate), Error> {
+        let mut scheme = Scheme::new(network, self.timeline_rate)?;
+        let stiffest = scheme.stiffest_contact();
+        let is_discrete = network.parts().iter().any(|part| part.ca_rate.is_some());
+        let steps = match stiffest {
+            Some(kappa) if !is_discrete => budget.steps(kappa),
+            _ => 1,
+        };
+        if steps > 1 {
+            scheme.without_contacts();
+        }
+        Ok((steps, scheme.certify(network)?))
+    }
+
+    /// An island whose bodies are cut out.
+    fn cut(
+        &mut self,
+        subset: Subset,
+        own: Own,
+        cut: ported::Cut,
+        steps: usize,
+        certificate: Certificate,
+    ) {
+        let timeline = &cut.own.timeline;
+        let n_ports: usize = cut.bodies.iter().map(|body| body.modal.ports.len()).sum();
+        if cut.hub.network.n_mat() > n_ports {
+            let mut row = Row::stepped(&cut.hub.network, timeline, certificate);
+            row.mats -= n_ports;
+            row.steps = steps;
+            self.rows.push(row);
+        }
+        for found in &cut.bodies {
+            self.rows.push(Row::ported(found, timeline));
+        }
+        self.units.push(Unit::Isle(Box::new(Isle {
+            to_whole: Whole {
+                mats: Some(through(&subset.mats, &cut.hub.mats)),
+                outputs: Some(subset.outputs),
+                keys: Some(through(&own.keys, &cut.own.keys)),
+                gestures: Some(through(&own.gestures, &cut.own.gestures)),
+            },
+            network: Arc::new(cut.hub.network),
+            timeline: cut.own.timeline,
+            bodies: cut.bodies.into_iter().map(|found| found.modal).collect(),
+            steps,
+        })));
     }
 }
 

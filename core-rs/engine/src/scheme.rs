@@ -15,6 +15,7 @@ pub(crate) use start::{backward_steps, forces};
 
 use std::sync::Arc;
 
+use crate::island::fine::may_be_fine;
 use crate::law::{Law, Scratch};
 use crate::network::{But, Error, MatKind, Network, Output};
 use crate::units::Rate;
@@ -80,6 +81,9 @@ pub struct Scheme {
     pub(crate) linear: bool,
 }
 
+/// A usual depth of a contact [m].
+const DEPTH: f64 = 1e-4;
+
 /// Room in which the laws of a scheme are evaluated.
 #[derive(Clone, Debug)]
 pub(crate) struct Laws {
@@ -118,6 +122,25 @@ impl Scheme {
     /// Whether the scheme is stable.
     pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
         certify::certify(self, network)
+    }
+
+    /// κ = K(1/M + 1/M) of the stiffest contact that can be computed finer than a frame; one by a power law
+    /// counts as if its K were that of a linear one a tenth of a millimetre deep.
+    pub(crate) fn stiffest_contact(&self) -> Option<f64> {
+        let kappa = |run: &Run| {
+            let Kind::But(but) = &run.kind else {
+                return 0.0;
+            };
+            let k = run.k * crate::kernel::power(DEPTH, but.exponent - 1.0);
+            (k + 2.0 * run.z) * (self.w[run.a] + self.w[run.b])
+        };
+        let contacts = self.runs.iter().filter(|run| may_be_fine(run));
+        contacts.map(kappa).reduce(f64::max)
+    }
+
+    /// Take those contacts out.
+    pub(crate) fn without_contacts(&mut self) {
+        self.runs.retain(|run| !may_be_fine(run));
     }
 
     /// Number of MATs.

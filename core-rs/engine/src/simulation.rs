@@ -292,9 +292,10 @@ impl Group {
                     network,
                     timeline,
                     bodies,
+                    steps,
                     ..
                 } = &**isle;
-                let island = Island::new(network.clone(), timeline, bodies, options)?;
+                let island = Island::new(network.clone(), timeline, bodies, *steps, options)?;
                 let room = island.n_out() * STRETCH;
                 self.sound.resize(self.sound.len().max(room), 0.0);
                 Playing::Island(Box::new(island))

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::fault::Mutes;
+use super::fine::{Fine, may_be_fine};
 use super::ledger::Ledger;
 use super::modal::{self, Modal};
 use super::{Island, OnFault, Script, State, Stream};
@@ -36,13 +37,15 @@ impl Island {
         network: Arc<Network>,
         timeline: &Timeline,
         bodies: &[Modal],
+        steps: usize,
         options: Options,
     ) -> Result<Self, Error> {
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
         let laws = scheme.laws();
         let mut body = start(&network, &scheme, timeline, &timeline.drives);
-        let bodies = join(bodies, &network, timeline, &mut body);
+        let mut bodies = join(bodies, &network, timeline, &mut body);
+        let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline.rate);
         let (scripts, voices) = hands(&network, timeline)?;
         let pushes = pushes(&network, timeline);
         let mut ergons = timeline.ergons.clone();
@@ -63,6 +66,7 @@ impl Island {
             laws,
             stream: Stream::new(options.record),
             bodies,
+            fine,
             ledger,
             mutes: Mutes::new(&scheme),
             body,
@@ -114,6 +118,25 @@ fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Driv
     }
     let d = backward_steps(network, timeline, scheme, &x, &pushes);
     Body::new(scheme, x, d)
+}
+
+/// Contacts that are computed `steps` times a frame, out of the scheme.
+fn fine(
+    scheme: &mut Scheme,
+    network: &Network,
+    bodies: &mut [modal::Playing],
+    steps: usize,
+    rate: Rate,
+) -> Option<Fine> {
+    if steps < 2 {
+        return None;
+    }
+    let (contacts, runs) = std::mem::take(&mut scheme.runs)
+        .into_iter()
+        .partition(may_be_fine);
+    scheme.runs = runs;
+    bodies.iter_mut().for_each(|body| body.divide(steps));
+    Some(Fine::new(contacts, network, scheme, bodies, steps, rate))
 }
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.

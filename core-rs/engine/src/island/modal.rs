@@ -4,7 +4,11 @@
 //! it is linear. While nothing has for a while it is followed many frames ahead at once; where something
 //! does after all, it goes back to that frame. What happens depends on frames alone, never on blocks.
 
+mod between;
+
 use std::sync::Arc;
+
+use between::Between;
 
 use crate::cell::Cell;
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, joined};
@@ -121,6 +125,10 @@ pub(crate) struct Playing {
     was: Vec<f64>,
     sums: Vec<Sum>,
     kicks: Vec<Lanes>,
+    /// What impulses between frames still have to add.
+    pending: Vec<Lanes>,
+    has_pending: bool,
+    between: Option<Between>,
     forces: Vec<f64>,
     quiet: u32,
     next: usize,
@@ -159,6 +167,9 @@ impl Playing {
                 .collect(),
             sums: vec![Sum::ZERO; n_rows * AHEAD],
             kicks: vec![Lanes::ZERO; groups],
+            pending: vec![Lanes::ZERO; groups],
+            has_pending: false,
+            between: None,
             forces: vec![0.0; plan.ports.len()],
             quiet: 0,
             next: 0,
@@ -199,25 +210,41 @@ impl Playing {
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
         let script = self.script.clone();
         let due = |next: usize| script.blows.get(next).filter(|blow| blow.0 <= n);
-        if due(self.next).is_none() {
+        if due(self.next).is_none() && !self.has_pending {
             return;
         }
         self.back(&script);
+        if self.has_pending {
+            std::mem::swap(&mut self.kicks, &mut self.pending);
+            self.kick(&script);
+            self.pending.fill(Lanes::ZERO);
+            self.has_pending = false;
+        }
         while let Some(&blow) = due(self.next) {
             self.next += 1;
             script.strike(blow, &mut self.kicks);
-            let motions = self.motions.iter_mut().zip(&self.kicks);
-            for ((motion, kick), rows) in motions.zip(&script.rows) {
-                add(&mut motion.now, kick, 1.0);
-                for (row, shape) in rows.iter().enumerate() {
-                    let terms = shape.0.iter().zip(&kick.0);
-                    let by: f64 = terms.map(|(a, b)| a * b).sum();
-                    self.seen[row * ROOM + self.at + 1] += by;
-                }
-            }
+            self.kick(&script);
         }
         self.quiet = 0;
         self.place(body);
+    }
+
+    /// Add the kicks to the modes one frame ahead.
+    fn kick(&mut self, script: &Script) {
+        let motions = self.motions.iter_mut().zip(&self.kicks);
+        for ((motion, kick), rows) in motions.zip(&script.rows) {
+            add(&mut motion.now, kick, 1.0);
+            for (row, shape) in rows.iter().enumerate() {
+                let terms = shape.0.iter().zip(&kick.0);
+                let by: f64 = terms.map(|(a, b)| a * b).sum();
+                self.seen[row * ROOM + self.at + 1] += by;
+            }
+        }
+    }
+
+    /// The MATs that are its ports.
+    pub(crate) fn ports(&self) -> impl Iterator<Item = usize> + '_ {
+        self.script.plan.ports.iter().map(|port| port.mat)
     }
 
     /// From frame `n` to the next, by the forces that the ports feel (n_mat).

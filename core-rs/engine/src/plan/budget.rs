@@ -30,6 +30,14 @@ pub enum Budget {
 const UNHEARD: f64 = -80.0;
 /// What is left out may take this part of an error budget [dB]: the predictor is within 1.1 dB.
 const SHARE: f64 = -6.0;
+/// Error of a contact that is computed once a frame [dB].
+const ONCE: f64 = -50.0;
+/// By so much it falls when it is computed twice as often [dB].
+const PER_DOUBLING: f64 = 12.0;
+/// Where pitch is what counts, a contact is right to this [dB].
+const CONTACT: f64 = -60.0;
+/// Finer is slower than it is worth.
+const STEPS_MAX: usize = 64;
 /// Nobody hears above [Hz].
 pub(crate) const AUDIBLE: f64 = 20_000.0;
 
@@ -60,6 +68,19 @@ impl Budget {
             Self::Error(db) => Some(db + SHARE),
             Self::Cents { .. } => Some(UNHEARD),
         }
+    }
+
+    /// How often a frame contacts are computed while they may be closed, κ = K(1/M + 1/M) being the stiffest of
+    /// theirs: their error falls by 12 dB with each doubling, from −50 dB where κ is at most 1.
+    pub(crate) fn steps(&self, kappa: f64) -> usize {
+        let db = match *self {
+            Self::Method(_) => return 1,
+            Self::Error(db) => db + SHARE,
+            Self::Cents { .. } => CONTACT,
+        };
+        let doublings = ((ONCE - db) / PER_DOUBLING).ceil().max(0.0) as u32;
+        let stiff = (0.5 * crate::maths::log2(kappa.max(1.0))).ceil() as u32;
+        1 << (doublings + stiff).min(STEPS_MAX.ilog2())
     }
 
     /// Modes above this are left out [Hz].

@@ -54,6 +54,8 @@ pub struct Row {
     pub cost: f64,
     /// Whether it can diverge; `None` where nothing is computed.
     pub word: Option<Word>,
+    /// How often a frame its contacts are computed while they may be closed.
+    pub steps: usize,
     /// Why it is not computed in a better way.
     pub because: Option<String>,
 }
@@ -70,6 +72,7 @@ impl Row {
             what: What::LeftOut(reason),
             cost: 0.0,
             word: None,
+            steps: 1,
             because: None,
         }
     }
@@ -86,6 +89,7 @@ impl Row {
             what: What::Stepped,
             cost: seconds(stepped_cost(network, timeline), timeline),
             word: Some(certificate.word),
+            steps: 1,
             because: None,
         }
     }
@@ -104,6 +108,7 @@ impl Row {
             },
             cost: seconds(body_cost(&found.modal), timeline),
             word: Some(Word::Guarded),
+            steps: 1,
             because: None,
         }
     }
@@ -121,6 +126,7 @@ impl Row {
             },
             cost: seconds(bank_cost(&body.bank), timeline),
             word: Some(Word::Proved),
+            steps: 1,
             because: None,
         }
     }
@@ -142,6 +148,7 @@ pub(super) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) 
             what: What::Oscillators,
             cost: seconds(Costs::of("oscillator") * count as f64, timeline),
             word: Some(Word::Proved),
+            steps: 1,
             because: None,
         })
         .collect()

@@ -1,0 +1,292 @@
+//! Contacts computed finer than a frame, and only while they may be closed.
+//!
+//! Between its contacts all that touches is linear, so within a frame a contact needs of its two points
+//! only where each would go by itself, and what a push at one instant makes of the instants after it. The pushes of
+//! a frame, S of them, then act on the rest of the scene as impulses at their own instants.
+
+use std::sync::Arc;
+
+use super::modal::Playing;
+use crate::cell::Cell;
+use crate::kernel;
+use crate::network::{Contact, MatKind, Network};
+use crate::scheme::{Kind, Run, Scheme};
+use crate::state::{Body, Target};
+use crate::units::Rate;
+
+/// A point that contacts touch.
+#[derive(Clone, Debug)]
+struct Joint {
+    mat: usize,
+    /// The body that it is a port of, and which port.
+    port: Option<(usize, usize)>,
+    /// Of a MAT that is stepped: its own motion, and where it rests [m].
+    cell: Option<Cell>,
+    rest: f64,
+    /// Weights of where it is, and of where it goes, at j/S of the way   (S + 1)
+    way: Vec<(f64, f64)>,
+}
+
+/// What does not change.
+#[derive(Clone, Debug)]
+struct Script {
+    steps: usize,
+    rate: Rate,
+    contacts: Vec<Run>,
+    /// The two joints of each contact.
+    ends: Vec<(usize, usize)>,
+    joints: Vec<Joint>,
+    /// What an impulse at one joint moves another by, j/S of a frame later   (n_joints², S + 1); empty where
+    /// nothing leads from one to the other within a frame.
+    moves: Vec<Vec<f64>>,
+}
+
+/// Contacts that play.
+#[derive(Clone, Debug)]
+pub(crate) struct Fine {
+    script: Arc<Script>,
+    /// Where each joint goes in this frame   (n_joints · (S + 1))
+    way: Vec<f64>,
+    /// Impulses on each joint in this frame   (n_joints · S)
+    given: Vec<f64>,
+    /// Elongation of each contact at the last instant, where the frame before had one.
+    before: Vec<Option<f64>>,
+    /// Force that each stepped joint still feels in the next frame   (n_joints)
+    later: Vec<f64>,
+    /// Whether a contact may be closed in this frame.
+    near: Vec<bool>,
+}
+
+impl Fine {
+    /// `contacts` leave the scheme: single links whose ends are masses or ports.
+    pub(super) fn new(
+        contacts: Vec<Run>,
+        network: &Network,
+        scheme: &Scheme,
+        bodies: &[Playing],
+        steps: usize,
+        rate: Rate,
+    ) -> Self {
+        let mut mats: Vec<usize> = contacts.iter().flat_map(|run| [run.a, run.b]).collect();
+        mats.sort_unstable();
+        mats.dedup();
+        let joint = |&mat: &usize| joint(mat, network, scheme, bodies, steps, rate);
+        let joints: Vec<Joint> = mats.iter().map(joint).collect();
+        let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
+        let ends = contacts.iter().map(|run| (at(run.a), at(run.b))).collect();
+        let n = joints.len();
+        let moves = (0..n * n)
+            .map(|pair| moves(&joints, bodies, pair / n, pair % n, steps, rate))
+            .collect();
+        Self {
+            way: vec![0.0; n * (steps + 1)],
+            given: vec![0.0; n * steps],
+            before: vec![None; contacts.len()],
+            later: vec![0.0; n],
+            near: vec![false; contacts.len()],
+            script: Arc::new(Script {
+                steps,
+                rate,
+                contacts,
+                ends,
+                joints,
+                moves,
+            }),
+        }
+    }
+
+    /// Forces that the frame before left to this one.
+    pub(super) fn carry(&mut self, body: &mut Body) {
+        for (joint, later) in self.script.joints.iter().zip(&mut self.later) {
+            if *later != 0.0 {
+                body.push(joint.mat, std::mem::take(later));
+            }
+        }
+    }
+
+    /// One frame of every contact that may be closed, once all other forces are summed.
+    pub(super) fn step(
+        &mut self,
+        scheme: &Scheme,
+        gates: &[f64],
+        targets: &[Target],
+        bodies: &mut [Playing],
+        body: &mut Body,
+    ) {
+        let script = self.script.clone();
+        let next = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
+            Some(target) => target.x,
+            None => kernel::predict(scheme, body, mat),
+        };
+        let mut any = false;
+        for (contact, run) in script.contacts.iter().enumerate() {
+            let now = body.x[run.b] - body.x[run.a];
+            let then = next(run.b, body) - next(run.a, body);
+            let near = may_close(run, now - run.rest, then - run.rest);
+            if !near {
+                self.before[contact] = None;
+            }
+            self.near[contact] = near;
+            any |= near;
+            body.link[run.first] = 0.0;
+        }
+        if !any {
+            return;
+        }
+        for (at, joint) in script.joints.iter().enumerate() {
+            let way = &mut self.way[at * (script.steps + 1)..(at + 1) * (script.steps + 1)];
+            match joint.port {
+                Some((owner, port)) => bodies[owner].way(port, way),
+                None => {
+                    let rest = joint.rest;
+                    let (x, then) = (body.x[joint.mat] - rest, next(joint.mat, body) - rest);
+                    for (x_at, (from, to)) in way.iter_mut().zip(&joint.way) {
+                        *x_at = rest + (x * from + then * to);
+                    }
+                }
+            }
+        }
+        self.given.fill(0.0);
+        self.collide(&script, gates, body);
+        for (at, joint) in script.joints.iter().enumerate() {
+            let given = &self.given[at * script.steps..(at + 1) * script.steps];
+            if given.iter().all(|impulse| *impulse == 0.0) {
+                continue;
+            }
+            match (joint.port, &joint.cell) {
+                (Some((owner, port)), _) => bodies[owner].give(port, given, body),
+                (None, Some(cell)) => {
+                    for (j, &impulse) in given.iter().enumerate() {
+                        let alpha = j as f64 / script.steps as f64;
+                        let [now, later] = cell.split(impulse, alpha, script.rate);
+                        body.push(joint.mat, now);
+                        self.later[at] += later;
+                    }
+                }
+                (None, None) => {}
+            }
+        }
+    }
+
+    /// The pushes of a frame, one instant after the other.
+    fn collide(&mut self, script: &Script, gates: &[f64], body: &mut Body) {
+        let (steps, stride) = (script.steps, script.steps + 1);
+        let n = script.joints.len();
+        let share = script.rate.step() / steps as f64;
+        for j in 0..steps {
+            for (contact, run) in script.contacts.iter().enumerate() {
+                if !self.near[contact] {
+                    continue;
+                }
+                let (a, b) = script.ends[contact];
+                let e = self.way[b * stride + j] - self.way[a * stride + j] - run.rest;
+                let e_next = self.way[b * stride + j + 1] - self.way[a * stride + j + 1] - run.rest;
+                // Where there is no instant before, as if it had come as fast as it goes.
+                let before = self.before[contact].unwrap_or(2.0 * e - e_next);
+                self.before[contact] = Some(e);
+                let open = run.gate.map_or(1.0, |gate| gates[gate]);
+                let force = open * force(run, e, (e - before) * steps as f64);
+                if j == 0 {
+                    body.link[run.first] = force;
+                }
+                if force == 0.0 {
+                    continue;
+                }
+                for (end, impulse) in [(a, force * share), (b, -force * share)] {
+                    self.given[end * steps + j] += impulse;
+                    for other in 0..n {
+                        let moves = &script.moves[end * n + other];
+                        let way = &mut self.way[other * stride + j..(other + 1) * stride];
+                        for (x, by) in way.iter_mut().zip(moves) {
+                            *x += by * impulse;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Whether a link can be computed finer than a frame: a single plain contact.
+pub(crate) fn may_be_fine(run: &Run) -> bool {
+    matches!(&run.kind, Kind::But(but) if but.contact == Contact::Plain) && run.len == 1
+}
+
+fn joint(
+    mat: usize,
+    network: &Network,
+    scheme: &Scheme,
+    bodies: &[Playing],
+    steps: usize,
+    rate: Rate,
+) -> Joint {
+    let port = bodies.iter().enumerate().find_map(|(owner, playing)| {
+        let port = playing.ports().position(|port| port == mat)?;
+        Some((owner, port))
+    });
+    let mats = network.mats();
+    let cell = match mats.kind[mat] {
+        _ if port.is_some() || scheme.w[mat] == 0.0 => None,
+        MatKind::Cel => Some(Cell::new(mats.m[mat], mats.k[mat], mats.z[mat])),
+        _ => Some(Cell::new(mats.m[mat], 0.0, 0.0)),
+    };
+    let instants = (0..=steps).map(|j| j as f64 / steps as f64);
+    let (way, rest) = match &cell {
+        Some(cell) => (
+            instants.map(|at| cell.way(at, rate)).collect(),
+            mats.rest[mat],
+        ),
+        None => (instants.map(|at| (1.0 - at, at)).collect(), 0.0),
+    };
+    Joint {
+        mat,
+        port,
+        cell,
+        rest,
+        way,
+    }
+}
+
+/// What an impulse at `from` moves `to` by, j/S of a frame later.
+fn moves(
+    joints: &[Joint],
+    bodies: &[Playing],
+    from: usize,
+    to: usize,
+    steps: usize,
+    rate: Rate,
+) -> Vec<f64> {
+    let after = |j: usize| j as f64 / steps as f64 * rate.step();
+    match (joints[from].port, joints[to].port) {
+        (Some((owner, from)), Some((same, to))) if owner == same => {
+            let instants = (0..=steps).map(after);
+            instants
+                .map(|t| bodies[owner].response(from, to, t))
+                .collect()
+        }
+        (None, None) if from == to => match &joints[from].cell {
+            Some(cell) => (0..=steps).map(|j| cell.answer(after(j))).collect(),
+            None => Vec::new(),
+        },
+        _ => Vec::new(),
+    }
+}
+
+/// Whether a contact may be closed between two elongations: it is at one of them, or so near that what it does
+/// in between could take it there.
+fn may_close(run: &Run, now: f64, then: f64) -> bool {
+    let Kind::But(but) = &run.kind else {
+        return false;
+    };
+    let s = kernel::side(but);
+    let (now, then) = (s * now, s * then);
+    now.max(then) + (then - now).abs() > 0.0
+}
+
+fn force(run: &Run, e: f64, step: f64) -> f64 {
+    let Kind::But(but) = &run.kind else {
+        return 0.0;
+    };
+    let s = kernel::side(but);
+    s * kernel::push(but, run.k, run.z, s * e, s * step)
+}

@@ -1,0 +1,115 @@
+//! A body between two frames: where its ports are at instants of a frame, and what impulses at such instants do.
+
+use super::{Playing, ROOM, lanes};
+use crate::kernel::bank::{LANES, Lanes};
+use crate::state::Body;
+
+/// Tables for S instants of a frame, for every group of modes.
+#[derive(Clone, Debug)]
+pub(super) struct Between {
+    /// Weights of a mode's position now and at the next frame that make where it is at j/S   (n_groups, S + 1)
+    way: Vec<Vec<[Lanes; 2]>>,
+    /// What an impulse at j/S moves a mode by at the next frame, and has to add at the one after, for its
+    /// motion to be exact from then on   (n_groups, S)
+    kick: Vec<Vec<[Lanes; 2]>>,
+}
+
+impl Playing {
+    /// Make tables for `steps` instants of a frame: for continuous modes alone.
+    pub(crate) fn divide(&mut self, steps: usize) {
+        let plan = &self.script.plan;
+        let (modes, rate) = (&plan.modes, plan.rate);
+        let square = rate.step() * rate.step();
+        let part = |j: usize| j as f64 / steps as f64;
+        let way = |mode: usize, j: usize| {
+            modes[mode]
+                .cell
+                .map_or((0.0, 0.0), |cell| cell.way(part(j), rate))
+        };
+        let kick = |mode: usize, j: usize| {
+            modes[mode]
+                .cell
+                .map_or([0.0; 2], |cell| cell.split(square, part(j), rate))
+        };
+        let table = |group: usize, j: usize, of: &dyn Fn(usize, usize) -> [f64; 2]| {
+            [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
+        };
+        let groups = 0..modes.len().div_ceil(LANES);
+        let pair = |mode: usize, j: usize| <[f64; 2]>::from(way(mode, j));
+        self.between = Some(Between {
+            way: groups
+                .clone()
+                .map(|group| (0..=steps).map(|j| table(group, j, &pair)).collect())
+                .collect(),
+            kick: groups
+                .map(|group| (0..steps).map(|j| table(group, j, &kick)).collect())
+                .collect(),
+        });
+    }
+
+    /// What an impulse at one port moves another by, `t` [s] later [m/N·s].
+    pub(crate) fn response(&self, from: usize, to: usize, t: f64) -> f64 {
+        let plan = &self.script.plan;
+        let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
+        let terms = plan.modes.iter().zip(shapes);
+        terms
+            .map(|(mode, (a, b))| mode.cell.map_or(0.0, |cell| a * b * cell.answer(t)))
+            .sum()
+    }
+
+    /// Where a port goes in this frame if nothing more pushes it [m], (S + 1).
+    pub(crate) fn way(&mut self, port: usize, way: &mut [f64]) {
+        let script = self.script.clone();
+        self.back(&script);
+        self.quiet = 0;
+        way.fill(script.plan.ports[port].rest);
+        let Some(between) = &self.between else { return };
+        for ((motion, table), rows) in self.motions.iter().zip(&between.way).zip(&script.rows) {
+            for (x, [now, next]) in way.iter_mut().zip(table) {
+                let mut sums = [0.0; 8];
+                for lane in 0..LANES {
+                    // One frame ahead: what is `before` there is the present.
+                    let here = now.0[lane] * motion.before.0[lane];
+                    let there = next.0[lane] * motion.now.0[lane];
+                    sums[lane % 8] += rows[port].0[lane] * (here + there);
+                }
+                *x += crate::kernel::bank::joined(&crate::kernel::bank::Sum(sums));
+            }
+        }
+    }
+
+    /// Take impulses [N·s] at S instants of this frame on a port.
+    pub(crate) fn give(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
+        let script = self.script.clone();
+        self.back(&script);
+        self.quiet = 0;
+        let Some(between) = &self.between else { return };
+        for (group, table) in between.kick.iter().enumerate() {
+            let (mut now, mut later) = (Lanes::ZERO, Lanes::ZERO);
+            for (&impulse, [first, second]) in impulses.iter().zip(table) {
+                if impulse != 0.0 {
+                    super::add(&mut now, first, impulse);
+                    super::add(&mut later, second, impulse);
+                }
+            }
+            let rows = &script.rows[group];
+            for (now, share) in now.0.iter_mut().zip(&rows[port].0) {
+                *now *= share;
+            }
+            for (sum, (later, share)) in self.pending[group]
+                .0
+                .iter_mut()
+                .zip(later.0.iter().zip(&rows[port].0))
+            {
+                *sum += later * share;
+            }
+            super::add(&mut self.motions[group].now, &now, 1.0);
+            for (row, shape) in rows.iter().enumerate() {
+                let by: f64 = shape.0.iter().zip(&now.0).map(|(a, b)| a * b).sum();
+                self.seen[row * ROOM + self.at + 1] += by;
+            }
+        }
+        self.has_pending = true;
+        self.place(body);
+    }
+}
