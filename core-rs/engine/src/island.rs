@@ -181,6 +181,21 @@ impl Island {
         &self.state.reports
     }
 
+    /// Whether a contact that is computed finely has been closed.
+    pub(crate) fn has_touched(&self) -> bool {
+        self.state
+            .fine
+            .as_ref()
+            .is_some_and(|fine| fine.has_touched)
+    }
+
+    /// Raise the squares of its bodies' modes to what their amplitudes are now.
+    pub(crate) fn squares(&self, squares: &mut [Vec<f64>]) {
+        for (body, squares) in self.state.bodies.iter().zip(squares) {
+            body.squares(squares);
+        }
+    }
+
     /// Ergons since the last call.
     pub(crate) fn take_ergons(&mut self) -> Vec<Taken> {
         self.state.stream.take()

@@ -10,6 +10,7 @@ mod cost;
 mod islands;
 mod linear;
 mod modes;
+mod pilot;
 mod ported;
 mod row;
 mod split;
@@ -265,19 +266,14 @@ impl Plan {
         let mut because = why.filter(|_| cut.is_none()).or(not);
         if let Some(cut) = cut {
             match self.hub(&cut.hub.network, budget) {
-                Ok((steps, certificate)) => {
-                    self.cut(subset, own, cut, steps, certificate);
-                    return Ok(());
-                }
+                Ok(found) => return self.cut(subset, own, cut, found, budget),
                 Err(_) => because = Some(NoModes::Stiff),
             }
         }
         let (steps, certificate) = self.hub(&subset.network, budget)?;
         let mut row = Row::stepped(&subset.network, &own.timeline, certificate);
         row.because = because.map(|why| why.why().to_owned());
-        row.steps = steps;
-        self.rows.push(row);
-        self.units.push(Unit::Isle(Box::new(Isle {
+        let mut isle = Isle {
             network: Arc::new(subset.network),
             timeline: own.timeline,
             bodies: Vec::new(),
@@ -288,7 +284,15 @@ impl Plan {
                 keys: Some(own.keys),
                 gestures: Some(own.gestures),
             },
-        })));
+        };
+        if steps > 1
+            && let Some(found) = pilot::pilot(&isle, budget)?
+        {
+            (isle.steps, row.error) = (found.steps, found.error);
+        }
+        row.steps = isle.steps;
+        self.rows.push(row);
+        self.units.push(Unit::Isle(Box::new(isle)));
         Ok(())
     }
 
@@ -313,32 +317,51 @@ impl Plan {
         subset: Subset,
         own: Own,
         cut: ported::Cut,
-        steps: usize,
-        certificate: Certificate,
-    ) {
-        let timeline = &cut.own.timeline;
-        let n_ports: usize = cut.bodies.iter().map(|body| body.modal.ports.len()).sum();
-        if cut.hub.network.n_mat() > n_ports {
-            let mut row = Row::stepped(&cut.hub.network, timeline, certificate);
+        (steps, certificate): (usize, Certificate),
+        budget: &Budget,
+    ) -> Result<(), Error> {
+        let ported::Cut {
+            mut hub,
+            own: inner,
+            mut bodies,
+        } = cut;
+        let mut isle = Isle {
+            to_whole: Whole {
+                mats: Some(through(&subset.mats, &hub.mats)),
+                outputs: Some(subset.outputs),
+                keys: Some(through(&own.keys, &inner.keys)),
+                gestures: Some(through(&own.gestures, &inner.gestures)),
+            },
+            network: Arc::new(hub.network.clone()),
+            timeline: inner.timeline,
+            bodies: bodies.iter().map(|found| found.modal.clone()).collect(),
+            steps,
+        };
+        let mut error = None;
+        if let Some(found) = pilot::pilot(&isle, budget)? {
+            (isle.steps, error) = (found.steps, found.error);
+            for (body, kept) in bodies.iter_mut().zip(found.kept) {
+                body.left_out = kept.left_out;
+                body.modal = body.modal.only(&kept.modes);
+                ported::loosen(&mut hub.network, &body.modal);
+            }
+            isle.network = Arc::new(hub.network.clone());
+            isle.bodies = bodies.iter().map(|found| found.modal.clone()).collect();
+        }
+        let n_ports: usize = bodies.iter().map(|body| body.modal.ports.len()).sum();
+        if hub.network.n_mat() > n_ports {
+            let mut row = Row::stepped(&hub.network, &isle.timeline, certificate);
             row.mats -= n_ports;
-            row.steps = steps;
+            (row.steps, row.error) = (isle.steps, error);
             self.rows.push(row);
         }
-        for found in &cut.bodies {
-            self.rows.push(Row::ported(found, timeline));
+        for found in &bodies {
+            let mut row = Row::ported(found, &isle.timeline);
+            row.error = error;
+            self.rows.push(row);
         }
-        self.units.push(Unit::Isle(Box::new(Isle {
-            to_whole: Whole {
-                mats: Some(through(&subset.mats, &cut.hub.mats)),
-                outputs: Some(subset.outputs),
-                keys: Some(through(&own.keys, &cut.own.keys)),
-                gestures: Some(through(&own.gestures, &cut.own.gestures)),
-            },
-            network: Arc::new(cut.hub.network),
-            timeline: cut.own.timeline,
-            bodies: cut.bodies.into_iter().map(|found| found.modal).collect(),
-            steps,
-        })));
+        self.units.push(Unit::Isle(Box::new(isle)));
+        Ok(())
     }
 }
 

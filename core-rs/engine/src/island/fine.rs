@@ -55,6 +55,8 @@ pub(crate) struct Fine {
     later: Vec<f64>,
     /// Whether a contact may be closed in this frame.
     near: Vec<bool>,
+    /// Whether one has been.
+    pub(super) has_touched: bool,
 }
 
 impl Fine {
@@ -84,6 +86,7 @@ impl Fine {
             before: vec![None; contacts.len()],
             later: vec![0.0; n],
             near: vec![false; contacts.len()],
+            has_touched: false,
             script: Arc::new(Script {
                 steps,
                 rate,
@@ -192,6 +195,7 @@ impl Fine {
                 if force == 0.0 {
                     continue;
                 }
+                self.has_touched = true;
                 for (end, impulse) in [(a, force * share), (b, -force * share)] {
                     self.given[end * steps + j] += impulse;
                     for other in 0..n {

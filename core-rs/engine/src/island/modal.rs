@@ -82,6 +82,54 @@ impl Modal {
         own
     }
 
+    /// Frequency of a mode [Hz], as its recurrence turns.
+    pub(crate) fn frequency(&self, mode: usize) -> f64 {
+        let Mode { a, b, .. } = self.modes[mode];
+        let cosine = (a / (2.0 * b.sqrt())).clamp(-1.0, 1.0);
+        let angle = std::f64::consts::FRAC_PI_2 - crate::maths::asin(cosine);
+        match self.modes[mode].cell {
+            Some(cell) => cell.frequency(),
+            None => angle * self.rate.hertz() / std::f64::consts::TAU,
+        }
+    }
+
+    /// What a newton for ever moves a mode by [m].
+    pub(crate) fn compliance(&self, mode: usize) -> f64 {
+        let Mode { a, b, gain, .. } = self.modes[mode];
+        gain / (1.0 - a + b).max(f64::MIN_POSITIVE)
+    }
+
+    /// With some of the modes only.
+    pub(crate) fn only(&self, kept: &[usize]) -> Self {
+        let some = |shape: &[f64]| kept.iter().map(|&mode| shape[mode]).collect();
+        Self {
+            modes: kept.iter().map(|&mode| self.modes[mode]).collect(),
+            ports: self
+                .ports
+                .iter()
+                .map(|port| Port {
+                    shape: some(&port.shape),
+                    ..*port
+                })
+                .collect(),
+            heard: self
+                .heard
+                .iter()
+                .map(|(output, shape)| (*output, some(shape)))
+                .collect(),
+            still: self.still.clone(),
+            struck: self
+                .struck
+                .iter()
+                .map(|struck| Struck {
+                    shape: some(&struck.shape),
+                    blows: struck.blows.clone(),
+                })
+                .collect(),
+            rate: self.rate,
+        }
+    }
+
     /// What a newton of one frame at a port moves the port itself by the next [m].
     pub(crate) fn give(&self, port: usize) -> f64 {
         let terms = self.modes.iter().zip(&self.ports[port].shape);
@@ -239,6 +287,23 @@ impl Playing {
                 let by: f64 = terms.map(|(a, b)| a * b).sum();
                 self.seen[row * ROOM + self.at + 1] += by;
             }
+        }
+    }
+
+    /// Raise the square of each mode (n_modes) to that of its amplitude now.
+    pub(crate) fn squares(&self, squares: &mut [f64]) {
+        let modes = self.script.plan.modes.iter().zip(squares);
+        for (mode, (own, square)) in modes.enumerate() {
+            let motion = &self.motions[mode / LANES];
+            let (x, before) = (motion.now.0[mode % LANES], motion.before.0[mode % LANES]);
+            // b = r² and a = 2r·cos θ: the frame before, as if it had not faded since.
+            let (y, sine) = (before * own.b.sqrt(), 1.0 - own.a * own.a / (4.0 * own.b));
+            let now = if sine > 0.0 {
+                (x * x + y * y - x * before * own.a) / sine
+            } else {
+                x * x
+            };
+            *square = square.max(now);
         }
     }
 

@@ -36,8 +36,6 @@ const ONCE: f64 = -50.0;
 const PER_DOUBLING: f64 = 12.0;
 /// Where pitch is what counts, a contact is right to this [dB].
 const CONTACT: f64 = -60.0;
-/// Finer is slower than it is worth.
-const STEPS_MAX: usize = 64;
 /// Nobody hears above [Hz].
 pub(crate) const AUDIBLE: f64 = 20_000.0;
 
@@ -70,17 +68,27 @@ impl Budget {
         }
     }
 
+    /// Finer is slower than it is worth.
+    pub(crate) const STEPS_MAX: usize = 64;
+
+    /// How exact contacts have to be [dB].
+    pub(crate) fn contact(&self) -> f64 {
+        match *self {
+            Self::Method(_) => f64::INFINITY,
+            Self::Error(db) => db + SHARE,
+            Self::Cents { .. } => CONTACT,
+        }
+    }
+
     /// How often a frame contacts are computed while they may be closed, κ = K(1/M + 1/M) being the stiffest of
     /// theirs: their error falls by 12 dB with each doubling, from −50 dB where κ is at most 1.
     pub(crate) fn steps(&self, kappa: f64) -> usize {
-        let db = match *self {
-            Self::Method(_) => return 1,
-            Self::Error(db) => db + SHARE,
-            Self::Cents { .. } => CONTACT,
-        };
-        let doublings = ((ONCE - db) / PER_DOUBLING).ceil().max(0.0) as u32;
+        if let Self::Method(_) = self {
+            return 1;
+        }
+        let doublings = ((ONCE - self.contact()) / PER_DOUBLING).ceil().max(0.0) as u32;
         let stiff = (0.5 * crate::maths::log2(kappa.max(1.0))).ceil() as u32;
-        1 << (doublings + stiff).min(STEPS_MAX.ilog2())
+        1 << (doublings + stiff).clamp(1, Self::STEPS_MAX.ilog2())
     }
 
     /// Modes above this are left out [Hz].

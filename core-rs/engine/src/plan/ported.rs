@@ -33,6 +33,9 @@ pub(super) struct Found {
     pub(super) mats: usize,
     pub(super) links: usize,
     pub(super) parts: Vec<String>,
+    /// All modes there are, and how loud those left out would be together [dB].
+    pub(super) of: usize,
+    pub(super) left_out: Option<f64>,
 }
 
 /// Cut the linear bodies out of an island; `None` where it has none worth it. Also why some were not.
@@ -312,26 +315,30 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Modal)>) -> Cut {
         .retain(|strike| !is_struck_there[strike.mat as usize]);
     let mut bodies = Vec::new();
     for (body, mut modal) in found {
-        for at in 0..modal.ports.len() {
-            let local = hub.mat(modal.ports[at].mat).unwrap_or(0);
-            modal.ports[at].mat = local;
-            let give = modal.give(at);
-            let step = modal.rate.step();
-            let unit = if modal.modes[0].cell.is_some() {
-                step * step
-            } else {
-                1.0
-            };
-            hub.network.loosen(local, unit / give);
+        for port in &mut modal.ports {
+            port.mat = hub.mat(port.mat).unwrap_or(0);
         }
+        loosen(&mut hub.network, &modal);
         bodies.push(Found {
             mats: body.mats.len(),
             links: body.links.len(),
             parts: super::row::parts_of(network, &body.mats),
+            left_out: None,
+            of: modal.modes.len(),
             modal,
         });
     }
     let own = split(vec![hub], &timeline).pop();
     let (hub, own) = own.unwrap_or_else(|| unreachable!("one subset in, one out"));
     Cut { hub, own, bodies }
+}
+
+/// The ports of a body as masses that move as freely.
+pub(super) fn loosen(hub: &mut Network, modal: &Modal) {
+    let step = modal.rate.step();
+    let is_discrete = modal.modes.first().is_some_and(|mode| mode.cell.is_none());
+    let unit = if is_discrete { 1.0 } else { step * step };
+    for (at, port) in modal.ports.iter().enumerate() {
+        hub.loosen(port.mat, unit / modal.give(at));
+    }
 }

@@ -56,6 +56,9 @@ pub struct Row {
     pub word: Option<Word>,
     /// How often a frame its contacts are computed while they may be closed.
     pub steps: usize,
+    /// Error of the waveform [dB], and over how long from the start it was measured [s]; `None`: exact, but for
+    /// what is left out.
+    pub error: Option<(f64, f64)>,
     /// Why it is not computed in a better way.
     pub because: Option<String>,
 }
@@ -73,6 +76,7 @@ impl Row {
             cost: 0.0,
             word: None,
             steps: 1,
+            error: None,
             because: None,
         }
     }
@@ -90,25 +94,26 @@ impl Row {
             cost: seconds(stepped_cost(network, timeline), timeline),
             word: Some(certificate.word),
             steps: 1,
+            error: None,
             because: None,
         }
     }
 
     /// A body inside an island: followed frame by frame.
     pub(super) fn ported(found: &Found, timeline: &Timeline) -> Self {
-        let modes = found.modal.modes.len();
         Self {
             parts: found.parts.clone(),
             mats: found.mats,
             links: found.links,
             what: What::Modes {
-                of: modes,
-                kept: modes,
-                left_out: None,
+                of: found.of,
+                kept: found.modal.modes.len(),
+                left_out: found.left_out,
             },
             cost: seconds(body_cost(&found.modal), timeline),
             word: Some(Word::Guarded),
             steps: 1,
+            error: None,
             because: None,
         }
     }
@@ -127,6 +132,7 @@ impl Row {
             cost: seconds(bank_cost(&body.bank), timeline),
             word: Some(Word::Proved),
             steps: 1,
+            error: None,
             because: None,
         }
     }
@@ -149,6 +155,7 @@ pub(super) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) 
             cost: seconds(Costs::of("oscillator") * count as f64, timeline),
             word: Some(Word::Proved),
             steps: 1,
+            error: None,
             because: None,
         })
         .collect()
