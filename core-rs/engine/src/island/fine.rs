@@ -116,13 +116,12 @@ impl Fine {
         bodies: &mut [Playing],
         body: &mut Body,
     ) {
-        let script = self.script.clone();
         let next = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
             Some(target) => target.x,
             None => kernel::predict(scheme, body, mat),
         };
         let mut any = false;
-        for (contact, run) in script.contacts.iter().enumerate() {
+        for (contact, run) in self.script.contacts.iter().enumerate() {
             let now = body.x[run.b] - body.x[run.a];
             let then = next(run.b, body) - next(run.a, body);
             let near = may_close(run, now - run.rest, then - run.rest);
@@ -136,6 +135,7 @@ impl Fine {
         if !any {
             return;
         }
+        let script = self.script.clone();
         for (at, joint) in script.joints.iter().enumerate() {
             let way = &mut self.way[at * (script.steps + 1)..(at + 1) * (script.steps + 1)];
             match joint.port {

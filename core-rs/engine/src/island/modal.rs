@@ -256,11 +256,12 @@ impl Playing {
 
     /// Take the strikes of frame `n`: contacts are to know where the ports go with them.
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
-        let script = self.script.clone();
-        let due = |next: usize| script.blows.get(next).filter(|blow| blow.0 <= n);
-        if due(self.next).is_none() && !self.has_pending {
+        let is_due = |blow: &Blow| blow.0 <= n;
+        if !self.script.blows.get(self.next).is_some_and(is_due) && !self.has_pending {
             return;
         }
+        let script = self.script.clone();
+        let due = |next: usize| script.blows.get(next).filter(|blow| is_due(blow));
         self.back(&script);
         if self.has_pending {
             std::mem::swap(&mut self.kicks, &mut self.pending);
@@ -314,21 +315,19 @@ impl Playing {
 
     /// From frame `n` to the next, by the forces that the ports feel (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
-        let script = self.script.clone();
         let mut is_pushed = false;
-        for (row, port) in script.plan.ports.iter().enumerate() {
+        for (row, port) in self.script.plan.ports.iter().enumerate() {
+            self.was[row] = self.seen[row * ROOM + self.at];
             self.forces[row] = force[port.mat];
             is_pushed |= self.forces[row] != 0.0;
         }
         if is_pushed {
+            let script = self.script.clone();
             self.back(&script);
             self.push(&script);
             self.quiet = 0;
         } else {
             self.quiet = self.quiet.saturating_add(1);
-        }
-        for (row, was) in self.was.iter_mut().enumerate() {
-            *was = self.seen[row * ROOM + self.at];
         }
         self.at += 1;
         if self.at == self.until {

@@ -135,6 +135,18 @@ macro_rules! loops {
                 }
             }
 
+            /// Add Σ w·x to a sum.
+            $(#[$feature])?
+            #[inline]
+            unsafe fn see(sum: &mut Sum, part: usize, w: &Four, x: &Four) {
+                // SAFETY: part + width ≤ SUMS.
+                unsafe {
+                    let at = sum.0.as_mut_ptr().add(part);
+                    let low = $more(w[1], x[1], $more(w[0], x[0], $load(at)));
+                    $store(at, $more(w[3], x[3], $more(w[2], x[2], low)));
+                }
+            }
+
             $(#[$feature])?
             pub(super) unsafe fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
                 for part in (0..SUMS).step_by($width) {
@@ -176,21 +188,50 @@ macro_rules! loops {
                 sums: &mut [Sum],
                 room: usize,
             ) {
+                // Few rows stay in registers with the rest.
+                // SAFETY: what each needs of `sums` is checked there.
+                unsafe {
+                    match weights {
+                        [] => follow_rows(rates, motion, &[], n_frames, sums, room),
+                        [a] => follow_rows(rates, motion, &[a], n_frames, sums, room),
+                        [a, b] => follow_rows(rates, motion, &[a, b], n_frames, sums, room),
+                        [a, b, c] => follow_rows(rates, motion, &[a, b, c], n_frames, sums, room),
+                        [a, b, c, more @ ..] => {
+                            let start = motion.clone();
+                            let (first, rest) = sums.split_at_mut(3 * room);
+                            follow_rows(rates, motion, &[a, b, c], n_frames, first, room);
+                            let mut again = start;
+                            follow(rates, &mut again, more, n_frames, rest, room);
+                        }
+                    }
+                }
+            }
+
+            /// The same for a number of rows that is known when it is compiled.
+            $(#[$feature])?
+            unsafe fn follow_rows<const ROWS: usize>(
+                rates: &Rates,
+                motion: &mut Motion,
+                weights: &[&Lanes; ROWS],
+                n_frames: usize,
+                sums: &mut [Sum],
+                room: usize,
+            ) {
+                assert!(ROWS == 0 || sums.len() >= (ROWS - 1) * room + n_frames);
                 for part in (0..SUMS).step_by($width) {
-                    // SAFETY: parts are multiples of the width below SUMS.
+                    // SAFETY: parts are multiples of the width below SUMS; the sums are as many as is asserted.
                     unsafe {
                         let (a, b) = (load(&rates.a, part), load(&rates.b, part));
+                        let rows = weights.map(|weights| load(weights, part));
                         let mut now = load(&motion.now, part);
                         let mut before = load(&motion.before, part);
+                        let first = sums.as_mut_ptr();
                         for frame in 0..n_frames {
                             let new = next(&a, &b, &now, &before);
                             before = now;
                             now = new;
-                            for (row, weights) in weights.iter().enumerate() {
-                                let w = load(weights, part);
-                                let low = $more(w[1], now[1], $mul(w[0], now[0]));
-                                let high = $more(w[3], now[3], $mul(w[2], now[2]));
-                                add_to(&mut sums[row * room + frame], part, $add(low, high));
+                            for (row, w) in rows.iter().enumerate() {
+                                see(&mut *first.add(row * room + frame), part, w, &now);
                             }
                         }
                         store(&mut motion.now, part, now);
@@ -217,9 +258,7 @@ macro_rules! loops {
                         for frame in 0..n_frames {
                             for (out, weights) in weights.iter().enumerate() {
                                 let w = load(weights, part);
-                                let low = $more(w[1], now[1], $mul(w[0], now[0]));
-                                let high = $more(w[3], now[3], $mul(w[2], now[2]));
-                                add_to(&mut sums[out * room + frame], part, $add(low, high));
+                                see(&mut sums[out * room + frame], part, &w, &now);
                             }
                             let new = next(&a, &b, &now, &before);
                             before = now;

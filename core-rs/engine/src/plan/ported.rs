@@ -304,10 +304,13 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Modal)>) -> Cut {
         ports.extend(&body.ports);
     }
     ports.sort_unstable();
-    let all = 0..network.n_mat() as u32;
-    let mats: Vec<u32> = all.filter(|&mat| !is_gone[mat as usize]).collect();
     let all = 0..network.n_lia() as u32;
     let links: Vec<u32> = all.filter(|&link| !is_cut[link as usize]).collect();
+    let is_used = used(network, timeline, &is_cut);
+    let all = 0..network.n_mat() as u32;
+    let mats: Vec<u32> = all
+        .filter(|&mat| !is_gone[mat as usize] && is_used[mat as usize])
+        .collect();
     let mut hub = network.subset_for_all(&mats, &ports, &links);
     let mut timeline = timeline.clone();
     timeline
@@ -331,6 +334,25 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Modal)>) -> Cut {
     let own = split(vec![hub], &timeline).pop();
     let (hub, own) = own.unwrap_or_else(|| unreachable!("one subset in, one out"));
     Cut { hub, own, bodies }
+}
+
+/// MATs that move, that a link is left to, that are driven or heard: not the points that only held bodies.
+fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
+    let kinds = network.mats().kind.iter();
+    let mut used: Vec<bool> = kinds.map(|&kind| moves(kind)).collect();
+    for (_, a, b) in ends(network).filter(|&(link, _, _)| !is_cut[link]) {
+        (used[a], used[b]) = (true, true);
+    }
+    timeline
+        .drives
+        .iter()
+        .for_each(|drive| used[drive.mat] = true);
+    for term in network.outputs().iter().flat_map(|output| &output.terms) {
+        if let Term::Position { first, len, .. } | Term::Ground { first, len, .. } = *term {
+            used[first..first + len].fill(true);
+        }
+    }
+    used
 }
 
 /// The ports of a body as masses that move as freely.
