@@ -73,6 +73,7 @@ def _fields(path: Path, found: WaveInfo) -> dict[str, object]:
         "originator": found.originator,
         "title": found.title,
         "score_sha256": found.score,
+        "plan_sha256": found.plan,
     }
 
 
@@ -89,6 +90,8 @@ def _lines(path: Path, found: WaveInfo, samples: str) -> str:
     lines.append(f"made by: {found.originator or 'not said'}")
     if found.score:
         lines.append(f"score:   sha256 {found.score}")
+    if found.plan:
+        lines.append(f"plan:    sha256 {found.plan}")
     lines.append(f"samples: sha256 {samples}")
     return "\n".join(lines) + "\n"
 

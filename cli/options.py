@@ -37,6 +37,20 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     return spoken
 
 
+def accuracy(command: F) -> F:
+    """How exact, instead of as the score says: --method, --error, --cents, or a plan made before."""
+    for option in (
+        click.option(
+            "--plan", "pinned", metavar="FILE", help="Compute by this plan (ergon plan -o)."
+        ),
+        click.option("--cents", type=click.FloatRange(0.01, 1200), help="Most error of a pitch."),
+        click.option("--error", metavar="LEVEL", help="Most error of the waveform, such as -60dB."),
+        click.option("--method", metavar="NAME", help="One method for all: ca, modal."),
+    ):
+        command = option(command)
+    return command
+
+
 def parse_bits(context: click.Context, parameter: click.Parameter, value: str | None) -> Any:
     """`--bits` as the number it is, or the word float."""
     return int(value) if value in ("16", "24") else value

@@ -41,6 +41,15 @@ class Wishes:
     threads: int = THREADS
     block: int = 4096
     force: bool = False
+    method: str | None = None
+    error: str | None = None
+    cents: float | None = None
+    pinned: str | None = None
+
+    @property
+    def plan(self) -> score.Plan:
+        """How exact."""
+        return score.Plan(self.method, self.error, self.cents, self.pinned)
 
 
 @click.command()
@@ -78,6 +87,7 @@ class Wishes:
     default=4096,
     help="Frames computed at once; the bytes are the same for any number.",
 )
+@options.accuracy
 @click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
 @options.force
 @click.option("--watch", is_flag=True, help="Render again whenever the score or its files change.")
@@ -111,7 +121,14 @@ def render_file(console: Console, path: str, wishes: Wishes, dry: bool = False) 
 
 
 def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bool) -> None:
-    staged = score.stage_piece(console, loaded, seed=wishes.seed, rate=wishes.rate)
+    staged = score.stage_piece(
+        console,
+        loaded,
+        seed=wishes.seed,
+        rate=wishes.rate,
+        plan=wishes.plan,
+        threads=wishes.threads,
+    )
     stage = staged.stage
     order = order_of(path, staged.piece, stage, wishes)
     if dry:
@@ -151,7 +168,7 @@ def order_of(path: str, piece: Piece, stage: Stage, wishes: Wishes) -> Order:
         start=start,
         stop=stop,
         level=score.level_of(piece, bits),
-        stamp=Stamp(piece.title, piece.digest()),
+        stamp=Stamp(piece.title, piece.digest(), stage.plan.hash if stage.plan else ""),
         stems=wishes.stems,
         block=wishes.block,
         threads=wishes.threads,

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.exchange.level import Level
@@ -19,11 +20,53 @@ from .outcome import Findings, Refused
 
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
-    from ergon.scores.reading.piece import Piece
+    from ergon.scores.reading.piece import Accuracy, Piece
+    from ergon.scores.staging.planning import Pins
     from ergon.scores.staging.stage import Stage
     from ergon.scores.text.errors import Diagnostic, Severity
 
 STDIN = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How exact the command line wants it, instead of as the score says."""
+
+    method: str | None = None
+    error: str | None = None
+    cents: float | None = None
+    pinned: str | None = None
+
+    def accuracy(self, of_score: Accuracy) -> Accuracy:
+        """What is wanted of a piece."""
+        from ergon.scores.reading.piece import METHODS
+        from ergon.scores.staging.planning import wished
+        from ergon.scores.tables.quantities import ERROR, quantity
+        from ergon.scores.text.errors import TextError
+        from ergon.scores.text.spelling import nearest
+
+        if sum(value is not None for value in (self.method, self.error, self.cents)) > 1:
+            raise Refused("--method, --error and --cents: one of them")
+        if self.method is not None and self.method not in METHODS:
+            close = nearest(self.method, METHODS)
+            asked = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
+            raise Refused(f"--method: there is no '{self.method}'{asked}")
+        try:
+            error = None if self.error is None else quantity(self.error, ERROR)
+        except TextError as found:
+            raise Refused(f"--error: {found.message}") from None
+        return wished(of_score, method=self.method, error=error, cents=self.cents)
+
+    def pins(self) -> Pins | None:
+        """What an earlier plan decided, if one is to be followed."""
+        from ergon.exchange.plan_file import NotPlanError, read
+
+        if self.pinned is None:
+            return None
+        try:
+            return read(Path(self.pinned))
+        except NotPlanError as error:
+            raise Refused(f"{self.pinned}: {error}") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +110,13 @@ def stage_piece(
     seed: int | None = None,
     rate: float | None = None,
     record: bool = False,
+    plan: Plan | None = None,
+    threads: int = 1,
 ) -> Staged:
-    """Put the piece on its stage, and print what the engine has to say of it."""
+    """Put the piece on its stage, and print what the engine has to say of it.
+
+    With a `plan` as it says, without one every module is stepped as it is written.
+    """
     from ergon.scores.staging.stage import StageError, stage
 
     piece = piece_of(loaded)
@@ -76,7 +124,17 @@ def stage_piece(
     try:
         # Parameters are physical: another rate needs no other score.
         played = piece if rate is None else replace(piece, rate=rate)
-        staged = stage(played, seed=seed, record=record)
+        if plan is not None:
+            played = replace(played, accuracy=plan.accuracy(played.accuracy))
+        pins = None if plan is None else plan.pins()
+        staged = stage(
+            played,
+            seed=seed,
+            record=record,
+            planned=plan is not None,
+            pins=pins,
+            threads=threads,
+        )
     except StageError as error:
         show(console, loaded, error.diagnostics)
         raise Findings from error

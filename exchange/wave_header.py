@@ -29,6 +29,7 @@ _FMT = struct.Struct("<HHIIHHHHI")
 _BEXT = struct.Struct("<256s32s32s10s8sQH254s")
 _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same bytes
 _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
+_PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
 
 
 class NotWaveError(ValueError):
@@ -37,14 +38,17 @@ class NotWaveError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """What a render says about itself: title of the piece and hash of the score (64 hex digits)."""
+    """What a render says about itself: title of the piece, hashes of the score and of the plan by which
+    it was computed (64 hex digits each)."""
 
     title: str
     score: str = ""
+    plan: str = ""
 
     def description(self) -> bytes:
-        """The 256 bytes of the bext description; a long title is cut, the hash never."""
-        tail = f" score {self.score}".encode() if self.score else b""
+        """The 256 bytes of the bext description; a long title is cut, a hash never."""
+        tail = f" plan {self.plan}".encode() if self.plan else b""
+        tail += f" score {self.score}".encode() if self.score else b""
         title = self.title.encode()[: 256 - len(tail)]
         return title.decode("utf-8", "ignore").encode() + tail
 
@@ -82,9 +86,15 @@ class WaveInfo:
         return found[1] if found and self.originator == ORIGINATOR else None
 
     @property
+    def plan(self) -> str | None:
+        """Hash of the plan by which it was computed."""
+        found = _PLAN.search(self.description)
+        return found[1] if found and self.originator == ORIGINATOR else None
+
+    @property
     def title(self) -> str:
         """Title of the piece."""
-        return _SCORE.sub("", self.description).strip()
+        return _PLAN.sub("", _SCORE.sub("", self.description)).strip()
 
 
 def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = RIFF_LIMIT) -> bytes:

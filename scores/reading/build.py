@@ -11,6 +11,7 @@ from ergon.scores.clock.positions import Position
 from ergon.scores.gesture import notation
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.piece import (
+    Accuracy,
     Coupling,
     Gesture,
     Key,
@@ -272,6 +273,17 @@ def _route(values: Values) -> Route:
     name = values["from"]
     v = values
     return Route(name, None, v["to"], v["gain"], v["highpass"], name.place)
+
+
+def accuracy(values: Values | None) -> Accuracy:
+    """What the planner may spend: one measure of exactness, and work."""
+    if values is None:
+        return Accuracy()
+    if values.written("method") or values.written("error") or values.written("cents"):
+        _one_of(values, ("method",), ("error",), ("cents",))
+    if values.written("upto") and not values.written("cents"):
+        values.error("E103", f"{values.context.of('upto')} goes with cents", "upto")
+    return Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
 
 
 def render(values: Values | None) -> RenderSpec:

@@ -87,7 +87,7 @@ class Checker:
             parts=tuple(plays),
             mix=mix,
             render=build.render(score["render"]),
-            accuracy=score["accuracy"]["method"] if score["accuracy"] else None,
+            accuracy=build.accuracy(score["accuracy"]),
             place=score.place,
             tempo_map=times.map,
         )

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.scores.clock.meter import Meter
@@ -224,6 +224,22 @@ class RenderSpec:
     place: Place | None
 
 
+Method = Literal["ca", "modal"]
+METHODS: tuple[Method, ...] = get_args(Method)
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """How exact the sound is: by one method, within an error [dB], or within cents up to a frequency
+    [Hz]; without any of these by ear. `cpu` is the most work, 1.0 one core at real time."""
+
+    method: Method | None = None
+    error: float | None = None
+    cents: float | None = None
+    upto: float | None = None
+    cpu: float | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Piece:
     """A whole score, checked. Parts are in the order written, marks in the order of names."""
@@ -243,7 +259,7 @@ class Piece:
     parts: tuple[Play, ...]
     mix: Mix
     render: RenderSpec
-    accuracy: str | None
+    accuracy: Accuracy
     place: Place
     tempo_map: TempoMap = field(compare=False, repr=False)
     # Of each part: the beats on which it is played; None where a take's file says how long it is.

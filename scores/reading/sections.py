@@ -9,6 +9,7 @@ from ergon.instruments.kinds import LINKS, tables
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
 from ergon.scores.reading.manner import OF_GESTURE
 from ergon.scores.reading.part import PART
+from ergon.scores.reading.piece import METHODS
 from ergon.scores.tables import kinds as k
 from ergon.scores.tables.fields import Field, Record, Values
 from ergon.scores.tables.shapes import (
@@ -239,9 +240,14 @@ RATES = Record(
 )
 ACCURACY = Record(
     "accuracy",
-    "what the planner may spend",
-    (Field("method", Text(str, "ca for the plain scheme"), "the scheme"),),
-    free=Text(str, "a budget (accepted, not used yet)"),
+    "how exact the sound is, and what it may cost; without it the planner goes by ear",
+    (
+        Field("method", choice(*METHODS), "one method for all, whatever its error"),
+        Field("error", k.ERROR, "most error of the waveform, relative to the sound"),
+        Field("cents", k.CENTS, "most error of a pitch", shown="3"),
+        Field("upto", k.HERTZ, "up to which frequency pitches count", shown="5kHz"),
+        Field("cpu", k.SHARE, "most work: 100% is one core at real time"),
+    ),
 )
 LAW = Record(
     "law",

@@ -15,18 +15,11 @@ def rate_of(context: Context, place: Place) -> None:
 
 
 def unused(score: Values) -> None:
-    """Report rates (N403) and accuracies (N402) that are accepted only."""
-    rates, accuracy = score["rates"], score["accuracy"]
+    """Report rates (N403) that are accepted only."""
+    rates = score["rates"]
     if rates and rates.written("gesture"):
         rates.error("N403", f"rates: gesture: {_AT_AUDIO_RATE}", "gesture")
     for section in ("keys", "instruments"):
         for values in (score[section] or {}).values():
             if isinstance(values, Values) and values.written("rate"):
                 rate_of(values.context, values.place_of("rate"))
-    if accuracy:
-        budgets = [*accuracy.free]
-        if accuracy["method"] not in (None, "ca"):
-            budgets.append("method")
-        for name in budgets:
-            message = f"accuracy: {name}: there is no planner yet; the CA scheme runs"
-            accuracy.error("N402", message, name)

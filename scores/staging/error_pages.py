@@ -50,7 +50,7 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
         if loaded.piece is None:
             return loaded.diagnostics, loaded
         try:
-            played = stage(loaded.piece)
+            played = stage(loaded.piece, planned=True)
         except StageError as error:
             return [*loaded.diagnostics, *error.diagnostics], loaded
         reports = [*loaded.diagnostics, *played.diagnostics]

@@ -13,6 +13,7 @@ from ergon.scores.reading.piece import Manner, Piece, Play, Player
 from ergon.scores.staging.hands import Hands, Sources, StagedGesture, Takes
 from ergon.scores.staging.listening import Listening, listen
 from ergon.scores.staging.overlap import check_overlaps
+from ergon.scores.staging.planning import Pins, make
 from ergon.scores.staging.striking import Striking
 from ergon.scores.staging.travel import check_travel
 from ergon.scores.text.errors import Collector, Diagnostic
@@ -44,6 +45,7 @@ class Stage:
     gestures: list[StagedGesture]
     sources: Sources
     diagnostics: list[Diagnostic]
+    plan: _core.Plan | None = None
 
     @property
     def rate(self) -> float:
@@ -107,14 +109,33 @@ def prepare(piece: Piece) -> Ready:
 
 @lasting
 def stage(
-    piece: Piece, *, seed: int | None = None, ledger: bool = False, record: bool = False
+    piece: Piece,
+    *,
+    seed: int | None = None,
+    ledger: bool = False,
+    record: bool = False,
+    planned: bool = False,
+    pins: Pins | None = None,
+    threads: int = 1,
 ) -> Stage:
-    """Build all that plays a piece. Raises StageError with every mistake that the engine finds."""
+    """Build all that plays a piece: module by module, or `planned` within its accuracy.
+
+    A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
+    earlier plan. Raises StageError with every mistake that the engine finds.
+    """
     if seed is not None:
         piece = replace(piece, seed=seed)
     ready = prepare(piece)
+    plan = None
     try:
-        simulation = _core.Simulation(ready.network, ready.timeline, ledger=ledger, record=record)
+        if planned:
+            made = make(ready.network, ready.timeline, piece.accuracy, pins)
+            plan = made.plan
+            if made.excess is not None:
+                ready.collector.error("W402", f"accuracy: {made.excess}", piece.place)
+        simulation = _core.Simulation(
+            ready.network, ready.timeline, plan=plan, ledger=ledger, record=record, threads=threads
+        )
     except _core.EngineError as error:
         raise _refused(piece, ready.collector, error) from error
     return Stage(
@@ -126,6 +147,7 @@ def stage(
         ready.hands.gestures,
         ready.hands.sources,
         ready.collector.finish(),
+        plan,
     )
 
 

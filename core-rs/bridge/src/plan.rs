@@ -11,6 +11,9 @@ use crate::network::Network;
 use crate::timeline::Timeline;
 use crate::words;
 
+/// A choice: modules of the island, steps, modes computed of each body.
+type Pin = (usize, usize, Vec<Vec<u32>>);
+
 /// What is computed, how, and why the rest is not.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
@@ -18,7 +21,8 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 #[pymethods]
 impl Plan {
     #[new]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None))]
+    #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -27,11 +31,13 @@ impl Plan {
         error_db: Option<f64>,
         cents: Option<f64>,
         upto: Option<f64>,
+        pins: Option<Vec<Pin>>,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let budget = budget(method, error_db, cents, upto)?;
         let network = Arc::new(network.0.clone());
-        py.detach(|| plan::Plan::new(network, &timeline.inner, &budget))
+        let pins = pins.map(|pins| pins.into_iter().map(choice).collect());
+        py.detach(|| plan::Plan::new(network, &timeline.inner, &budget, pins))
             .map(|plan| Self(Arc::new(plan)))
             .map_err(from_engine)
     }
@@ -39,6 +45,28 @@ impl Plan {
     /// What it does, part by part.
     fn rows(&self) -> Vec<PlanRow> {
         self.0.rows().iter().map(PlanRow::of).collect()
+    }
+
+    /// What was decided, island by island: (modules, steps, modes computed of each body).
+    fn choices(&self) -> Vec<Pin> {
+        let choices = self.0.choices().iter();
+        choices
+            .map(|choice| (choice.modules, choice.steps, choice.kept.clone()))
+            .collect()
+    }
+
+    /// A hash of what was decided (64 hex digits).
+    #[getter]
+    fn hash(&self) -> String {
+        self.0.hash()
+    }
+}
+
+fn choice((modules, steps, kept): Pin) -> plan::Choice {
+    plan::Choice {
+        modules,
+        steps,
+        kept,
     }
 }
 
@@ -83,6 +111,9 @@ pub(crate) struct PlanRow {
     what: &'static str,
     modes: Option<(usize, usize)>,
     left_out_db: Option<f64>,
+    steps: usize,
+    error_db: Option<f64>,
+    error_s: Option<f64>,
     cost: f64,
     word: Option<&'static str>,
     because: Option<String>,
@@ -104,6 +135,9 @@ impl PlanRow {
             what,
             modes,
             left_out_db,
+            steps: row.steps,
+            error_db: row.error.map(|(db, _)| db),
+            error_s: row.error.map(|(_, over)| over),
             cost: row.cost,
             word: row.word.map(|word| match word {
                 Word::Proved => "proved",

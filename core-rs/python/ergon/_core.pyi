@@ -332,6 +332,9 @@ class PlanRow:
     what: Literal["stepped", "oscillators", "modes", "unheard", "still"]
     modes: tuple[int, int] | None  # computed, of how many
     left_out_db: float | None  # the other modes together, relative to all
+    steps: int  # how often a frame contacts are computed while they may be closed
+    error_db: float | None  # of the waveform, as a pilot measured it over
+    error_s: float | None  # so many seconds from the start
     cost: float  # seconds of work for a second of sound, by the table of costs
     word: Literal["proved", "guarded"] | None
     because: str | None  # why it is stepped
@@ -351,8 +354,13 @@ class Plan:
         error_db: float | None = None,
         cents: float | None = None,
         upto: float | None = None,
-    ) -> Self: ...
+        pins: Sequence[tuple[int, int, Sequence[Sequence[int]]]] | None = None,
+    ) -> Self:
+        """`pins`: the `choices` of an earlier plan of the same score, to decide the same again."""
     def rows(self) -> list[PlanRow]: ...
+    def choices(self) -> list[tuple[int, int, list[list[int]]]]:
+        """What was decided, island by island: (modules, steps, modes computed of each body)."""
+    hash: str  # of what was decided: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------
 

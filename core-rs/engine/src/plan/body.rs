@@ -22,8 +22,14 @@ pub(super) struct Body {
     pub(super) kept: Kept,
 }
 
-/// The modes of an island, as many as this score excites and the budget asks for.
-pub(super) fn bank(subset: &Subset, timeline: &Timeline, budget: &Budget) -> Result<Body, NoModes> {
+/// The modes of an island, as many as this score excites and the budget asks for, or those that were decided
+/// for before.
+pub(super) fn bank(
+    subset: &Subset,
+    timeline: &Timeline,
+    budget: &Budget,
+    pinned: Option<&[Vec<u32>]>,
+) -> Result<Body, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
     if !timeline.keys.is_empty() || !timeline.drives.is_empty() || !timeline.ergons.is_empty() {
         return Err(NoModes::Handled);
@@ -46,7 +52,11 @@ pub(super) fn bank(subset: &Subset, timeline: &Timeline, budget: &Budget) -> Res
         .values()
         .map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
         .collect();
-    let kept = truncate::keep(&modes, seen, felt, &given, budget, rate);
+    let kept = match pinned {
+        Some([kept]) => Kept::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
+        Some(_) => return Err(NoModes::Pinned),
+        None => truncate::keep(&modes, seen, felt, &given, budget, rate),
+    };
     let rest = (0..n_out)
         .map(|output| {
             let still: f64 = seen[output]

@@ -4,6 +4,7 @@
 //! stretch at S and 2S: what differs is the error), and which modes of a body this score excites.
 
 use super::budget::Budget;
+use super::choice::Choice;
 use super::truncate::{Kept, choose};
 use super::{Isle, row};
 use crate::island::modal::Modal;
@@ -33,6 +34,22 @@ pub(super) struct Pilot {
     pub(super) error: Option<(f64, f64)>,
     /// For each body the modes that stay.
     pub(super) kept: Vec<Kept>,
+}
+
+impl Pilot {
+    /// What a plan decided before; `None` where it does not fit.
+    pub(super) fn pinned(pin: &Choice, bodies: &[Modal]) -> Option<Self> {
+        if pin.kept.len() != bodies.len() {
+            return None;
+        }
+        let pairs = pin.kept.iter().zip(bodies);
+        let kept = pairs.map(|(kept, body)| Kept::pinned(kept, body.modes.len()));
+        Some(Self {
+            steps: pin.steps.clamp(1, Budget::STEPS_MAX),
+            error: None,
+            kept: kept.collect::<Option<Vec<_>>>()?,
+        })
+    }
 }
 
 /// One way through the beginning.

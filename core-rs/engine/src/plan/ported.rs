@@ -33,8 +33,9 @@ pub(super) struct Found {
     pub(super) mats: usize,
     pub(super) links: usize,
     pub(super) parts: Vec<String>,
-    /// All modes there are, and how loud those left out would be together [dB].
+    /// How many modes there are, which are computed, and how loud those left out would be together [dB].
     pub(super) of: usize,
+    pub(super) kept: Vec<u32>,
     pub(super) left_out: Option<f64>,
 }
 
@@ -60,6 +61,27 @@ pub(super) fn cut(
         return (None, why);
     }
     (Some(hub(island, timeline, found)), why)
+}
+
+/// An island that nothing is cut out of.
+pub(super) fn whole(island: &Subset, own: &Own) -> Cut {
+    let all = |n: usize| (0..n as u32).collect::<Vec<u32>>();
+    let hub = Subset {
+        mats: all(island.mats.len()),
+        links: all(island.links.len()),
+        outputs: all(island.outputs.len()),
+        network: island.network.clone(),
+    };
+    let own = Own {
+        timeline: own.timeline.clone(),
+        keys: all(own.keys.len()),
+        gestures: all(own.gestures.len()),
+    };
+    Cut {
+        hub,
+        own,
+        bodies: Vec::new(),
+    }
 }
 
 /// A set of MATs that inner links join, and the ports where others end.
@@ -328,6 +350,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Modal)>) -> Cut {
             parts: super::row::parts_of(network, &body.mats),
             left_out: None,
             of: modal.modes.len(),
+            kept: (0..modal.modes.len() as u32).collect(),
             modal,
         });
     }

@@ -17,6 +17,24 @@ pub(super) struct Kept {
     pub(super) left_out: Option<f64>,
 }
 
+impl Kept {
+    /// As numbers of a plan.
+    pub(super) fn numbers(&self) -> Vec<u32> {
+        self.modes.iter().map(|&mode| mode as u32).collect()
+    }
+
+    /// Those that a plan decided for; `None` where there are not so many.
+    pub(super) fn pinned(numbers: &[u32], of: usize) -> Option<Self> {
+        let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
+        let rises = modes.windows(2).all(|pair| pair[0] < pair[1]);
+        let fits = rises && modes.last().is_none_or(|&last| last < of);
+        fits.then_some(Self {
+            modes,
+            left_out: None,
+        })
+    }
+}
+
 /// Keep the loudest modes, `blows` being impulses [N·s]: energies as if strikes added up by power, A²/2 over the
 /// first moments, A the amplitude that an output hears.
 pub(super) fn keep(

@@ -23,7 +23,7 @@ fn islands_play_what_the_whole_plays() {
     for seed in 0..60 {
         let scene = Scene::random(seed);
         let network = Arc::new(scene.network.clone());
-        let plan = Plan::new(network, &scene.timeline, &Budget::Method(Method::Ca)).unwrap();
+        let plan = Plan::new(network, &scene.timeline, &Budget::Method(Method::Ca), None).unwrap();
         let options = Options {
             ledger: false,
             ..options(OnFault::Stop)
@@ -79,7 +79,7 @@ fn the_modes_of_a_discrete_body_are_the_body() {
         ..options(OnFault::Stop)
     };
     let whole = Simulation::new(network.clone(), &timeline, options).unwrap();
-    let plan = Plan::new(network, &timeline, &Budget::Method(Method::Modal)).unwrap();
+    let plan = Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap();
     let What::Modes { of, kept, .. } = plan.rows()[0].what else {
         panic!("{:?}", plan.rows());
     };
@@ -152,7 +152,8 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
             Simulation::new(network.clone(), &timeline, options).unwrap(),
             n_frames,
         );
-        let plan = Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal)).unwrap());
+        let plan =
+            Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap());
         assert!(
             matches!(plan.rows()[1].what, What::Modes { of: 12, .. }),
             "{:?}",

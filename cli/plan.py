@@ -1,0 +1,179 @@
+"""`ergon plan`: what will be computed, how, at what cost and error, and why the rest is not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options, score
+from .console import Console, plural
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from ergon._core import Plan, PlanRow
+
+_HOW = {
+    "stepped": "module by module, CA",
+    "oscillators": "each by its own poles",
+    "modes": "by modes",
+    "unheard": "nothing: no output hears it",
+    "still": "nothing: nothing moves it",
+}
+_HEAD = ("part", "modules", "computed", "error", "cost", "stable", "left out")
+
+
+@click.command()
+@options.score
+@options.target("Also write the plan, for `ergon render --plan`; - is stdout.")
+@click.option("--why", metavar="MODULE", help="Tell of one part or module (bell, gong.12) alone.")
+@options.accuracy
+@options.seed
+@options.force
+@options.speaking
+def plan(
+    console: Console,
+    score_path: str,
+    output: str | None,
+    why: str | None,
+    method: str | None,
+    error: str | None,
+    cents: float | None,
+    pinned: str | None,
+    seed: int | None,
+    force: bool,
+) -> None:
+    """Say what will be computed, how, at what cost and error, and why the rest is not.
+
+    A plan is a function of the score and of how exact it is to be, the same on every machine: costs
+    are counted by a table that ships with ergon, 1.0 being one core at real time.
+    """
+    if output == "-" and console.json:
+        raise Refused("--json and -o - both want stdout")
+    wanted = score.Plan(method, error, cents, pinned)
+    staged = score.stage_piece(console, score.read(console, score_path), seed=seed, plan=wanted)
+    made = staged.stage.plan
+    assert made is not None
+    rows = made.rows()
+    if why is not None:
+        rows = _of(rows, why)
+    if output is not None:
+        from ergon.exchange.plan_file import write
+
+        write(output, made.choices(), made.hash, force=force)
+    if console.json:
+        for row in rows:
+            console.record("plan_row", **_fields(row))
+        console.record("plan", hash=made.hash, cost=_cost(made), plan_s=staged.plan_s)
+    elif why is not None:
+        console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
+    elif output != "-":
+        console.data(_table(rows) + _summary(made, staged.plan_s))
+
+
+def _cost(made: Plan) -> float:
+    return sum(row.cost for row in made.rows())
+
+
+def _of(rows: list[PlanRow], module: str) -> list[PlanRow]:
+    """The rows of a part, or of the part of a module."""
+    part = module.partition(".")[0]
+    found = [row for row in rows if part in row.parts]
+    if not found:
+        from ergon.scores.text.spelling import nearest
+
+        known = sorted({name for row in rows for name in row.parts})
+        close = nearest(part, known)
+        asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(known)}"
+        raise Refused(f"--why: no part is called '{part}'{asked}")
+    return found
+
+
+def _fields(row: PlanRow) -> dict[str, object]:
+    return {
+        "parts": row.parts,
+        "n_mat": row.n_mat,
+        "n_lia": row.n_lia,
+        "what": row.what,
+        "modes": None if row.modes is None else row.modes[0],
+        "modes_of": None if row.modes is None else row.modes[1],
+        "left_out_db": row.left_out_db,
+        "contact_steps": row.steps,
+        "error_db": row.error_db,
+        "error_over_s": row.error_s,
+        "cost": row.cost,
+        "certificate": row.word,
+        "because": row.because,
+    }
+
+
+def _table(rows: list[PlanRow]) -> str:
+    lines = [_HEAD, *(_line(row) for row in rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(_HEAD))]
+    shown = (
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))
+        for line in lines
+    )
+    return "".join(f"{line.rstrip()}\n" for line in shown)
+
+
+def _line(row: PlanRow) -> tuple[str, ...]:
+    computed = _HOW[row.what]
+    if row.modes is not None:
+        kept, of = row.modes
+        computed = plural(kept, "mode") + ("" if kept == of else f" of {of:,}")
+    if row.steps > 1:
+        computed += f", contacts ×{row.steps}"
+    is_left_out = row.what in ("unheard", "still")
+    error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
+    if row.what == "stepped" and row.error_db is None:
+        error = "as CA"
+    return (
+        " + ".join(row.parts),
+        f"{row.n_mat + row.n_lia:,}",
+        computed,
+        error,
+        "" if is_left_out else f"{row.cost:.2g}",
+        row.word or "",
+        "" if row.left_out_db is None else f"{row.left_out_db:.0f} dB",
+    )
+
+
+def _summary(made: Plan, plan_s: float) -> str:
+    cost = _cost(made)
+    times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
+    return f"\ncost {cost:.3g}: {times}; planned in {plan_s:.2g} s; plan sha256 {made.hash[:12]}\n"
+
+
+def _why(row: PlanRow) -> list[str]:
+    """What happens to a part, in sentences."""
+    name = " + ".join(row.parts)
+    said = [f"{name}: {plural(row.n_mat, 'MAT')} and {plural(row.n_lia, 'LIA')}."]
+    if row.what == "oscillators":
+        said.append("  Nothing ties its masses to each other: each runs exactly, by its own poles.")
+    elif row.what == "unheard":
+        said.append("  No output listens to it, nor to anything that it can move: it is left out.")
+    elif row.what == "still":
+        said.append("  Nothing ever moves it: what is heard of it is a constant.")
+    elif row.modes is not None:
+        kept, of = row.modes
+        said.append(f"  It is linear: {plural(kept, 'mode')} of {of:,} are computed, each exactly.")
+        if row.left_out_db is not None:
+            said.append(f"  The others would be {row.left_out_db:.0f} dB below the rest together.")
+    else:
+        said.append("  It is stepped module by module, by the CA scheme.")
+    if row.because is not None:
+        said.append(f"  It does not go by modes: {row.because}.")
+    if row.steps > 1:
+        said.append(f"  Contacts are computed {row.steps} times a frame while they may be closed.")
+    if row.error_db is not None and row.error_s is not None:
+        over = f"over the first {row.error_s:.2g} s"
+        said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
+    if row.word is not None:
+        said.append(
+            f"  It cannot diverge: {row.word}."
+            if row.word == "proved"
+            else f"  Stability: {row.word}."
+        )
+        said.append(f"  It costs {row.cost:.2g} of a core at real time.")
+    return said

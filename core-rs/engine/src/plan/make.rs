@@ -1,0 +1,237 @@
+//! How a plan is made: islands first, then for each of them the cheapest method that is exact enough.
+
+use std::sync::Arc;
+
+use super::budget::Budget;
+use super::choice::{Choice, Pins, another};
+use super::islands::{Island, islands};
+use super::linear::NoModes;
+use super::row::{self, Reason, Row};
+use super::split::{Own, split};
+use super::{Isle, Plan, Unit, Whole, body, cells, pilot, ported};
+use crate::network::{Error, Network, Subset};
+use crate::scheme::{Certificate, Scheme};
+use crate::timeline::Timeline;
+
+/// A plan on its way.
+struct Maker<'a> {
+    plan: Plan,
+    budget: &'a Budget,
+    pins: Pins,
+}
+
+pub(super) fn make(
+    network: Arc<Network>,
+    timeline: &Timeline,
+    budget: &Budget,
+    pins: Option<Vec<Choice>>,
+) -> Result<Plan, Error> {
+    let mut maker = Maker {
+        plan: Plan::empty(network.clone(), timeline),
+        budget,
+        pins: Pins::new(pins),
+    };
+    let (mut loose, mut isles) = (Vec::new(), Vec::new());
+    for island in islands(&network, timeline) {
+        let is_loose = || budget.takes_modes() && cells::is_loose(&network, &island, timeline.rate);
+        match (island.is_heard, island.is_moved) {
+            (false, _) => maker.drop(&island, Reason::Unheard),
+            (true, false) => {
+                maker.rest(&island)?;
+                maker.drop(&island, Reason::Still);
+            }
+            (true, true) if is_loose() => loose.extend(island.mats),
+            (true, true) => {
+                isles.push(network.subset(&island.mats, &island.guests, &island.links));
+            }
+        }
+    }
+    let n_isles = isles.len();
+    if !loose.is_empty() {
+        isles.push(network.subset(&loose, &[], &[]));
+    }
+    for (at, (subset, own)) in split(isles, timeline).into_iter().enumerate() {
+        if at < n_isles {
+            maker.island(subset, own)?;
+        } else {
+            maker.cells(&subset, &own)?;
+        }
+    }
+    maker.pins.end()?;
+    Ok(maker.plan)
+}
+
+impl Maker<'_> {
+    /// An island that is not computed: counted with the others of its part.
+    fn drop(&mut self, island: &Island, reason: Reason) {
+        let row = Row::left_out(&self.plan.network, island, reason);
+        if row.mats + row.links == 0 {
+            return; // points that hold nothing
+        }
+        let alike = |known: &&mut Row| known.what == row.what && known.parts == row.parts;
+        match self.plan.rows.iter_mut().find(alike) {
+            Some(known) => {
+                known.mats += row.mats;
+                known.links += row.links;
+            }
+            None => self.plan.rows.push(row),
+        }
+    }
+
+    /// Add what is heard of modules that never move.
+    fn rest(&mut self, island: &Island) -> Result<(), Error> {
+        let subset = self
+            .plan
+            .network
+            .subset(&island.mats, &island.guests, &island.links);
+        let scheme = Scheme::new(&subset.network, self.plan.timeline_rate)?;
+        let mut heard = vec![0.0; subset.outputs.len()];
+        crate::island::at_rest(&subset.network, &scheme, &mut heard);
+        for (&output, heard) in subset.outputs.iter().zip(heard) {
+            self.plan.still[output as usize] += heard;
+        }
+        Ok(())
+    }
+
+    /// Isolated CELs.
+    fn cells(&mut self, subset: &Subset, own: &Own) -> Result<(), Error> {
+        let banks = cells::oscillators(subset, &own.timeline, &mut self.plan.still)?;
+        self.plan
+            .rows
+            .extend(row::cells(&self.plan.network, &banks, &own.timeline));
+        self.plan.units.extend(banks.into_iter().map(Unit::Bank));
+        Ok(())
+    }
+
+    /// An island: by its modes where it has them, else stepped.
+    fn island(&mut self, subset: Subset, own: Own) -> Result<(), Error> {
+        let modules = subset.network.n_mat() + subset.network.n_lia();
+        let pin = self.pins.next(modules)?;
+        let mut why = None;
+        if self.budget.takes_modes() && pin.as_ref().is_none_or(Choice::is_bank) {
+            let kept = pin.as_ref().map(|pin| &pin.kept[..]);
+            match body::bank(&subset, &own.timeline, self.budget, kept) {
+                Ok(found) => {
+                    for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
+                        self.plan.still[output as usize] += rest;
+                    }
+                    self.plan.choices.push(Choice {
+                        modules,
+                        steps: 0,
+                        kept: vec![found.kept.numbers()],
+                    });
+                    let row = Row::modal(&subset, &found, &own.timeline);
+                    self.plan.rows.push(row);
+                    self.plan.units.push(Unit::Bank(found.bank));
+                    return Ok(());
+                }
+                Err(reason) => why = Some(reason),
+            }
+        }
+        if pin.as_ref().is_some_and(Choice::is_bank) {
+            return Err(another());
+        }
+        self.stepped(subset, own, modules, pin, why)
+    }
+
+    /// An island frame by frame: its linear bodies by their modes, the rest as it is written.
+    fn stepped(
+        &mut self,
+        subset: Subset,
+        own: Own,
+        modules: usize,
+        pin: Option<Choice>,
+        why: Option<NoModes>,
+    ) -> Result<(), Error> {
+        let (cut, not) = ported::cut(&subset, &own.timeline, self.budget);
+        let mut because = why.filter(|_| cut.is_none()).or(not);
+        let mut hub = None;
+        if let Some(cut) = cut {
+            match self.hub(&cut.hub.network) {
+                Ok(found) => hub = Some((cut, found)),
+                Err(_) => because = Some(NoModes::Stiff),
+            }
+        }
+        let (cut, (steps, certificate)) = match hub {
+            Some(hub) => hub,
+            None => {
+                let found = self.hub(&subset.network)?;
+                (ported::whole(&subset, &own), found)
+            }
+        };
+        let ported::Cut {
+            mut hub,
+            own: inner,
+            mut bodies,
+        } = cut;
+        let mut isle = Isle {
+            to_whole: Whole {
+                mats: Some(through(&subset.mats, &hub.mats)),
+                outputs: Some(subset.outputs),
+                keys: Some(through(&own.keys, &inner.keys)),
+                gestures: Some(through(&own.gestures, &inner.gestures)),
+            },
+            network: Arc::new(hub.network.clone()),
+            timeline: inner.timeline,
+            bodies: bodies.iter().map(|found| found.modal.clone()).collect(),
+            steps,
+        };
+        let mut error = None;
+        let found = match pin {
+            Some(pin) => Some(pilot::Pilot::pinned(&pin, &isle.bodies).ok_or_else(another)?),
+            None => pilot::pilot(&isle, self.budget)?,
+        };
+        if let Some(found) = found {
+            (isle.steps, error) = (found.steps, found.error);
+            for (body, kept) in bodies.iter_mut().zip(found.kept) {
+                body.left_out = kept.left_out;
+                body.modal = body.modal.only(&kept.modes);
+                body.kept = kept.numbers();
+                ported::loosen(&mut hub.network, &body.modal);
+            }
+            isle.network = Arc::new(hub.network.clone());
+            isle.bodies = bodies.iter().map(|found| found.modal.clone()).collect();
+        }
+        self.plan.choices.push(Choice {
+            modules,
+            steps: isle.steps,
+            kept: bodies.iter().map(|found| found.kept.clone()).collect(),
+        });
+        let n_ports: usize = bodies.iter().map(|body| body.modal.ports.len()).sum();
+        if hub.network.n_mat() > n_ports {
+            let mut row = Row::stepped(&hub.network, &isle.timeline, certificate);
+            row.mats -= n_ports;
+            (row.steps, row.error) = (isle.steps, error);
+            row.because = because.map(|why| why.why().to_owned());
+            self.plan.rows.push(row);
+        }
+        for found in &bodies {
+            let mut row = Row::ported(found, &isle.timeline);
+            row.error = error;
+            self.plan.rows.push(row);
+        }
+        self.plan.units.push(Unit::Isle(Box::new(isle)));
+        Ok(())
+    }
+
+    /// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
+    fn hub(&self, network: &Network) -> Result<(usize, Certificate), Error> {
+        let mut scheme = Scheme::new(network, self.plan.timeline_rate)?;
+        let parts = network.mats().part.iter().map(|&part| part as usize);
+        let mut truths = parts.map(|part| network.parts()[part].ca_rate);
+        let steps = match scheme.stiffest_contact() {
+            // Where the discrete network is the truth, so are its contacts.
+            Some(kappa) if !truths.any(|truth| truth.is_some()) => self.budget.steps(kappa),
+            _ => 1,
+        };
+        if steps > 1 {
+            scheme.without_contacts();
+        }
+        Ok((steps, scheme.certify(network)?))
+    }
+}
+
+/// Two maps one after the other.
+fn through(first: &[u32], second: &[u32]) -> Vec<u32> {
+    second.iter().map(|&at| first[at as usize]).collect()
+}

@@ -1,0 +1,64 @@
+"""A plan as a file: what was decided, island by island, to be decided the same again.
+
+{"ergon_plan": 1, "hash": …, "choices": [[modules, steps, [[modes of a body] …]] …]}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from .safe import writing
+
+VERSION = 1
+_SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
+_NUMBER_MAX = 2**32 - 1
+
+Choices = Sequence[tuple[int, int, Sequence[Sequence[int]]]]
+
+
+class NotPlanError(ValueError):
+    """The file is no plan that this program reads."""
+
+
+def write(path: str, choices: Choices, digest: str, *, force: bool) -> None:
+    """Write a plan; all of it or nothing."""
+    # A choice a line, so that two plans can be compared by eye and by diff.
+    lines = ",\n  ".join(json.dumps(choice, separators=(",", ":")) for choice in choices)
+    text = f'{{"ergon_plan": {VERSION}, "hash": "{digest}", "choices": [\n  {lines}\n]}}\n'
+    with writing(path, binary=True, force=force) as file:
+        file.write(text.encode())
+
+
+def read(path: Path) -> Choices:
+    """The choices of a plan. Raises NotPlanError with a sentence."""
+    try:
+        if path.stat().st_size > _SIZE_MAX:
+            raise NotPlanError(f"larger than any plan ({_SIZE_MAX // 1_000_000} MB)")
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise NotPlanError(error.strerror or "cannot be read") from None
+    except (ValueError, RecursionError):
+        raise NotPlanError("this is no plan: `ergon plan SCORE -o FILE` writes one") from None
+    if not isinstance(found, dict) or found.get("ergon_plan") != VERSION:
+        raise NotPlanError(f"this is no plan of version {VERSION}")
+    choices = found.get("choices")
+    if not isinstance(choices, list):
+        raise NotPlanError("it says nothing of choices")
+    return [_choice(choice) for choice in choices]
+
+
+def _choice(value: object) -> tuple[int, int, list[list[int]]]:
+    match value:
+        case [modules, steps, [*bodies]] if (
+            _is_count(modules)
+            and _is_count(steps)
+            and all(isinstance(kept, list) and all(map(_is_count, kept)) for kept in bodies)
+        ):
+            return modules, steps, bodies
+    raise NotPlanError("a choice is [modules, steps, [modes of each body]], all whole numbers")
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= _NUMBER_MAX
