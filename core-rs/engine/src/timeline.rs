@@ -122,6 +122,20 @@ impl Timeline {
         }
     }
 
+    /// The same at `times` the rate; `None` where a gesture does not allow it.
+    pub(crate) fn faster(&self, times: u32) -> Option<Self> {
+        let rate = Rate::new(self.rate.hertz() * f64::from(times)).ok()?;
+        let gestures = self.gestures.iter();
+        let gestures = gestures.map(|gesture| gesture.at_rate(rate.hertz()).ok());
+        let gates = self.gates.iter();
+        Some(Self {
+            rate,
+            gestures: gestures.collect::<Option<_>>()?,
+            gates: gates.map(|gate| gate.faster(u64::from(times))).collect(),
+            ..self.clone()
+        })
+    }
+
     /// Add a key; returns its index.
     pub fn key(&mut self, name: &str, struck: usize) -> usize {
         self.keys.push(Key {

@@ -1,7 +1,10 @@
 //! A gesture placed in the piece: what is asked of a key, sample by sample.
 
+use std::sync::Arc;
+
 use super::placed::Placed;
 use super::quintic::Knot;
+use super::written::{GestureError, Manner, Way, Written};
 use crate::timeline::frame;
 
 /// Half-way between two frames a knot is rounded up, whatever the last bit of its instant [frames].
@@ -44,9 +47,28 @@ impl Leg {
     }
 }
 
+/// What a gesture was made from, to be made again at another rate.
+#[derive(Clone, Debug)]
+pub(crate) enum Recipe {
+    Written {
+        t: Vec<f64>,
+        x: Vec<f64>,
+        way: Vec<Way>,
+        sources: Vec<u32>,
+        manner: Manner,
+    },
+    Taken {
+        path: Placed,
+        until: Option<f64>,
+        source: u32,
+        manner: Manner,
+    },
+}
+
 /// A narrative gesture or a take, placed.
 #[derive(Clone, Debug)]
 pub struct Gesture {
+    pub(crate) recipe: Arc<Recipe>,
     pub(crate) key: usize,
     pub(crate) legs: Vec<Leg>,
     /// First written instant [s].
@@ -73,6 +95,28 @@ pub struct Gesture {
 }
 
 impl Gesture {
+    /// The same at another rate [Hz].
+    pub(crate) fn at_rate(&self, rate: f64) -> Result<Self, GestureError> {
+        match &*self.recipe {
+            Recipe::Written {
+                t,
+                x,
+                way,
+                sources,
+                manner,
+            } => {
+                let points = Written { t, x, way, sources };
+                Self::written(self.key, &points, *manner, rate)
+            }
+            Recipe::Taken {
+                path,
+                until,
+                source,
+                manner,
+            } => Self::taken(self.key, path.clone(), *until, *source, *manner, rate),
+        }
+    }
+
     /// The same on another key.
     pub(crate) fn on(self, key: usize) -> Self {
         Self { key, ..self }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::placed::Placed;
 use super::profile::{Curve, PathError, Point, Profile};
 use super::quintic::Knot;
-use super::script::{Ergons, Gesture, Leg, Touch};
+use super::script::{Ergons, Gesture, Leg, Recipe, Touch};
 use crate::timeline::{frame, whole};
 
 /// An instant this close before a frame [frames] falls on it: what dividing beats by tempo leaves.
@@ -114,8 +114,16 @@ impl Gesture {
         let sources = (0..n)
             .map(|i| (frame(points.t[i], rate), source(i)))
             .collect();
+        let recipe = Recipe::Written {
+            t: points.t.to_vec(),
+            x: points.x.to_vec(),
+            way: points.way.to_vec(),
+            sources: points.sources.to_vec(),
+            manner,
+        };
         Self::new(
             key,
+            recipe,
             legs,
             points.t[0],
             [points.x[0], points.x[n - 1]],
@@ -139,16 +147,24 @@ impl Gesture {
             until.map_or(path.stop(), |until| until.min(path.stop())),
         );
         let ends = [path.at(start).0, path.at(stop).0];
+        let recipe = Recipe::Taken {
+            path: path.clone(),
+            until,
+            source,
+            manner,
+        };
         let legs = vec![Leg::Path {
             path,
             last: floor(stop, rate),
         }];
-        Self::new(key, legs, start, ends, vec![(0, source)], manner, rate)
+        let sources = vec![(0, source)];
+        Self::new(key, recipe, legs, start, ends, sources, manner, rate)
     }
 
     #[allow(clippy::too_many_arguments)] // private: the two constructors above are the doors
     fn new(
         key: usize,
+        recipe: Recipe,
         legs: Vec<Leg>,
         start: f64,
         [x, exit]: [f64; 2],
@@ -186,6 +202,7 @@ impl Gesture {
             },
         };
         Ok(Self {
+            recipe: Arc::new(recipe),
             key,
             legs,
             start,

@@ -19,6 +19,16 @@ pub(crate) struct Gate {
 }
 
 impl Gate {
+    /// The same at `times` the rate.
+    pub(crate) fn faster(self, times: u64) -> Self {
+        Self {
+            start: self.start.map(|start| start * times),
+            stop: self.stop.map(|stop| stop * times),
+            fade: self.fade * times,
+            ..self
+        }
+    }
+
     /// The same on another link.
     pub(crate) fn on(self, link: usize) -> Self {
         Self { link, ..self }
