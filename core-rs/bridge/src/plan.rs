@@ -108,6 +108,7 @@ impl PlanRow {
             word: row.word.map(|word| match word {
                 Word::Proved => "proved",
                 Word::Guarded => "guarded",
+                Word::Tried => "tried",
             }),
             because: row.because.clone(),
         }
