@@ -9,6 +9,8 @@ use crate::kernel::wide::wide;
 const KNOWN: f64 = 1e-16;
 /// Rounds at most: a mesh takes a few dozen.
 const ROUNDS: usize = 2000;
+/// A new start is worth its while where the square of the residual has come down to this part.
+const SMALLER: f64 = 0.1;
 const LANES: usize = 8;
 
 /// Room for a solution.
@@ -30,34 +32,41 @@ impl Conjugate {
     }
 
     /// Solve A·x = `right` from the guess in `x`. `apply`: y = A·p; `inverse`: 1 over A's diagonal, 0 where
-    /// x stays as it is. Says how many rounds it took.
+    /// x stays as it is.
+    ///
+    /// The residual that the rounds carry along runs away from the true one where A is stiff, so they
+    /// start anew from the true one as long as this makes it smaller.
     pub(super) fn solve(
         &mut self,
         apply: &mut dyn FnMut(&[f64], &mut [f64]),
         inverse: &[f64],
         right: &[f64],
         x: &mut [f64],
-    ) -> usize {
+    ) {
         let Self { r, p, y } = self;
         let enough = KNOWN * KNOWN * size(inverse, right);
-        apply(x, y);
-        let mut rho = residual(inverse, right, y, r);
-        turn(inverse, r, 0.0, p);
-        for round in 0..ROUNDS {
-            // A NaN ends it too.
-            if !(rho > enough) {
-                return round;
+        let (mut rounds, mut last) = (0, f64::INFINITY);
+        while rounds < ROUNDS {
+            apply(x, y);
+            let mut rho = residual(inverse, right, y, r);
+            // Written so that a NaN ends it too.
+            if !(rho > enough && rho < SMALLER * last) {
+                break;
             }
-            apply(p, y);
-            let along = dot(p, y);
-            if !(along > 0.0) {
-                return round;
+            last = rho;
+            turn(inverse, r, 0.0, p);
+            while rho > enough && rounds < ROUNDS {
+                apply(p, y);
+                let along = dot(p, y);
+                if !(along > 0.0) {
+                    break;
+                }
+                let next = descend(rho / along, [inverse, p, y], x, r);
+                turn(inverse, r, next / rho, p);
+                rho = next;
+                rounds += 1;
             }
-            let next = descend(rho / along, [inverse, p, y], x, r);
-            turn(inverse, r, next / rho, p);
-            rho = next;
         }
-        ROUNDS
     }
 }
 

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use super::Method;
 use super::conjugate::Conjugate;
-use super::mesh::{Mesh, Room};
+use super::mesh::Mesh;
 use super::passes;
 use crate::kernel::wide::wide;
 use crate::network::{Error, Network};
@@ -52,8 +52,8 @@ impl Ieq {
             0.25 * (1.0 - EXPLICIT / lambda)
         };
         let x = network.mats().x0.clone();
-        let d = last_step(&mesh, network, &x, &mut mesh.room());
         let links = Links::new(&mesh, beta);
+        let d = last_step(&mesh, &links, network);
         let scheme = &mesh.scheme;
         let own = (0..x.len())
             .map(|i| mesh.m[i] * (1.0 + 0.5 * scheme.zeta[i] + beta * scheme.kappa[i]))
@@ -74,18 +74,33 @@ impl Ieq {
     }
 }
 
-/// x(0) − x(−T) by Taylor: V − ½A, of the method's own order [m]   (n_mat)
-fn last_step(mesh: &Mesh, network: &Network, x: &[f64], room: &mut Room) -> Vec<f64> {
-    let v = mesh.start(network);
-    let mut force = vec![0.0; x.len()];
-    mesh.total(x, &v, room, &mut force);
-    let scheme = &mesh.scheme;
-    (0..x.len())
-        .map(|i| {
-            let tie = scheme.kappa[i] * (x[i] - scheme.rest[i]) + scheme.zeta[i] * v[i];
-            v[i] - 0.5 * (force[i] * scheme.w[i] - tie)
-        })
-        .collect()
+/// x(0) − x(−T) = V − ½A [m] with the acceleration that the system itself gives a stiff link, of the method's
+/// own order   (n_mat)
+fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
+    let (x, v) = (&network.mats().x0, mesh.start(network));
+    let (scheme, n) = (&mesh.scheme, x.len());
+    let mut force = vec![0.0; n];
+    mesh.total(x, &v, &mut mesh.room(), &mut force);
+    for (i, force) in force.iter_mut().enumerate() {
+        let tie = scheme.kappa[i] * (x[i] - scheme.rest[i]) + scheme.zeta[i] * v[i];
+        *force -= mesh.m[i] * tie;
+    }
+    let own: Vec<f64> = (0..n)
+        .map(|i| mesh.m[i] * (1.0 + links.beta * scheme.kappa[i]))
+        .collect();
+    let mut inverse = own.clone();
+    let c = links.stiff(mesh, [x, &v], &mut inverse);
+    for (inverse, own) in inverse.iter_mut().zip(&own) {
+        *inverse = if *own > 0.0 { 1.0 / *inverse } else { 0.0 };
+    }
+    let (mut a, mut room) = (vec![0.0; n], vec![0.0; links.longest()]);
+    let mut apply = |p: &[f64], y: &mut [f64]| {
+        y.fill(0.0);
+        passes::each(&links.runs, &c, p, &mut room, y);
+        less(&own, p, y);
+    };
+    Conjugate::new(n).solve(&mut apply, &inverse, &force, &mut a);
+    v.iter().zip(&a).map(|(v, a)| v - 0.5 * a).collect()
 }
 
 impl Method for Ieq {

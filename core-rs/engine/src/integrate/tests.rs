@@ -1,15 +1,23 @@
 use std::sync::Arc;
 
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+
 use super::*;
 use crate::generator::{Rim, Shape, plate};
 use crate::law::Law;
 
 mod bytes;
+mod contacts;
 mod cost;
 mod energy;
 mod gong;
+mod loops;
 mod orders;
+mod references;
 mod words;
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 const HERTZ: f64 = 44_100.0;
 
@@ -27,7 +35,10 @@ fn row(n: usize, k: f64, q: f64, z: f64) -> Network {
     let mut network = Network::new();
     network.part("row", None);
     for i in 0..n {
-        let (x0, v0) = (1e-4 * ((i * i) as f64 % 3.0 - 1.0), 0.3 * ((i % 4) as f64 - 1.0));
+        let (x0, v0) = (
+            1e-4 * ((i * i) as f64 % 3.0 - 1.0),
+            0.3 * ((i % 4) as f64 - 1.0),
+        );
         network.mas(&format!("m{i}"), 1e-3, x0, v0).expect("a mass");
     }
     let left = network.sol("left", 0.0).expect("a point");
@@ -95,5 +106,8 @@ fn decibels(y: &[Vec<f64>], x: &[Vec<f64>]) -> f64 {
 /// Order of convergence between successive doublings of the rate, from errors in decibels.
 fn slopes(errors: &[f64]) -> Vec<f64> {
     let two = 20.0 * crate::maths::log10(2.0);
-    errors.windows(2).map(|pair| (pair[0] - pair[1]) / two).collect()
+    errors
+        .windows(2)
+        .map(|pair| (pair[0] - pair[1]) / two)
+        .collect()
 }

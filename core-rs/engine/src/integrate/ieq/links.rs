@@ -125,6 +125,25 @@ impl Links {
         state
     }
 
+    /// What the links' elastic parts add to the system at the start (n_links), and onto its diagonal.
+    pub(super) fn stiff(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
+        let mut state = self.start(mesh, motion[0], motion[1]);
+        let (mut forces, mut right) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
+        let mut aside = right.clone();
+        let sums = [&mut right[..], &mut aside[..]];
+        self.gather(mesh, motion, &mut state, &mut forces, sums);
+        let mut first = 0;
+        for run in &self.runs {
+            let c = &mut state.c[first..first + run.len];
+            for (c, g) in c.iter_mut().zip(&state.g[first..]) {
+                *c = self.beta * run.k + 0.25 * g * g;
+            }
+            load(c, run.a, run.b, diagonal);
+            first += run.len;
+        }
+        state.c
+    }
+
     /// g and c of every link now; its explicit force onto `right`, c onto the diagonal at both ends.
     pub(super) fn gather(
         &self,

@@ -23,7 +23,9 @@ fn everything() -> Network {
         exponent: 1.5,
         clamp: true,
     };
-    let hammer = network.cel("hammer", 5e-3, tie, 0.0, 2e-4, -3.0).expect("a cell");
+    let hammer = network
+        .cel("hammer", 5e-3, tie, 0.0, 2e-4, -3.0)
+        .expect("a cell");
     network.but("felt", hammer, 40, but).expect("a contact");
     let exact = But {
         contact: Contact::Exact,
