@@ -22,9 +22,11 @@ pub(super) struct Ca2p {
     /// Where the second pass looks                              (n_mat)
     there: Vec<f64>,
     v: Vec<f64>,
-    /// Forces of the first pass, and all of the second          (n_mat)
+    /// Elastic and viscous forces at x and d, and the elastic ones a step before [N]   (n_mat)
     elastic: Vec<f64>,
     viscous: Vec<f64>,
+    elastic_before: Vec<f64>,
+    /// All forces of the second pass [N]                        (n_mat)
     force: Vec<f64>,
     room: Room,
 }
@@ -38,16 +40,30 @@ impl Ca2p {
         let mut room = mesh.room();
         let d = last_step(&mesh, &x, &v, &mut room);
         let zeros = vec![0.0; x.len()];
-        Self {
-            there: zeros.clone(),
+        let mut it = Self {
+            there: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
             v,
             elastic: zeros.clone(),
             viscous: zeros.clone(),
+            elastic_before: zeros.clone(),
             force: zeros,
             room,
             x,
             d,
             mesh,
+        };
+        it.mesh.elastic(&it.there, &mut it.room, &mut it.elastic);
+        it.look();
+        it
+    }
+
+    /// The first pass: forces at the present frame.
+    fn look(&mut self) {
+        let (mesh, room) = (&*self.mesh, &mut self.room);
+        std::mem::swap(&mut self.elastic, &mut self.elastic_before);
+        mesh.elastic(&self.x, room, &mut self.elastic);
+        if mesh.damped {
+            mesh.viscous(&self.x, &self.d, room, &mut self.viscous);
         }
     }
 }
@@ -89,10 +105,6 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
 impl Method for Ca2p {
     fn step(&mut self, impulses: &[(usize, f64)]) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
-        mesh.elastic(&self.x, room, &mut self.elastic);
-        if mesh.damped {
-            mesh.viscous(&self.x, &self.d, room, &mut self.viscous);
-        }
         passes::look(
             mesh.ties(),
             [&self.elastic, &self.viscous],
@@ -116,6 +128,7 @@ impl Method for Ca2p {
             &mut self.x,
             &mut self.d,
         );
+        self.look();
     }
 
     fn x(&self) -> &[f64] {
@@ -137,18 +150,14 @@ impl Method for Ca2p {
 
     /// CA's with K − KM⁻¹K/12: exactly kept by undamped linear bodies.
     fn energy(&self) -> f64 {
-        let (mesh, mut room) = (&*self.mesh, self.mesh.room());
-        let before: Vec<f64> = self.x.iter().zip(&self.d).map(|(x, d)| x - d).collect();
-        let mut forces = [vec![0.0; before.len()], vec![0.0; before.len()]];
-        mesh.elastic(&self.x, &mut room, &mut forces[0]);
-        mesh.elastic(&before, &mut room, &mut forces[1]);
-        let scheme = &mesh.scheme;
-        let a = |force: &[f64], x: &[f64], i: usize| {
-            force[i] * scheme.w[i] - scheme.kappa[i] * (x[i] - scheme.rest[i])
+        let (mesh, scheme) = (&*self.mesh, &self.mesh.scheme);
+        let a = |force: &[f64], x: f64, i: usize| {
+            force[i] * scheme.w[i] - scheme.kappa[i] * (x - scheme.rest[i])
         };
-        let pull: f64 = (0..before.len())
-            .map(|i| mesh.m[i] * (a(&forces[0], &self.x, i) * a(&forces[1], &before, i)))
-            .sum();
+        let both = |i: usize| {
+            a(&self.elastic, self.x[i], i) * a(&self.elastic_before, self.x[i] - self.d[i], i)
+        };
+        let pull: f64 = (0..mesh.n_mat()).map(|i| mesh.m[i] * both(i)).sum();
         mesh.staggered(&self.x, &self.d, true) - pull / 24.0
     }
 }

@@ -58,7 +58,7 @@ impl Conjugate {
             while rho > enough && rounds < ROUNDS {
                 apply(p, y);
                 let along = dot(p, y);
-                if !(along > 0.0) {
+                if along <= 0.0 || along.is_nan() {
                     break;
                 }
                 let next = descend(rho / along, [inverse, p, y], x, r);

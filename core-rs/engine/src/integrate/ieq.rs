@@ -7,6 +7,7 @@
 //! errors are those of CA.
 
 mod links;
+mod loops;
 
 use std::sync::Arc;
 

@@ -61,11 +61,16 @@ fn row(n: usize, k: f64, q: f64, z: f64) -> Network {
 
 /// A hexagonal gong of 331 masses, 1 kg, lowest mode at 500 Hz, with links that harden.
 fn hex(hardening: f64, t60: Option<f64>) -> Network {
+    hex_of(10, 500.0, hardening, t60)
+}
+
+/// The same of `radius` rings, its lowest mode at `f` [Hz].
+fn hex_of(radius: usize, f: f64, hardening: f64, t60: Option<f64>) -> Network {
     let mut network = Network::new();
     network.part("gong", None);
-    let topology = plate(Shape::Hex, 10, Rim::Fixed).expect("a plate");
+    let topology = plate(Shape::Hex, radius, Rim::Fixed).expect("a plate");
     network
-        .mesh("", &topology, 1.0, 500.0, t60, hardening)
+        .mesh("", &topology, 1.0, f, t60, hardening)
         .expect("a mesh");
     network
 }

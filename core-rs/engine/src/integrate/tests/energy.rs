@@ -116,6 +116,7 @@ fn nothing_is_allocated() {
             for _ in 0..3 {
                 it.velocities(&[3, 165], &mut v);
                 it.step(&[(165, 1e-3)]);
+                assert!(it.energy() > 0.0);
             }
         });
         assert!(it.sound() && violation_count() == 0, "{way:?}");
