@@ -193,32 +193,65 @@ wide! {
 }
 
 wide! {
-    /// out = v + h·F/M.
-    pub(super) fn push(h: f64, w: &[f64], force: &[f64], v: &[f64], out: &mut [f64]) {
+    /// v = decay·v + gain·(F/M − κ(x − rest)), x += a·v: a kick among exact losses of the ties.
+    pub(super) fn decaying_kick_drift(
+        a: f64,
+        losses: [&[f64]; 2],
+        ties: Ties<'_>,
+        force: &[f64],
+        x: &mut [f64],
+        v: &mut [f64],
+    ) {
         let n = force.len();
-        let (w, v, out) = (&w[..n], &v[..n], &mut out[..n]);
+        let [w, kappa, _, rest] = ties.cut(n);
+        let [decay, gain] = losses.map(|numbers| &numbers[..n]);
+        let (x, v) = (&mut x[..n], &mut v[..n]);
         for i in 0..n {
-            out[i] = v[i] + h * (force[i] * w[i]);
+            let pull = force[i] * w[i] - kappa[i] * (x[i] - rest[i]);
+            v[i] = decay[i] * v[i] + gain[i] * pull;
+            x[i] += a * v[i];
         }
     }
 }
 
 wide! {
-    /// v += h·F/M.
-    pub(super) fn push_on(h: f64, w: &[f64], force: &[f64], v: &mut [f64]) {
-        let n = force.len();
-        let (w, v) = (&w[..n], &mut v[..n]);
+    /// mid = v + h·((F_e + F_v)/M − κ(x − rest) − ζv), the forces F_v at v.
+    pub(super) fn midway(
+        h: f64,
+        ties: Ties<'_>,
+        forces: [&[f64]; 2],
+        motion: [&[f64]; 2],
+        mid: &mut [f64],
+    ) {
+        let ([elastic, viscous], [x, v]) = (forces, motion);
+        let n = elastic.len();
+        let [w, kappa, zeta, rest] = ties.cut(n);
+        let (viscous, x, v, mid) = (&viscous[..n], &x[..n], &v[..n], &mut mid[..n]);
         for i in 0..n {
-            v[i] += h * (force[i] * w[i]);
+            let tie = kappa[i] * (x[i] - rest[i]) + zeta[i] * v[i];
+            mid[i] = v[i] + h * ((elastic[i] + viscous[i]) * w[i] - tie);
         }
     }
 }
 
 wide! {
-    /// y = factor·y, number by number.
-    pub(super) fn scale(factor: &[f64], y: &mut [f64]) {
-        for (y, factor) in y.iter_mut().zip(factor) {
-            *y *= factor;
+    /// v += b·((F_e + F_v)/M − κ(x − rest) − ζ·mid), x += a·v, the forces F_v at `mid`; `stage` is [b, a].
+    pub(super) fn lossy_kick_drift(
+        stage: [f64; 2],
+        ties: Ties<'_>,
+        forces: [&[f64]; 2],
+        mid: &[f64],
+        x: &mut [f64],
+        v: &mut [f64],
+    ) {
+        let ([b, a], [elastic, viscous]) = (stage, forces);
+        let n = elastic.len();
+        let [w, kappa, zeta, rest] = ties.cut(n);
+        let (viscous, mid, x, v) = (&viscous[..n], &mid[..n], &mut x[..n], &mut v[..n]);
+        for i in 0..n {
+            let tie = kappa[i] * (x[i] - rest[i]) + zeta[i] * mid[i];
+            v[i] += b * ((elastic[i] + viscous[i]) * w[i] - tie);
+            x[i] += a * v[i];
         }
     }
 }

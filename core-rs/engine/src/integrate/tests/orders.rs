@@ -40,8 +40,8 @@ fn an_undamped_row_converges_by_each_order() {
     }
 }
 
-/// Damped links: CA's damping from the last step is of order 1, and shows where the errors of its
-/// pitch are gone; CA2P falls from 4 to 2; BM4's half steps outside are of order 2.
+/// Damped links: CA's damping from the last step is of order 1, and shows where the errors of its pitch
+/// are small; CA2P falls from 4 to 2, BM4 too, by the midpoint rule of its losses, and later.
 #[test]
 fn damped_links_take_orders_away() {
     let network = row(8, 1.7e5, 0.0, 0.05);
@@ -60,7 +60,7 @@ fn damped_links_take_orders_away() {
         ca2p.0 < -51.0 && ca2p.1[0] > 3.7 && ca2p.1[2] < 3.4,
         "{ca2p:?}"
     );
-    assert!(bm4.0 < -74.0 && close(&bm4.1, 2.0, 0.15), "{bm4:?}");
+    assert!(bm4.0 < -91.0 && bm4.1[0] > 3.5 && bm4.1[2] < 2.6, "{bm4:?}");
     assert!(close(&ieq.1, 2.0, 0.15), "{ieq:?}");
     assert!(close(&trapezoid.1, 2.0, 0.15), "{trapezoid:?}");
     // Ten times the damping: both ends of the slopes.
@@ -68,7 +68,7 @@ fn damped_links_take_orders_away() {
     let exact = exactly(&network, FRAMES, &STRIKES);
     let [ca, ca2p, bm4, ..] = all(&network, &exact);
     assert!(ca.1[2] < 1.25 && ca2p.1[2] < 2.4, "{ca:?} {ca2p:?}");
-    assert!(close(&bm4.1, 2.0, 0.1) && ca2p.0 < -49.0, "{bm4:?}");
+    assert!(bm4.0 < -78.0 && close(&bm4.1, 2.0, 0.15), "{bm4:?}");
 }
 
 /// Cubic links, whose tangent stiffness doubles: CA2P is of order 2, and BM4 alone of order 4.
@@ -131,7 +131,7 @@ fn the_poles_of_a_cell() {
     for (way, most) in [
         (Way::Ca, [1e-8, 1e-10]),
         (Way::Ca2p, [0.02, 1e-5]),
-        (Way::Bm4, [0.003, 1e-10]),
+        (Way::Bm4, [2e-5, 1e-10]),
         (Way::Trapezoid, [3.0, 0.01]),
     ] {
         let mut network = Network::new();
