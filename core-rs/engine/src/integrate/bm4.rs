@@ -1,9 +1,10 @@
 //! BM4: kicks and drifts of order 4 with a small constant, SRKN6b (Blanes & Moan 2002).
 //!
 //! Six passes a step, the last kick's forces being the next first one's. A kick is the flow of v at fixed
-//! positions, losses among it: exact for ties, by the midpoint rule where links lose energy (two passes
-//! over their dampers). The composition is symmetric and meets the conditions of order 3 for any two
-//! flows, so that its order stays 4 with losses, down to where (ζb)³ of the midpoint rule shows.
+//! positions, losses among it: exact for ties; for links by the midpoint rule, the way to the midpoint by
+//! the losses of the kick before, so that a kick passes over the dampers once. The composition is
+//! symmetric and meets the conditions of order 3 for any two flows: its order stays 4 with losses, down
+//! to where what these kicks leave out shows, (ζb)² of the losses.
 
 use std::sync::Arc;
 
@@ -36,7 +37,7 @@ pub(super) struct Bm4 {
     v: Vec<f64>,
     /// Elastic forces at x [N]                               (n_mat)
     force: Vec<f64>,
-    /// Viscous forces [N], and velocities on the way         (n_mat)
+    /// Viscous forces of the last kick [N], and velocities halfway through it   (n_mat)
     viscous: Vec<f64>,
     midway: Vec<f64>,
     room: Room,
@@ -48,6 +49,8 @@ impl Bm4 {
         let (mut room, zeros) = (mesh.room(), vec![0.0; x.len()]);
         let mut force = zeros.clone();
         mesh.elastic(&x, &mut room, &mut force);
+        let mut viscous = zeros.clone();
+        mesh.viscous(&x, &v, &mut room, &mut viscous);
         let zeta = &mesh.scheme.zeta;
         let exact = !mesh.damped && zeta.iter().any(|zeta| *zeta != 0.0);
         let stages = STAGES.iter().filter(|_| exact);
@@ -57,7 +60,7 @@ impl Bm4 {
             x,
             v,
             force,
-            viscous: zeros.clone(),
+            viscous,
             midway: zeros,
             room,
             mesh,
@@ -70,7 +73,6 @@ impl Bm4 {
         let ties = mesh.ties();
         let (x, v) = (&mut self.x, &mut self.v);
         if mesh.damped {
-            mesh.viscous(x, v, room, &mut self.viscous);
             let forces = [&self.force[..], &self.viscous[..]];
             passes::midway(0.5 * b, ties, forces, [x, v], &mut self.midway);
             mesh.viscous(x, &self.midway, room, &mut self.viscous);

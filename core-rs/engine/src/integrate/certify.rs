@@ -9,7 +9,7 @@
 //! | IEQ       | none                                    | proved             | proved             |
 //! | trapezoid | none                                    | proved             | refused            |
 //!
-//! BM4's kicks among losses are stable for κ < 3.164² with ζ < 6.5 mode by mode, which K + 2Z keeps well.
+//! BM4's kicks among losses are stable for κ < 3.164² with ζ < 7.5 mode by mode, which K + 2Z keeps well.
 //! CA2P's 12 is exact mode by mode (κ + 6ζ < 12); where Z has other modes than K the smallest unstable case of
 //! a search among millions lay at 6.04.
 

@@ -215,7 +215,7 @@ wide! {
 }
 
 wide! {
-    /// mid = v + h·((F_e + F_v)/M − κ(x − rest) − ζv), the forces F_v at v.
+    /// mid = v + h·((F_e + F_v)/M − κ(x − rest) − ζv).
     pub(super) fn midway(
         h: f64,
         ties: Ties<'_>,

@@ -41,7 +41,7 @@ fn an_undamped_row_converges_by_each_order() {
 }
 
 /// Damped links: CA's damping from the last step is of order 1, and shows where the errors of its pitch
-/// are small; CA2P falls from 4 to 2, BM4 too, by the midpoint rule of its losses, and later.
+/// are small; CA2P falls from 4 to 2, BM4 too, by its losses, and later.
 #[test]
 fn damped_links_take_orders_away() {
     let network = row(8, 1.7e5, 0.0, 0.05);
@@ -68,7 +68,7 @@ fn damped_links_take_orders_away() {
     let exact = exactly(&network, FRAMES, &STRIKES);
     let [ca, ca2p, bm4, ..] = all(&network, &exact);
     assert!(ca.1[2] < 1.25 && ca2p.1[2] < 2.4, "{ca:?} {ca2p:?}");
-    assert!(bm4.0 < -78.0 && close(&bm4.1, 2.0, 0.15), "{bm4:?}");
+    assert!(bm4.0 < -77.0 && close(&bm4.1, 2.0, 0.15), "{bm4:?}");
 }
 
 /// Cubic links, whose tangent stiffness doubles: CA2P is of order 2, and BM4 alone of order 4.

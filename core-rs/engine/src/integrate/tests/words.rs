@@ -66,7 +66,7 @@ fn damping_makes_ca2p_tried() {
         assert!(expected.is_none() || stays(&network, Way::Ca2p));
     }
     // BM4's losses go by the midpoint rule.
-    for (zeta, expected) in [(4.9, Some(Word::Tried)), (7.0, None)] {
+    for (zeta, expected) in [(4.9, Some(Word::Tried)), (9.0, None)] {
         let network = one(1e-3, zeta);
         assert_eq!(word(&network, Way::Bm4), expected, "{zeta}");
         assert_eq!(stays(&network, Way::Bm4), expected.is_some(), "{zeta}");
