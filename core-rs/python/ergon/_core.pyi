@@ -207,7 +207,7 @@ class Certificate:
 
     lambda_max: float
     method: Literal["gershgorin", "dense", "lanczos"]
-    word: Literal["proved", "guarded"]
+    word: Literal["proved", "guarded", "tried"]
     oversampling: int  # ceil(sqrt(λmax/4)): 1 when stable
 
 @final
@@ -333,7 +333,7 @@ class PlanRow:
     modes: tuple[int, int] | None  # computed, of how many
     left_out_db: float | None  # the other modes together, relative to all
     cost: float  # seconds of work for a second of sound, by the table of costs
-    word: Literal["proved", "guarded"] | None
+    word: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
 
 @final
