@@ -10,8 +10,8 @@
 //! | trapezoid | none                                    | proved             | refused            |
 //!
 //! BM4's kicks among losses are stable for κ < 3.164² with ζ < 7.5 mode by mode, which K + 2Z keeps well.
-//! CA2P's 12 is exact mode by mode (κ + 6ζ < 12); where Z has other modes than K the smallest unstable case of
-//! a search among millions lay at 6.04.
+//! CA2P's 12 is exact mode by mode (κ + 6ζ < 12). Where Z has other modes than K it is not safe; 6 is taken
+//! then, below the smallest unstable case (6.04) that a search for such cases found.
 
 use super::mesh::Mesh;
 use super::way::Way;
