@@ -38,14 +38,14 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def accuracy(command: F) -> F:
-    """How exact, instead of as the score says: --method, --error, --cents, or a plan made before."""
+    """How exact, instead of as the score says: --method, --error, --cents, or an earlier plan."""
     for option in (
         click.option(
             "--plan", "pinned", metavar="FILE", help="Compute by this plan (ergon plan -o)."
         ),
         click.option("--cents", type=click.FloatRange(0.01, 1200), help="Most error of a pitch."),
         click.option("--error", metavar="LEVEL", help="Most error of the waveform, such as -60dB."),
-        click.option("--method", metavar="NAME", help="One method for all: ca, modal."),
+        click.option("--method", metavar="NAME", help="One method for all: ca, modal, ca2p, bm4, ieq or trapezoid."),
     ):
         command = option(command)
     return command

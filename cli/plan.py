@@ -17,6 +17,10 @@ _HOW = {
     "stepped": "module by module, CA",
     "oscillators": "each by its own poles",
     "modes": "by modes",
+    "ca2p": "CA in two passes",
+    "bm4": "splitting of order 4",
+    "ieq": "quadratised energy",
+    "trapezoid": "trapezoidal rule",
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
@@ -98,6 +102,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "modes": None if row.modes is None else row.modes[0],
         "modes_of": None if row.modes is None else row.modes[1],
         "left_out_db": row.left_out_db,
+        "times": row.times,
         "contact_steps": row.steps,
         "error_db": row.error_db,
         "error_over_s": row.error_s,
@@ -122,12 +127,14 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     if row.modes is not None:
         kept, of = row.modes
         computed = plural(kept, "mode") + ("" if kept == of else f" of {of:,}")
+    if row.times > 1:
+        computed += f" ×{row.times}"
     if row.steps > 1:
         computed += f", contacts ×{row.steps}"
     is_left_out = row.what in ("unheard", "still")
     error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
-    if row.what == "stepped" and row.error_db is None:
-        error = "as CA"
+    if row.what not in ("modes", "oscillators", "unheard", "still") and row.error_db is None:
+        error = "not measured"
     return (
         " + ".join(row.parts),
         f"{row.n_mat + row.n_lia:,}",
@@ -145,6 +152,10 @@ def _summary(made: Plan, plan_s: float) -> str:
     return f"\ncost {cost:.3g}: {times}; planned in {plan_s:.2g} s; plan sha256 {made.hash[:12]}\n"
 
 
+def _often(times: int) -> str:
+    return "once a frame" if times == 1 else f"{times} times a frame"
+
+
 def _why(row: PlanRow) -> list[str]:
     """What happens to a part, in sentences."""
     name = " + ".join(row.parts)
@@ -160,12 +171,14 @@ def _why(row: PlanRow) -> list[str]:
         said.append(f"  It is linear: {plural(kept, 'mode')} of {of:,} are computed, each exactly.")
         if row.left_out_db is not None:
             said.append(f"  The others would be {row.left_out_db:.0f} dB below the rest together.")
+    elif row.what == "stepped":
+        said.append(f"  It is stepped module by module by the CA scheme, {_often(row.times)}.")
     else:
-        said.append("  It is stepped module by module, by the CA scheme.")
+        said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row.times)}.")
     if row.because is not None:
         said.append(f"  It does not go by modes: {row.because}.")
     if row.steps > 1:
-        said.append(f"  Contacts are computed {row.steps} times a frame while they may be closed.")
+        said.append(f"  Contacts are computed {row.steps} times a step while they may be closed.")
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")

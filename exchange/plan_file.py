@@ -1,6 +1,6 @@
 """A plan as a file: what was decided, island by island, to be decided the same again.
 
-{"ergon_plan": 1, "hash": …, "choices": [[modules, steps, [[modes of a body] …]] …]}
+{"ergon_plan": 1, "hash": …, "choices": [[modules, times, steps, [[numbers of a body] …]] …]}
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ VERSION = 1
 _SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
 _NUMBER_MAX = 2**32 - 1
 
-Choices = Sequence[tuple[int, int, Sequence[Sequence[int]]]]
+Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
 
 class NotPlanError(ValueError):
@@ -49,15 +49,17 @@ def read(path: Path) -> Choices:
     return [_choice(choice) for choice in choices]
 
 
-def _choice(value: object) -> tuple[int, int, list[list[int]]]:
-    match value:
-        case [modules, steps, [*bodies]] if (
-            _is_count(modules)
-            and _is_count(steps)
-            and all(isinstance(kept, list) and all(map(_is_count, kept)) for kept in bodies)
-        ):
-            return modules, steps, bodies
-    raise NotPlanError("a choice is [modules, steps, [modes of each body]], all whole numbers")
+def _choice(value: object) -> tuple[int, int, int, list[list[int]]]:
+    if isinstance(value, list) and len(value) == 4:
+        modules, times, steps, bodies = value
+        is_counts = _is_count(modules) and _is_count(times) and _is_count(steps)
+        if is_counts and isinstance(bodies, list) and all(map(_is_counts, bodies)):
+            return modules, times, steps, bodies
+    raise NotPlanError("a choice is [modules, times, steps, [numbers of each body]], whole numbers")
+
+
+def _is_counts(value: object) -> bool:
+    return isinstance(value, list) and all(map(_is_count, value))
 
 
 def _is_count(value: object) -> bool:

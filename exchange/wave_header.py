@@ -38,8 +38,7 @@ class NotWaveError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """What a render says about itself: title of the piece, hashes of the score and of the plan by which
-    it was computed (64 hex digits each)."""
+    """What a render says about itself: title, hashes of the score and of its plan (64 hex digits)."""
 
     title: str
     score: str = ""

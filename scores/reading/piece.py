@@ -224,14 +224,16 @@ class RenderSpec:
     place: Place | None
 
 
-Method = Literal["ca", "modal"]
+Method = Literal["ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """How exact the sound is: by one method, within an error [dB], or within cents up to a frequency
-    [Hz]; without any of these by ear. `cpu` is the most work, 1.0 one core at real time."""
+    """How exact the sound is: by one method, within an error [dB], or within cents up to a frequency.
+
+    Without any of these by ear. `upto` [Hz]; `cpu` is the most work, 1.0 one core at real time.
+    """
 
     method: Method | None = None
     error: float | None = None

@@ -11,7 +11,7 @@ from ergon.scores.reading.piece import Accuracy
 # What is offered where a plan costs too much, the most exact first [dB].
 _LOOSER = (-80.0, -60.0, -40.0, -20.0)
 
-Pins = Sequence[tuple[int, int, Sequence[Sequence[int]]]]
+Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -309,6 +309,7 @@ impl Network {
             word: match certificate.word {
                 Word::Proved => "proved",
                 Word::Guarded => "guarded",
+                Word::Tried => "tried",
             },
             oversampling: certificate.oversampling(),
         })

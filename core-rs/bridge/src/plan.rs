@@ -11,8 +11,8 @@ use crate::network::Network;
 use crate::timeline::Timeline;
 use crate::words;
 
-/// A choice: modules of the island, steps, modes computed of each body.
-type Pin = (usize, usize, Vec<Vec<u32>>);
+/// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
+type Pin = (usize, u32, usize, Vec<Vec<u32>>);
 
 /// What is computed, how, and why the rest is not.
 #[pyclass(frozen, module = "ergon._core")]
@@ -47,11 +47,14 @@ impl Plan {
         self.0.rows().iter().map(PlanRow::of).collect()
     }
 
-    /// What was decided, island by island: (modules, steps, modes computed of each body).
+    /// What was decided, island by island: (modules, times, steps, numbers of each body).
     fn choices(&self) -> Vec<Pin> {
         let choices = self.0.choices().iter();
         choices
-            .map(|choice| (choice.modules, choice.steps, choice.kept.clone()))
+            .map(|choice| {
+                let kept = choice.kept.clone();
+                (choice.modules, choice.times, choice.steps, kept)
+            })
             .collect()
     }
 
@@ -62,9 +65,10 @@ impl Plan {
     }
 }
 
-fn choice((modules, steps, kept): Pin) -> plan::Choice {
+fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
     plan::Choice {
         modules,
+        times,
         steps,
         kept,
     }
@@ -111,6 +115,7 @@ pub(crate) struct PlanRow {
     what: &'static str,
     modes: Option<(usize, usize)>,
     left_out_db: Option<f64>,
+    times: u32,
     steps: usize,
     error_db: Option<f64>,
     error_s: Option<f64>,
@@ -123,6 +128,7 @@ impl PlanRow {
     fn of(row: &plan::Row) -> Self {
         let (what, modes, left_out_db) = match row.what {
             What::Stepped => ("stepped", None, None),
+            What::Mesh(way, _) => (way, None, None),
             What::Oscillators => ("oscillators", None, None),
             What::Modes { of, kept, left_out } => ("modes", Some((kept, of)), left_out),
             What::LeftOut(Reason::Unheard) => ("unheard", None, None),
@@ -135,6 +141,10 @@ impl PlanRow {
             what,
             modes,
             left_out_db,
+            times: match row.what {
+                What::Mesh(_, substeps) => row.times * substeps,
+                _ => row.times,
+            },
             steps: row.steps,
             error_db: row.error.map(|(db, _)| db),
             error_s: row.error.map(|(_, over)| over),
@@ -142,6 +152,7 @@ impl PlanRow {
             word: row.word.map(|word| match word {
                 Word::Proved => "proved",
                 Word::Guarded => "guarded",
+                Word::Tried => "tried",
             }),
             because: row.because.clone(),
         }

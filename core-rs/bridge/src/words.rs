@@ -41,4 +41,11 @@ pub(crate) const DRIVES: Words<DriveKind, 2> = [
     ("force", DriveKind::Force),
 ];
 pub(crate) const ON_FAULT: Words<OnFault, 2> = [("stop", OnFault::Stop), ("mute", OnFault::Mute)];
-pub(crate) const METHODS: Words<Method, 2> = [("ca", Method::Ca), ("modal", Method::Modal)];
+pub(crate) const METHODS: Words<Method, 6> = [
+    ("ca", Method::Ca),
+    ("modal", Method::Modal),
+    ("ca2p", Method::Ca2p),
+    ("bm4", Method::Bm4),
+    ("ieq", Method::Ieq),
+    ("trapezoid", Method::Trapezoid),
+];

@@ -5,7 +5,9 @@
 mod build;
 mod fault;
 pub(crate) mod fine;
+pub(crate) mod inside;
 mod ledger;
+pub(crate) mod mesh;
 pub(crate) mod modal;
 
 pub(crate) mod record;
@@ -62,7 +64,9 @@ struct State {
     layers: Vec<f64>,
     laws: Laws,
     stream: Stream,
-    bodies: Vec<modal::Playing>,
+    /// What is heard between frames   (n_out)
+    unheard: Vec<f64>,
+    bodies: Vec<inside::Playing>,
     fine: Option<fine::Fine>,
     ledger: Option<Ledger>,
     mutes: Mutes,
@@ -74,6 +78,8 @@ pub(crate) struct Island {
     network: Arc<Network>,
     script: Arc<Script>,
     state: State,
+    /// Steps in a frame of the scene.
+    times: u32,
 }
 
 impl Island {
@@ -87,7 +93,19 @@ impl Island {
     /// Fails with the first part that goes non-finite, unless faults are muted.
     pub(crate) fn process(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
         let n_out = self.n_out();
-        (0..n_frames).try_for_each(|k| self.step(&mut out[k * n_out..(k + 1) * n_out]))
+        (0..n_frames).try_for_each(|k| self.frame(&mut out[k * n_out..(k + 1) * n_out]))
+    }
+
+    /// One frame of the scene: the first of its steps is heard.
+    fn frame(&mut self, out: &mut [f64]) -> Result<(), Fault> {
+        self.step(out)?;
+        if self.times > 1 {
+            let mut unheard = std::mem::take(&mut self.state.unheard);
+            let done = (1..self.times).try_for_each(|_| self.step(&mut unheard));
+            self.state.unheard = unheard;
+            done?;
+        }
+        Ok(())
     }
 
     /// One frame: forces, outputs, hands, contacts, masses.
@@ -133,10 +151,11 @@ impl Island {
             body.step(n, &state.body.force);
         }
         let sound = kernel::advance(scheme, &mut state.targets, &mut state.body);
-        state
-            .bodies
-            .iter()
-            .for_each(|body| body.place(&mut state.body));
+        let mut bodies_sound = true;
+        for body in &state.bodies {
+            body.place(&mut state.body);
+            bodies_sound &= body.sound();
+        }
         if let Some(ledger) = &mut state.ledger {
             for (next, gate) in state.gates_next.iter_mut().zip(&script.gates) {
                 *next = gate.open(n + 1);
@@ -149,12 +168,21 @@ impl Island {
             );
         }
         state.frame += 1;
-        if sound { Ok(()) } else { self.fault() }
+        if sound && bodies_sound {
+            Ok(())
+        } else {
+            self.fault()
+        }
     }
 
     /// Positions now [m], (n_mat).
     pub(crate) fn positions(&self) -> &[f64] {
         &self.state.body.x
+    }
+
+    /// How many steps make a frame of the scene.
+    pub(crate) fn times(&self) -> u32 {
+        self.times
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
@@ -192,7 +220,9 @@ impl Island {
     /// Raise the squares of its bodies' modes to what their amplitudes are now.
     pub(crate) fn squares(&self, squares: &mut [Vec<f64>]) {
         for (body, squares) in self.state.bodies.iter().zip(squares) {
-            body.squares(squares);
+            if let Some(modal) = body.modal() {
+                modal.squares(squares);
+            }
         }
     }
 
@@ -225,6 +255,9 @@ impl Island {
         self.state.targets.reserve(most);
         for (voice, own) in self.state.voices.iter_mut().zip(&self.script.voices) {
             voice.reserve(own);
+        }
+        for body in &mut self.state.bodies {
+            body.reserve();
         }
         if let Some(ledger) = &mut self.state.ledger {
             ledger.reserve(most);

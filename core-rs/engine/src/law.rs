@@ -4,6 +4,7 @@
 //! as a program of another language. `d` is the link's elongation [m], `v` its rate [m/s] (metres per
 //! sample where units are algorithmic), the value a force [N].
 
+mod apart;
 mod error;
 mod parse;
 mod points;

@@ -10,6 +10,9 @@ pub mod cell;
 pub mod chance;
 pub mod generator;
 pub mod gesture;
+// Its user, the plan's islands, comes next.
+#[allow(dead_code, unused_imports)]
+mod integrate;
 mod island;
 mod kernel;
 pub mod law;

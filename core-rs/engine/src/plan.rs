@@ -3,6 +3,7 @@
 //! Nothing passes between two islands, so each is computed on its own, by the cheapest method that is exact
 //! enough for it. A plan is a function of its arguments alone, never of a timing.
 
+mod assemble;
 mod body;
 mod budget;
 mod cells;
@@ -11,6 +12,7 @@ mod cost;
 mod islands;
 mod linear;
 mod make;
+mod mesh;
 mod modes;
 mod pilot;
 mod ported;
@@ -26,7 +28,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
-use crate::island::modal::Modal;
+use crate::island::inside::Inside;
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -36,10 +38,12 @@ use crate::timeline::Timeline;
 pub(crate) struct Isle {
     pub(crate) network: Arc<Network>,
     pub(crate) timeline: Timeline,
-    /// Linear bodies in it that go by their modes.
-    pub(crate) bodies: Vec<Modal>,
+    /// Bodies in it that go by a method of their own.
+    pub(crate) bodies: Vec<Inside>,
     /// How often a frame contacts are computed while they may be closed.
     pub(crate) steps: usize,
+    /// How often a frame all of it is stepped; its timeline is that much faster.
+    pub(crate) times: u32,
     pub(crate) to_whole: Whole,
 }
 
@@ -79,7 +83,8 @@ impl Unit {
         match self {
             Self::Isle(isle) => {
                 let bodies = isle.bodies.iter().map(row::body_cost);
-                row::stepped_cost(&isle.network, &isle.timeline) + bodies.sum::<f64>()
+                let hub = row::stepped_cost(&isle.network, &isle.timeline);
+                f64::from(isle.times) * (hub + bodies.sum::<f64>())
             }
             Self::Bank(bank) => row::bank_cost(bank),
         }
@@ -120,6 +125,7 @@ impl Plan {
             timeline: timeline.clone(),
             bodies: Vec::new(),
             steps: 1,
+            times: 1,
             to_whole: Whole::default(),
         })));
         Ok(plan)

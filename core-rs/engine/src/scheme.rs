@@ -10,12 +10,15 @@ mod listen;
 mod start;
 
 pub use certify::{Certificate, Means, Word};
+pub(crate) use certify::{Top, top};
 pub(crate) use listen::Tap;
 pub(crate) use start::{backward_steps, forces};
 
 use std::sync::Arc;
 
 use crate::island::fine::may_be_fine;
+use discretise::Ties;
+
 use crate::law::{Law, Scratch};
 use crate::network::{But, Error, MatKind, Network, Output};
 use crate::units::Rate;
@@ -116,7 +119,13 @@ impl Scheme {
 
     /// Scheme a network at `rate`. Fails where a magic contact cannot be exact.
     pub fn new(network: &Network, rate: Rate) -> Result<Self, Error> {
-        discretise::scheme(network, rate)
+        discretise::scheme(network, rate, Ties::Poles)
+    }
+
+    /// The numbers of a network whose ties are springs and dampers like its links: κ = kT²/m, ζ = zT/m.
+    /// For methods whose own poles are not those of the CA scheme.
+    pub(crate) fn physical(network: &Network, rate: Rate) -> Result<Self, Error> {
+        discretise::scheme(network, rate, Ties::Physical)
     }
 
     /// Whether the scheme is stable.

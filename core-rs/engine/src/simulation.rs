@@ -174,9 +174,16 @@ impl Simulation {
         self.motion(|x, _| x, Island::positions)
     }
 
-    /// Steps x[n] − x[n−1] now [m], (n_mat); NaN where the plan computes none.
+    /// Steps x[n] − x[n−1] now [m], (n_mat); of what is stepped more often, the last times as many; NaN where the
+    /// plan computes none.
     pub fn steps(&self) -> Vec<f64> {
-        self.motion(|x, before| x - before, Island::steps)
+        let mut steps = self.motion(|x, before| x - before, Island::steps);
+        for (island, isle) in self.islands().filter(|(island, _)| island.times() > 1) {
+            for local in 0..island.steps().len() {
+                steps[whole(&isle.to_whole.mats, local)] *= f64::from(island.times());
+            }
+        }
+        steps
     }
 
     fn motion(&self, own: fn(f64, f64) -> f64, of: fn(&Island) -> &[f64]) -> Vec<f64> {
@@ -263,9 +270,12 @@ impl Simulation {
 
     /// Parts put to silence, with the frame of each.
     pub fn muted(&self) -> Vec<(String, u64)> {
-        self.islands()
-            .flat_map(|(island, _)| island.muted())
-            .collect()
+        let of = |island: &Island| {
+            let times = u64::from(island.times());
+            let muted = island.muted().into_iter();
+            muted.map(move |(part, step)| (part, step / times))
+        };
+        self.islands().flat_map(|(island, _)| of(island)).collect()
     }
 
     /// Remember this moment.
@@ -293,9 +303,11 @@ impl Group {
                     timeline,
                     bodies,
                     steps,
+                    times,
                     ..
                 } = &**isle;
-                let island = Island::new(network.clone(), timeline, bodies, *steps, options)?;
+                let often = (*steps, *times);
+                let island = Island::new(network.clone(), timeline, bodies, often, options)?;
                 let room = island.n_out() * STRETCH;
                 self.sound.resize(self.sound.len().max(room), 0.0);
                 Playing::Island(Box::new(island))
@@ -323,6 +335,7 @@ impl Group {
                         let own = island.n_out();
                         let sound = &mut self.sound[..own * n_frames];
                         if let Err(new) = island.process(sound, n_frames) {
+                            let new = new.at_frame(island.times());
                             let is_first = fault.as_ref().is_none_or(|old| new.frame < old.frame);
                             fault = if is_first { Some(new) } else { fault };
                             break;

@@ -207,7 +207,7 @@ class Certificate:
 
     lambda_max: float
     method: Literal["gershgorin", "dense", "lanczos"]
-    word: Literal["proved", "guarded"]
+    word: Literal["proved", "guarded", "tried"]
     oversampling: int  # ceil(sqrt(λmax/4)): 1 when stable
 
 @final
@@ -329,14 +329,17 @@ class PlanRow:
     parts: list[str]
     n_mat: int  # MATs that move
     n_lia: int
-    what: Literal["stepped", "oscillators", "modes", "unheard", "still"]
+    what: Literal[
+        "stepped", "oscillators", "modes", "ca2p", "bm4", "ieq", "trapezoid", "unheard", "still"
+    ]
     modes: tuple[int, int] | None  # computed, of how many
     left_out_db: float | None  # the other modes together, relative to all
-    steps: int  # how often a frame contacts are computed while they may be closed
+    times: int  # how often a frame it is stepped
+    steps: int  # how often a step contacts are computed while they may be closed
     error_db: float | None  # of the waveform, as a pilot measured it over
     error_s: float | None  # so many seconds from the start
     cost: float  # seconds of work for a second of sound, by the table of costs
-    word: Literal["proved", "guarded"] | None
+    word: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
 
 @final
@@ -350,16 +353,17 @@ class Plan:
         network: Network,
         timeline: Timeline,
         *,
-        method: Literal["ca", "modal"] | None = None,
+        method: Literal["ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"] | None = None,
         error_db: float | None = None,
         cents: float | None = None,
         upto: float | None = None,
-        pins: Sequence[tuple[int, int, Sequence[Sequence[int]]]] | None = None,
+        pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, to decide the same again."""
     def rows(self) -> list[PlanRow]: ...
-    def choices(self) -> list[tuple[int, int, list[list[int]]]]:
-        """What was decided, island by island: (modules, steps, modes computed of each body)."""
+    def choices(self) -> list[tuple[int, int, int, list[list[int]]]]:
+        """What was decided, island by island: (modules, times it is stepped a frame, how often a
+        step contacts are computed, 0 for a bank; of each body its modes, or its method)."""
     hash: str  # of what was decided: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------

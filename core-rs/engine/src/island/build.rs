@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::fault::Mutes;
 use super::fine::{Fine, may_be_fine};
+use super::inside::{self, Inside};
 use super::ledger::Ledger;
-use super::modal::{self, Modal};
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::free::FreeKey;
 use crate::gesture::script::{Gesture, Report, Touch};
@@ -36,15 +36,15 @@ impl Island {
     pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,
-        bodies: &[Modal],
-        steps: usize,
+        bodies: &[Inside],
+        (steps, times): (usize, u32),
         options: Options,
     ) -> Result<Self, Error> {
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
         let laws = scheme.laws();
         let mut body = start(&network, &scheme, timeline, &timeline.drives);
-        let mut bodies = join(bodies, &network, timeline, &mut body);
+        let mut bodies = join(bodies, &network, timeline, &mut body)?;
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline.rate);
         let (scripts, voices) = hands(&network, timeline)?;
         let pushes = pushes(&network, timeline);
@@ -65,6 +65,7 @@ impl Island {
             targets: Vec::new(),
             laws,
             stream: Stream::new(options.record),
+            unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,
             ledger,
@@ -86,6 +87,7 @@ impl Island {
             network,
             script: Arc::new(script),
             state,
+            times,
         };
         simulation.reserve();
         Ok(simulation)
@@ -124,7 +126,7 @@ fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Driv
 fn fine(
     scheme: &mut Scheme,
     network: &Network,
-    bodies: &mut [modal::Playing],
+    bodies: &mut [inside::Playing],
     steps: usize,
     rate: Rate,
 ) -> Option<Fine> {
@@ -135,26 +137,28 @@ fn fine(
         .into_iter()
         .partition(may_be_fine);
     scheme.runs = runs;
-    bodies.iter_mut().for_each(|body| body.divide(steps));
+    for modal in bodies.iter_mut().filter_map(inside::Playing::modal_mut) {
+        modal.divide(steps);
+    }
     Some(Fine::new(contacts, network, scheme, bodies, steps, rate))
 }
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
 fn join(
-    bodies: &[Modal],
+    bodies: &[Inside],
     network: &Network,
     timeline: &Timeline,
     body: &mut Body,
-) -> Vec<modal::Playing> {
+) -> Result<Vec<inside::Playing>, Error> {
     if bodies.is_empty() {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     body.inner = vec![0.0; body.x.len()];
     let force = crate::scheme::forces(network, timeline, &body.x, &[]);
-    let start = |modal: &Modal| {
-        let playing = modal::Playing::new(&modal.pushed(&force));
+    let start = |inside: &Inside| {
+        let playing = inside.start(&force)?;
         playing.place(body);
-        playing
+        Ok(playing)
     };
     bodies.iter().map(start).collect()
 }

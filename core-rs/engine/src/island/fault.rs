@@ -1,6 +1,6 @@
 //! Parts that go non-finite: named and stopped, or put to silence while all others play on.
 
-use super::Island;
+use super::{Island, inside};
 use crate::kernel;
 use crate::network::Term;
 use crate::scheme::Scheme;
@@ -29,6 +29,14 @@ pub struct Fault {
     pub frame: u64,
     /// When [s].
     pub seconds: f64,
+}
+
+impl Fault {
+    /// The frame of the scene that it fell on, `times` steps to a frame.
+    pub(crate) fn at_frame(mut self, times: u32) -> Self {
+        self.frame /= u64::from(times);
+        self
+    }
 }
 
 /// Which parts are mute, and since when.
@@ -77,19 +85,30 @@ impl Island {
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
         let n = self.state.frame;
+        while let Some((module, part)) = self.state.bodies.iter().find_map(inside::Playing::culprit)
+        {
+            if self.script.on_fault == OnFault::Stop {
+                return Err(self.told(module, part));
+            }
+            self.mute(part, n);
+        }
         while let Some(mat) = self.state.body.x.iter().position(|&x| !kernel::sound(x)) {
             let part = self.script.scheme.part[mat] as usize;
             if self.script.on_fault == OnFault::Stop {
-                return Err(Fault {
-                    module: self.network.mat_name(mat),
-                    part: self.network.parts()[part].name.clone(),
-                    frame: n,
-                    seconds: n as f64 / self.script.scheme.rate,
-                });
+                return Err(self.told(self.network.mat_name(mat), part));
             }
             self.mute(part, n);
         }
         Ok(())
+    }
+
+    fn told(&self, module: String, part: usize) -> Fault {
+        Fault {
+            module,
+            part: self.network.parts()[part].name.clone(),
+            frame: self.state.frame,
+            seconds: self.state.frame as f64 / self.script.scheme.rate,
+        }
     }
 
     /// Take a part out of the scene: its MATs stay where the ground is, its links let go.
@@ -130,7 +149,12 @@ impl Island {
         }
         scheme.runs.retain(|run| !lets_go(run.a, run.b, run.len));
         scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
-        state.bodies.retain(|body| !body.touches(&ours));
+        for body in state.bodies.iter().filter(|body| body.is_of(&ours, part)) {
+            for output in body.outputs() {
+                state.mutes.outputs[output as usize].get_or_insert(n);
+            }
+        }
+        state.bodies.retain(|body| !body.is_of(&ours, part));
         script.drives.retain(|drive| !ours[drive.mat]);
         let mut stays = script.voices.iter().map(|voice| !ours[voice.struck]);
         state.voices.retain(|_| stays.next().unwrap_or(true));

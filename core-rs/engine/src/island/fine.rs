@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::modal::Playing;
+use super::inside::Playing;
 use crate::cell::Cell;
 use crate::kernel;
 use crate::network::{Contact, MatKind, Network};
@@ -139,7 +139,11 @@ impl Fine {
         for (at, joint) in script.joints.iter().enumerate() {
             let way = &mut self.way[at * (script.steps + 1)..(at + 1) * (script.steps + 1)];
             match joint.port {
-                Some((owner, port)) => bodies[owner].way(port, way),
+                Some((owner, port)) => {
+                    if let Some(modal) = bodies[owner].modal_mut() {
+                        modal.way(port, way);
+                    }
+                }
                 None => {
                     let rest = joint.rest;
                     let (x, then) = (body.x[joint.mat] - rest, next(joint.mat, body) - rest);
@@ -157,7 +161,11 @@ impl Fine {
                 continue;
             }
             match (joint.port, &joint.cell) {
-                (Some((owner, port)), _) => bodies[owner].give(port, given, body),
+                (Some((owner, port)), _) => {
+                    if let Some(modal) = bodies[owner].modal_mut() {
+                        modal.give(port, given, body);
+                    }
+                }
                 (None, Some(cell)) => {
                     for (j, &impulse) in given.iter().enumerate() {
                         let alpha = j as f64 / script.steps as f64;
@@ -225,7 +233,7 @@ fn joint(
     rate: Rate,
 ) -> Joint {
     let port = bodies.iter().enumerate().find_map(|(owner, playing)| {
-        let port = playing.ports().position(|port| port == mat)?;
+        let port = playing.modal()?.ports().position(|port| port == mat)?;
         Some((owner, port))
     });
     let mats = network.mats();
@@ -263,10 +271,9 @@ fn moves(
     let after = |j: usize| j as f64 / steps as f64 * rate.step();
     match (joints[from].port, joints[to].port) {
         (Some((owner, from)), Some((same, to))) if owner == same => {
-            let instants = (0..=steps).map(after);
-            instants
-                .map(|t| bodies[owner].response(from, to, t))
-                .collect()
+            let modal = bodies[owner].modal();
+            let at = |t| modal.map_or(0.0, |modal| modal.response(from, to, t));
+            (0..=steps).map(after).map(at).collect()
         }
         (None, None) if from == to => match &joints[from].cell {
             Some(cell) => (0..=steps).map(|j| cell.answer(after(j))).collect(),

@@ -335,6 +335,12 @@ impl Playing {
         }
     }
 
+    /// Outputs that hear it.
+    pub(crate) fn outputs(&self) -> Vec<u32> {
+        let heard = self.script.plan.heard.iter();
+        heard.map(|&(output, _)| output).collect()
+    }
+
     /// Whether any of some MATs (n_mat) is a port.
     pub(crate) fn touches(&self, mats: &[bool]) -> bool {
         self.script.plan.ports.iter().any(|port| mats[port.mat])

@@ -1,12 +1,35 @@
 //! What a plan may spend, and how far from the truth it may be.
 
+use crate::integrate::Way;
+
 /// A method that is asked for by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// The plain CA scheme, module by module.
     Ca,
-    /// Modes where a body is linear and alone, CA elsewhere.
+    /// Modes where a body is linear, CA elsewhere.
     Modal,
+    /// Meshes in two passes of CA.
+    Ca2p,
+    /// Meshes by the symmetric splitting of order 4.
+    Bm4,
+    /// Meshes by quadratised energy.
+    Ieq,
+    /// Linear meshes by the trapezoidal rule.
+    Trapezoid,
+}
+
+impl Method {
+    /// How it steps a mesh; `None`: as CA does.
+    pub(crate) fn way(self) -> Option<Way> {
+        match self {
+            Self::Ca | Self::Modal => None,
+            Self::Ca2p => Some(Way::Ca2p),
+            Self::Bm4 => Some(Way::Bm4),
+            Self::Ieq => Some(Way::Ieq),
+            Self::Trapezoid => Some(Way::Trapezoid),
+        }
+    }
 }
 
 /// How exact a plan has to be.
@@ -56,7 +79,18 @@ impl Default for Budget {
 impl Budget {
     /// Whether linear bodies go by their modes.
     pub(crate) fn takes_modes(&self) -> bool {
-        *self != Self::Method(Method::Ca)
+        match self {
+            Self::Method(method) => *method == Method::Modal,
+            Self::Error(_) | Self::Cents { .. } => true,
+        }
+    }
+
+    /// Whether meshes may go by another method than CA.
+    pub(crate) fn takes_meshes(&self) -> bool {
+        match self {
+            Self::Method(method) => method.way().is_some(),
+            Self::Error(_) | Self::Cents { .. } => true,
+        }
     }
 
     /// How loud all left-out modes may be together [dB]; `None`: none is left out.

@@ -11,9 +11,11 @@ use crate::network::Error;
 pub struct Choice {
     /// Modules of the island: a plan of another score has others.
     pub modules: usize,
-    /// How often a frame contacts are computed; 0: the island is a bank of modes.
+    /// How often a frame the island is stepped.
+    pub times: u32,
+    /// How often a step contacts are computed; 0: the island is a bank of modes.
     pub steps: usize,
-    /// The modes that are computed of each body.
+    /// The modes that are computed of each body; of one that goes by another method, which, and its steps.
     pub kept: Vec<Vec<u32>>,
 }
 
@@ -62,7 +64,8 @@ pub(super) fn another() -> Error {
 pub(super) fn hash(choices: &[Choice]) -> String {
     let mut sha = Sha256::new();
     for choice in choices {
-        let numbers = [choice.modules, choice.steps, choice.kept.len()];
+        let times = choice.times as usize;
+        let numbers = [choice.modules, times, choice.steps, choice.kept.len()];
         numbers
             .iter()
             .for_each(|&number| sha.update((number as u64).to_le_bytes()));

@@ -2,15 +2,18 @@
 
 use std::sync::Arc;
 
+use super::assemble::Assembled;
 use super::budget::Budget;
 use super::choice::{Choice, Pins, another};
 use super::islands::{Island, islands};
 use super::linear::NoModes;
+use super::pilot::{self, Found};
+use super::ported::Found as Body;
 use super::row::{self, Reason, Row};
 use super::split::{Own, split};
-use super::{Isle, Plan, Unit, Whole, body, cells, pilot, ported};
+use super::{Plan, Unit, body, cells};
 use crate::network::{Error, Network, Subset};
-use crate::scheme::{Certificate, Scheme};
+use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
 /// A plan on its way.
@@ -117,6 +120,7 @@ impl Maker<'_> {
                     }
                     self.plan.choices.push(Choice {
                         modules,
+                        times: 1,
                         steps: 0,
                         kept: vec![found.kept.numbers()],
                     });
@@ -131,107 +135,52 @@ impl Maker<'_> {
         if pin.as_ref().is_some_and(Choice::is_bank) {
             return Err(another());
         }
-        self.stepped(subset, own, modules, pin, why)
+        self.stepped(&subset, &own, modules, pin.as_ref(), why)
     }
 
-    /// An island frame by frame: its linear bodies by their modes, the rest as it is written.
+    /// An island frame by frame: bodies by methods of their own, the rest as it is written, as often as the budget
+    /// asks for.
     fn stepped(
         &mut self,
-        subset: Subset,
-        own: Own,
+        subset: &Subset,
+        own: &Own,
         modules: usize,
-        pin: Option<Choice>,
+        pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
-        let (cut, not) = ported::cut(&subset, &own.timeline, self.budget);
-        let mut because = why.filter(|_| cut.is_none()).or(not);
-        let mut hub = None;
-        if let Some(cut) = cut {
-            match self.hub(&cut.hub.network) {
-                Ok(found) => hub = Some((cut, found)),
-                Err(_) => because = Some(NoModes::Stiff),
-            }
-        }
-        let (cut, (steps, certificate)) = match hub {
-            Some(hub) => hub,
-            None => {
-                let found = self.hub(&subset.network)?;
-                (ported::whole(&subset, &own), found)
-            }
-        };
-        let ported::Cut {
-            mut hub,
-            own: inner,
-            mut bodies,
-        } = cut;
-        let mut isle = Isle {
-            to_whole: Whole {
-                mats: Some(through(&subset.mats, &hub.mats)),
-                outputs: Some(subset.outputs),
-                keys: Some(through(&own.keys, &inner.keys)),
-                gestures: Some(through(&own.gestures, &inner.gestures)),
-            },
-            network: Arc::new(hub.network.clone()),
-            timeline: inner.timeline,
-            bodies: bodies.iter().map(|found| found.modal.clone()).collect(),
-            steps,
-        };
-        let mut error = None;
+        let assemble = |times: u32| Assembled::new(subset, own, self.budget, times, pin);
         let found = match pin {
-            Some(pin) => Some(pilot::Pilot::pinned(&pin, &isle.bodies).ok_or_else(another)?),
-            None => pilot::pilot(&isle, self.budget)?,
+            Some(pin) => pilot::pinned(assemble(pin.times.max(1))?, pin).ok_or_else(another)?,
+            None => pilot::pilot(&assemble, self.budget)?,
         };
-        if let Some(found) = found {
-            (isle.steps, error) = (found.steps, found.error);
-            for (body, kept) in bodies.iter_mut().zip(found.kept) {
-                body.left_out = kept.left_out;
-                body.modal = body.modal.only(&kept.modes);
-                body.kept = kept.numbers();
-                ported::loosen(&mut hub.network, &body.modal);
-            }
-            isle.network = Arc::new(hub.network.clone());
-            isle.bodies = bodies.iter().map(|found| found.modal.clone()).collect();
-        }
+        let Found { island, error } = found;
+        let Assembled {
+            isle,
+            bodies,
+            certificate,
+            because,
+        } = island;
         self.plan.choices.push(Choice {
             modules,
+            times: isle.times,
             steps: isle.steps,
-            kept: bodies.iter().map(|found| found.kept.clone()).collect(),
+            kept: bodies.iter().map(Body::numbers).collect(),
         });
-        let n_ports: usize = bodies.iter().map(|body| body.modal.ports.len()).sum();
-        if hub.network.n_mat() > n_ports {
-            let mut row = Row::stepped(&hub.network, &isle.timeline, certificate);
+        let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
+        if isle.network.n_mat() > n_ports {
+            let mut row = Row::stepped(&isle.network, &isle.timeline, certificate);
             row.mats -= n_ports;
-            (row.steps, row.error) = (isle.steps, error);
+            (row.times, row.steps, row.error) = (isle.times, isle.steps, error);
+            let because = why.filter(|_| bodies.is_empty()).or(because);
             row.because = because.map(|why| why.why().to_owned());
             self.plan.rows.push(row);
         }
-        for found in &bodies {
-            let mut row = Row::ported(found, &isle.timeline);
-            row.error = error;
+        for body in &bodies {
+            let mut row = Row::ported(body, &isle.timeline);
+            (row.times, row.error) = (isle.times, error);
             self.plan.rows.push(row);
         }
         self.plan.units.push(Unit::Isle(Box::new(isle)));
         Ok(())
     }
-
-    /// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
-    fn hub(&self, network: &Network) -> Result<(usize, Certificate), Error> {
-        let mut scheme = Scheme::new(network, self.plan.timeline_rate)?;
-        let parts = network.mats().part.iter().map(|&part| part as usize);
-        let mut truths = parts.map(|part| network.parts()[part].ca_rate);
-        let steps = match scheme.stiffest_contact() {
-            // Where the discrete network is the truth, so are its contacts.
-            Some(kappa) if !truths.any(|truth| truth.is_some()) => self.budget.steps(kappa),
-            _ => 1,
-        };
-        if steps > 1 {
-            scheme.without_contacts();
-        }
-        Ok((steps, scheme.certify(network)?))
-    }
-}
-
-/// Two maps one after the other.
-fn through(first: &[u32], second: &[u32]) -> Vec<u32> {
-    second.iter().map(|&at| first[at as usize]).collect()
 }

@@ -1,12 +1,16 @@
 //! A pilot: the beginning of an island's music, played to see what it needs.
 //!
-//! It lasts until a while after the first contact. From it follow how finely contacts are computed (the same
-//! stretch at S and 2S: what differs is the error), and which modes of a body this score excites.
+//! It lasts until a while after the first contact, or after the first event where nothing touches. From it follow how
+//! finely contacts are computed (the same stretch at S and 2S: what differs is the error), which modes of a body
+//! this score excites, and how often a frame the whole island is stepped (again by what differs).
 
+use super::Isle;
+use super::assemble::Assembled;
 use super::budget::Budget;
 use super::choice::Choice;
+use super::row;
 use super::truncate::{Kept, choose};
-use super::{Isle, row};
+use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::{Island, OnFault, Options};
 use crate::maths::{log10, pow, sqrt};
@@ -14,42 +18,21 @@ use crate::network::{Error, LinkKind};
 
 /// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
 const AFTER: f64 = 0.3;
-/// No contact until then: there is nothing to learn [s].
+/// No contact until then: there is nothing to learn of contacts [s].
 const LONGEST: f64 = 10.0;
 /// A pilot that would take longer than this is not played [s].
 const WORTH: f64 = 0.5;
 /// The search for how finely contacts are computed begins here.
 const LEAST: usize = 2;
+/// An island is stepped at most so often a frame.
+const TIMES_MAX: u32 = 8;
 /// Frames between two looks at the modes.
 const LOOK: usize = 64;
-/// Error of a contact falls with the square of the step: what S and 2S differ by is so much more than the
-/// error of 2S.
-const RICHARDSON: f64 = 3.0;
 
-/// What a pilot says.
-pub(super) struct Pilot {
-    /// How often a frame contacts are to be computed.
-    pub(super) steps: usize,
-    /// The error that is left [dB], over so many seconds from the start.
+/// An island with what its budget asks for, and the error that is left: [dB], over so many seconds from the start.
+pub(super) struct Found {
+    pub(super) island: Assembled,
     pub(super) error: Option<(f64, f64)>,
-    /// For each body the modes that stay.
-    pub(super) kept: Vec<Kept>,
-}
-
-impl Pilot {
-    /// What a plan decided before; `None` where it does not fit.
-    pub(super) fn pinned(pin: &Choice, bodies: &[Modal]) -> Option<Self> {
-        if pin.kept.len() != bodies.len() {
-            return None;
-        }
-        let pairs = pin.kept.iter().zip(bodies);
-        let kept = pairs.map(|(kept, body)| Kept::pinned(kept, body.modes.len()));
-        Some(Self {
-            steps: pin.steps.clamp(1, Budget::STEPS_MAX),
-            error: None,
-            kept: kept.collect::<Option<Vec<_>>>()?,
-        })
-    }
 }
 
 /// One way through the beginning.
@@ -60,44 +43,162 @@ struct Take {
     squares: Vec<Vec<f64>>,
 }
 
-/// Play the beginning of an island; `None` where that would take long, or nothing touches.
-pub(super) fn pilot(isle: &Isle, budget: &Budget) -> Result<Option<Pilot>, Error> {
-    let rate = isle.timeline.rate.hertz();
-    let bodies: f64 = isle.bodies.iter().map(row::body_cost).sum();
-    let frame = 1e-9 * (row::stepped_cost(&isle.network, &isle.timeline) + bodies);
-    let most = ((WORTH / frame) as usize).min((LONGEST * rate) as usize);
-    let aim = budget.contact();
-    if isle.steps == 1 {
-        return Ok(None);
+/// What a plan decided before; `None` where it does not fit.
+pub(super) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> {
+    if pin.kept.len() != island.bodies.len() {
+        return None;
     }
-    let Some(n_frames) = first_contact(isle, most)? else {
-        return Ok(None);
+    let pairs = pin.kept.iter().zip(&island.isle.bodies);
+    let kept = pairs.map(|(kept, body)| match body {
+        Inside::Modal(modal) => Kept::pinned(kept, modal.modes.len()),
+        Inside::Mesh(_) => Some(Kept::none()),
+    });
+    let kept = kept.collect::<Option<Vec<_>>>()?;
+    Some(Found {
+        island: island.only(pin.steps.clamp(1, Budget::STEPS_MAX), kept),
+        error: None,
+    })
+}
+
+/// The cheapest island within the budget; `assemble` puts it together at some times the rate.
+pub(super) fn pilot(
+    assemble: &impl Fn(u32) -> Result<Assembled, Error>,
+    budget: &Budget,
+) -> Result<Found, Error> {
+    if let Budget::Method(_) = budget {
+        let island = assemble(1)?;
+        return Ok(Found {
+            island,
+            error: None,
+        });
+    }
+    let mut times = 1;
+    let mut island = loop {
+        match assemble(times) {
+            // Where it diverges at this rate it may not at a higher one.
+            Err(Error::Unstable { .. }) if times < 2 * TIMES_MAX => times *= 2,
+            other => break other?,
+        }
     };
-    let (mut steps, mut error) = (LEAST, None);
-    let mut before = play(isle, steps, n_frames)?;
-    while steps < Budget::STEPS_MAX {
-        let after = play(isle, 2 * steps, n_frames)?;
-        let left = difference(&before.sound, &after.sound) - 20.0 * log10(RICHARDSON);
-        // What S differs from the truth by is four thirds of what it differs from 2S by.
-        let own = left + 20.0 * log10(4.0);
-        if own <= aim {
-            error = Some((own, n_frames as f64 / rate));
+    let n_frames = length(&island.isle)?;
+    if n_frames == 0 {
+        return Ok(Found {
+            island,
+            error: None,
+        });
+    }
+    let seconds = n_frames as f64 * f64::from(times) / island.isle.timeline.rate.hertz();
+    let mut found = contacts(&island.isle, budget, n_frames)?;
+    let mut error = found.error;
+    while times < TIMES_MAX && is_worth(&island.isle, 3 * n_frames) {
+        let Ok(finer) = assemble(2 * times) else {
+            break;
+        };
+        let steps = (found.steps / 2).max(1);
+        let take = play(&finer.isle, steps, n_frames)?;
+        // Of second order: what it differs from the truth by is four thirds of what it differs from half the
+        // step by.
+        let own = difference(&found.take.sound, &take.sound) + 20.0 * log10(4.0 / 3.0);
+        error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
+        let Budget::Error(db) = *budget else { break };
+        if own <= db {
             break;
         }
-        steps *= 2;
-        error = Some((left, n_frames as f64 / rate));
-        before = after;
+        times *= 2;
+        island = finer;
+        (found.steps, found.take) = (steps, take);
+    }
+    let kept = island.isle.bodies.iter().zip(&found.take.squares);
+    let kept = kept.map(|(body, squares)| match body {
+        Inside::Modal(modal) => keep(&island.isle, modal, squares, budget),
+        Inside::Mesh(_) => Kept::none(),
+    });
+    let kept = kept.collect();
+    Ok(Found {
+        island: island.only(found.steps, kept),
+        error: error.map(|db| (db, seconds)),
+    })
+}
+
+/// How finely contacts are computed: as finely as it takes for twice as often to make no difference.
+struct Contacts {
+    steps: usize,
+    error: Option<f64>,
+    take: Take,
+}
+
+fn contacts(isle: &Isle, budget: &Budget, n_frames: usize) -> Result<Contacts, Error> {
+    if isle.steps == 1 {
+        let take = play(isle, 1, n_frames)?;
+        return Ok(Contacts {
+            steps: 1,
+            error: None,
+            take,
+        });
+    }
+    let aim = budget.contact();
+    let mut steps = LEAST;
+    let mut take = play(isle, steps, n_frames)?;
+    loop {
+        let finer = play(isle, 2 * steps, n_frames)?;
+        // The error falls with the square of the step: S is off by four thirds of what S and 2S differ by, 2S by
+        // a third.
+        let apart = difference(&take.sound, &finer.sound);
+        let own = apart + 20.0 * log10(4.0 / 3.0);
+        if own <= aim || 2 * steps >= Budget::STEPS_MAX {
+            let error = Some(own);
+            return Ok(Contacts { steps, error, take });
+        }
+        (steps, take) = (2 * steps, finer);
+        let left = apart - 20.0 * log10(3.0);
         if left <= aim {
-            break;
+            let error = Some(left);
+            return Ok(Contacts { steps, error, take });
         }
     }
-    let kept = isle.bodies.iter().zip(&before.squares);
-    let kept = kept.map(|(body, squares)| keep(isle, body, squares, budget));
-    Ok(Some(Pilot {
-        steps,
-        error,
-        kept: kept.collect(),
-    }))
+}
+
+/// Seconds of work for a frame, by the table of costs.
+fn work(isle: &Isle) -> f64 {
+    let bodies: f64 = isle.bodies.iter().map(row::body_cost).sum();
+    1e-9 * f64::from(isle.times) * (row::stepped_cost(&isle.network, &isle.timeline) + bodies)
+}
+
+fn is_worth(isle: &Isle, n_frames: usize) -> bool {
+    work(isle) * n_frames as f64 <= WORTH
+}
+
+/// How many frames a pilot takes; 0 where it would take long.
+fn length(isle: &Isle) -> Result<usize, Error> {
+    let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
+    let most = ((WORTH / work(isle)) as usize).min((LONGEST * rate) as usize);
+    let after = (AFTER * rate) as usize;
+    if isle.steps > 1 {
+        let mut island = island(isle, isle.steps)?;
+        let mut sound = vec![0.0; LOOK * island.n_out()];
+        for at in (0..most).step_by(LOOK) {
+            // Faults are muted: a pilot says nothing of them.
+            let _ = island.process(&mut sound, LOOK);
+            if island.has_touched() {
+                return Ok((at + after).min(most));
+            }
+        }
+        return Ok(0);
+    }
+    let timeline = &isle.timeline;
+    let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
+    let strikes = timeline.strikes.iter().map(|strike| strike.at);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
+    let inside = isle.bodies.iter().map(|body| body.first_strike() / rate);
+    let first = gestures.chain(strikes).chain(ergons).chain(inside);
+    let first = first.fold(f64::INFINITY, f64::min);
+    let first = if first.is_finite() {
+        first.max(0.0)
+    } else {
+        0.0
+    };
+    let n_frames = ((first * rate).min(1e12) as usize).saturating_add(after);
+    Ok(if n_frames <= most { n_frames } else { 0 })
 }
 
 fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
@@ -112,24 +213,17 @@ fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
         isle.network.clone(),
         &isle.timeline,
         &isle.bodies,
-        steps,
+        (steps, isle.times),
         options,
     )
 }
 
-/// How many frames there are up to a while after the first contact.
-fn first_contact(isle: &Isle, most: usize) -> Result<Option<usize>, Error> {
-    let mut island = island(isle, isle.steps)?;
-    let mut sound = vec![0.0; LOOK * island.n_out()];
-    let after = (AFTER * isle.timeline.rate.hertz()) as usize;
-    for at in (0..most).step_by(LOOK) {
-        // Faults are muted: a pilot says nothing of them.
-        let _ = island.process(&mut sound, LOOK);
-        if island.has_touched() {
-            return Ok(Some((at + after).min(most)));
-        }
+/// How many modes a body goes by.
+fn modes(body: &Inside) -> usize {
+    match body {
+        Inside::Modal(modal) => modal.modes.len(),
+        Inside::Mesh(_) => 0,
     }
-    Ok(None)
 }
 
 fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
@@ -139,7 +233,7 @@ fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
     let mut squares: Vec<Vec<f64>> = isle
         .bodies
         .iter()
-        .map(|body| vec![0.0; body.modes.len()])
+        .map(|body| vec![0.0; modes(body)])
         .collect();
     for sound in sound.chunks_mut((LOOK * n_out).max(1)) {
         let _ = island.process(sound, sound.len() / n_out.max(1));

@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 
 use super::body::{blows, heard};
 use super::budget::Budget;
+use super::choice::Choice;
 use super::linear::NoModes;
+use super::mesh;
 use super::modes::{ANGLE_MIN, Modes, Row};
 use super::split::{Own, split};
+use crate::island::inside::Inside;
 use crate::island::modal::{Modal, Mode, Port, Struck};
 use crate::network::{LinkKind, Network, Subset, Term};
 use crate::scheme::moves;
@@ -28,33 +31,45 @@ pub(super) struct Cut {
 
 /// A body that was found.
 pub(super) struct Found {
-    pub(super) modal: Modal,
+    pub(super) inside: Inside,
     /// MATs and LIAs that are no longer stepped.
     pub(super) mats: usize,
     pub(super) links: usize,
     pub(super) parts: Vec<String>,
-    /// How many modes there are, which are computed, and how loud those left out would be together [dB].
+    /// Of modes: how many there are, which are computed, and how loud the others would be together [dB].
     pub(super) of: usize,
     pub(super) kept: Vec<u32>,
     pub(super) left_out: Option<f64>,
 }
 
-/// Cut the linear bodies out of an island; `None` where it has none worth it. Also why some were not.
+/// Cut bodies out of an island: linear ones by their modes, other meshes by a method of their own. `None` where
+/// it has none worth it. Also why some were not.
 pub(super) fn cut(
     island: &Subset,
     timeline: &Timeline,
     budget: &Budget,
+    pin: Option<&Choice>,
 ) -> (Option<Cut>, Option<NoModes>) {
-    if !budget.takes_modes() {
-        return (None, None);
-    }
     let network = &island.network;
-    let wiring = Wiring::new(network, timeline);
+    let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
-    for body in wiring.bodies(network) {
-        match modal(network, timeline, &body, timeline.rate) {
-            Ok(modal) => found.push((body, modal)),
-            Err(reason) => why = Some(reason),
+    if budget.takes_modes() {
+        for body in wiring.bodies(network, false) {
+            match modal(network, timeline, &body, timeline.rate) {
+                Ok(modal) => found.push((body, Inside::Modal(modal))),
+                Err(reason) => why = Some(reason),
+            }
+        }
+    }
+    if budget.takes_meshes() {
+        for (body, _) in &found {
+            wiring.take(&body.mats);
+        }
+        for body in wiring.bodies(network, true) {
+            let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
+            if let Some(mesh) = mesh::mesh(network, timeline, &body, budget, pin) {
+                found.push((body, Inside::Mesh(mesh)));
+            }
         }
     }
     if found.is_empty() {
@@ -63,8 +78,18 @@ pub(super) fn cut(
     (Some(hub(island, timeline, found)), why)
 }
 
+impl Found {
+    /// What was decided, as numbers of a plan.
+    pub(super) fn numbers(&self) -> Vec<u32> {
+        match &self.inside {
+            Inside::Modal(_) => self.kept.clone(),
+            Inside::Mesh(mesh) => mesh::numbers(mesh),
+        }
+    }
+}
+
 /// An island that nothing is cut out of.
-pub(super) fn whole(island: &Subset, own: &Own) -> Cut {
+pub(super) fn whole(island: &Subset, own: &Own, timeline: Timeline) -> Cut {
     let all = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
         mats: all(island.mats.len()),
@@ -73,7 +98,7 @@ pub(super) fn whole(island: &Subset, own: &Own) -> Cut {
         network: island.network.clone(),
     };
     let own = Own {
-        timeline: own.timeline.clone(),
+        timeline,
         keys: all(own.keys.len()),
         gestures: all(own.gestures.len()),
     };
@@ -85,21 +110,28 @@ pub(super) fn whole(island: &Subset, own: &Own) -> Cut {
 }
 
 /// A set of MATs that inner links join, and the ports where others end.
-struct Body {
-    mats: Vec<u32>,
-    guests: Vec<u32>,
-    links: Vec<u32>,
-    ports: Vec<u32>,
+pub(super) struct Body {
+    pub(super) mats: Vec<u32>,
+    pub(super) guests: Vec<u32>,
+    pub(super) links: Vec<u32>,
+    pub(super) ports: Vec<u32>,
 }
 
 /// Which links may lie inside a body, and which MATs.
 struct Wiring {
     may: Vec<bool>,
-    is_inner: Vec<bool>,
+    /// Springs, and springs and laws.
+    is_spring: Vec<bool>,
+    is_law: Vec<bool>,
     is_driven: Vec<bool>,
 }
 
 impl Wiring {
+    /// Some MATs belong to a body already.
+    fn take(&mut self, mats: &[u32]) {
+        mats.iter().for_each(|&mat| self.may[mat as usize] = false);
+    }
+
     fn new(network: &Network, timeline: &Timeline) -> Self {
         let mats = network.mats();
         let n = network.n_mat();
@@ -119,30 +151,33 @@ impl Wiring {
             .ergons
             .iter()
             .for_each(|ergon| may[ergon.mat as usize] = false);
-        let mut is_inner = vec![false; network.n_lia()];
+        let (mut is_spring, mut is_law) =
+            (vec![false; network.n_lia()], vec![false; network.n_lia()]);
         for run in network.runs() {
-            is_inner[run.first..run.first + run.len].fill(matches!(run.kind, LinkKind::Ref));
+            let links = run.first..run.first + run.len;
+            is_spring[links.clone()].fill(matches!(run.kind, LinkKind::Ref));
+            is_law[links].fill(matches!(run.kind, LinkKind::Lnl(_)));
         }
-        timeline
-            .gates
-            .iter()
-            .for_each(|gate| is_inner[gate.link] = false);
+        let mut outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
+        timeline.gates.iter().for_each(|gate| outer(gate.link));
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
-                Term::Force { first, len, .. } => is_inner[first..first + len].fill(false),
+                Term::Force { first, len, .. } => (first..first + len).for_each(&mut outer),
                 Term::Ground { first, len, .. } => may[first..first + len].fill(false),
                 Term::Position { .. } => {}
             }
         }
         Self {
             may,
-            is_inner,
+            is_spring,
+            is_law,
             is_driven,
         }
     }
 
     /// Sets of MATs that inner links join, large enough and with few enough ports.
-    fn bodies(&self, network: &Network) -> Vec<Body> {
+    fn bodies(&self, network: &Network, with_laws: bool) -> Vec<Body> {
+        let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut leader: Vec<usize> = (0..network.n_mat()).collect();
         let root = |leader: &mut Vec<usize>, mut i: usize| {
             while leader[i] != i {
@@ -152,7 +187,7 @@ impl Wiring {
             i
         };
         for (link, a, b) in ends(network) {
-            if self.is_inner[link] && self.may[a] && self.may[b] {
+            if is_inner(link) && self.may[a] && self.may[b] {
                 let (a, b) = (root(&mut leader, a), root(&mut leader, b));
                 leader[a.max(b)] = a.min(b);
             }
@@ -173,7 +208,7 @@ impl Wiring {
                     continue;
                 };
                 let is_held = !moves(network.mats().kind[other]) && !self.is_driven[other];
-                if self.is_inner[link] && (self.may[other] || is_held) {
+                if is_inner(link) && (self.may[other] || is_held) {
                     // Both ends tell of a link between two of them: it is noted once.
                     if own == a || !self.may[other] {
                         body.links.push(link as u32);
@@ -310,7 +345,7 @@ fn own(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 }
 
 /// What is left when the bodies are cut out: their ports stay, as masses that move as freely.
-fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Modal)>) -> Cut {
+fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut {
     let network = &island.network;
     let (mut is_gone, mut is_cut) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut ports: Vec<u32> = Vec::new();
@@ -339,19 +374,31 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Modal)>) -> Cut {
         .strikes
         .retain(|strike| !is_struck_there[strike.mat as usize]);
     let mut bodies = Vec::new();
-    for (body, mut modal) in found {
-        for port in &mut modal.ports {
-            port.mat = hub.mat(port.mat).unwrap_or(0);
-        }
-        loosen(&mut hub.network, &modal);
+    for (body, mut inside) in found {
+        let local = |mat: usize| hub.mat(mat).unwrap_or(0);
+        let of = match &mut inside {
+            Inside::Modal(modal) => {
+                for port in &mut modal.ports {
+                    port.mat = local(port.mat);
+                }
+                modal.modes.len()
+            }
+            Inside::Mesh(mesh) => {
+                for (_, mat) in &mut mesh.ports {
+                    *mat = local(*mat);
+                }
+                0
+            }
+        };
+        loosen(&mut hub.network, &inside);
         bodies.push(Found {
             mats: body.mats.len(),
             links: body.links.len(),
             parts: super::row::parts_of(network, &body.mats),
             left_out: None,
-            of: modal.modes.len(),
-            kept: (0..modal.modes.len() as u32).collect(),
-            modal,
+            of,
+            kept: (0..of as u32).collect(),
+            inside,
         });
     }
     let own = split(vec![hub], &timeline).pop();
@@ -379,11 +426,20 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
 }
 
 /// The ports of a body as masses that move as freely.
-pub(super) fn loosen(hub: &mut Network, modal: &Modal) {
-    let step = modal.rate.step();
-    let is_discrete = modal.modes.first().is_some_and(|mode| mode.cell.is_none());
-    let unit = if is_discrete { 1.0 } else { step * step };
-    for (at, port) in modal.ports.iter().enumerate() {
-        hub.loosen(port.mat, unit / modal.give(at));
+pub(super) fn loosen(hub: &mut Network, inside: &Inside) {
+    match inside {
+        Inside::Modal(modal) => {
+            let step = modal.rate.step();
+            let is_discrete = modal.modes.first().is_some_and(|mode| mode.cell.is_none());
+            let unit = if is_discrete { 1.0 } else { step * step };
+            for (at, port) in modal.ports.iter().enumerate() {
+                hub.loosen(port.mat, unit / modal.give(at));
+            }
+        }
+        Inside::Mesh(mesh) => {
+            for &(own, mat) in &mesh.ports {
+                hub.loosen(mat, mesh.network.mats().m[own]);
+            }
+        }
     }
 }

@@ -4,8 +4,10 @@ use super::BankPlan;
 use super::body::Body;
 use super::cost::Costs;
 use super::islands::Island;
+use super::mesh::LADDER;
 use super::ported::Found;
-use crate::island::modal::Modal;
+use crate::integrate::{Way, certify};
+use crate::island::inside::Inside;
 use crate::network::{Contact, LinkKind, Network, Subset};
 use crate::scheme::{Certificate, Word, moves};
 use crate::timeline::Timeline;
@@ -35,6 +37,8 @@ pub enum What {
         /// The others together, relative to all.
         left_out: Option<f64>,
     },
+    /// As a mesh, by a method of its own: its name, and steps a frame.
+    Mesh(&'static str, u32),
     /// Not at all.
     LeftOut(Reason),
 }
@@ -54,7 +58,9 @@ pub struct Row {
     pub cost: f64,
     /// Whether it can diverge; `None` where nothing is computed.
     pub word: Option<Word>,
-    /// How often a frame its contacts are computed while they may be closed.
+    /// How often a frame it is stepped.
+    pub times: u32,
+    /// How often a step its contacts are computed while they may be closed.
     pub steps: usize,
     /// Error of the waveform [dB], and over how long from the start it was measured [s]; `None`: exact, but for
     /// what is left out.
@@ -75,6 +81,7 @@ impl Row {
             what: What::LeftOut(reason),
             cost: 0.0,
             word: None,
+            times: 1,
             steps: 1,
             error: None,
             because: None,
@@ -93,6 +100,7 @@ impl Row {
             what: What::Stepped,
             cost: seconds(stepped_cost(network, timeline), timeline),
             word: Some(certificate.word),
+            times: 1,
             steps: 1,
             error: None,
             because: None,
@@ -105,13 +113,17 @@ impl Row {
             parts: found.parts.clone(),
             mats: found.mats,
             links: found.links,
-            what: What::Modes {
-                of: found.of,
-                kept: found.modal.modes.len(),
-                left_out: found.left_out,
+            what: match &found.inside {
+                Inside::Modal(modal) => What::Modes {
+                    of: found.of,
+                    kept: modal.modes.len(),
+                    left_out: found.left_out,
+                },
+                Inside::Mesh(mesh) => What::Mesh(mesh.way.facts().name, mesh.substeps),
             },
-            cost: seconds(body_cost(&found.modal), timeline),
-            word: Some(Word::Guarded),
+            cost: seconds(body_cost(&found.inside), timeline),
+            word: Some(word(&found.inside)),
+            times: 1,
             steps: 1,
             error: None,
             because: None,
@@ -131,6 +143,7 @@ impl Row {
             },
             cost: seconds(bank_cost(&body.bank), timeline),
             word: Some(Word::Proved),
+            times: 1,
             steps: 1,
             error: None,
             because: None,
@@ -154,6 +167,7 @@ pub(super) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) 
             what: What::Oscillators,
             cost: seconds(Costs::of("oscillator") * count as f64, timeline),
             word: Some(Word::Proved),
+            times: 1,
             steps: 1,
             error: None,
             because: None,
@@ -181,9 +195,30 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
 }
 
 /// What a body inside an island costs a frame [ns].
-pub(super) fn body_cost(modal: &Modal) -> f64 {
-    let rows = modal.ports.len() + modal.heard.len();
-    modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
+pub(super) fn body_cost(inside: &Inside) -> f64 {
+    match inside {
+        Inside::Modal(modal) => {
+            let rows = modal.ports.len() + modal.heard.len();
+            modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
+        }
+        Inside::Mesh(mesh) => {
+            let rung =
+                |&&(way, steps, _): &&(Way, u32, f64)| (way, steps) == (mesh.way, mesh.substeps);
+            let times = LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times);
+            times * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
+        }
+    }
+}
+
+/// What is sure of a body: modes cannot diverge, but what pushes them may.
+fn word(inside: &Inside) -> Word {
+    match inside {
+        Inside::Modal(_) => Word::Guarded,
+        Inside::Mesh(mesh) => {
+            let found = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
+            found.map_or(Word::Tried, |found| found.word)
+        }
+    }
 }
 
 /// What a bank costs a frame [ns].

@@ -18,6 +18,14 @@ pub(super) struct Kept {
 }
 
 impl Kept {
+    /// Of a body that goes by none.
+    pub(super) fn none() -> Self {
+        Self {
+            modes: Vec::new(),
+            left_out: None,
+        }
+    }
+
     /// As numbers of a plan.
     pub(super) fn numbers(&self) -> Vec<u32> {
         self.modes.iter().map(|&mode| mode as u32).collect()

@@ -3,6 +3,8 @@
 //! CA with backward damping is leapfrog with mass M − Z/2, so the number of unstable roots is the
 //! number of negative eigenvalues of 4M − K − 2Z. Every contact is taken closed, every law at
 //! its slope at rest; with such links the certificate guards, without them it proves.
+//!
+//! Other methods ask for other multiples of Z and other bounds: `top` finds λmax(M⁻¹(K + c·Z)).
 
 use nalgebra::DMatrix;
 
@@ -17,6 +19,8 @@ pub enum Word {
     Proved,
     /// Each state of the contacts is stable; a law may stiffen, which is watched at every step.
     Guarded,
+    /// No proof: a condition that every case tried has kept.
+    Tried,
 }
 
 /// How the largest eigenvalue was bounded.
@@ -52,14 +56,14 @@ fn oversampling(lambda: f64) -> u32 {
     (lambda / 4.0).sqrt().ceil().max(1.0) as u32
 }
 
-/// K + 2Z of one link at its stiffest known state.
-fn weight(run: &Run) -> f64 {
+/// K + c·Z of one link at its stiffest known state.
+fn weight(run: &Run, c: f64) -> f64 {
     match &run.kind {
-        Kind::Ref => run.k + 2.0 * run.z,
-        Kind::But(but) if but.exponent == 1.0 => run.k + 2.0 * run.z,
-        Kind::But(_) => 2.0 * run.z,
+        Kind::Ref => run.k + c * run.z,
+        Kind::But(but) if but.exponent == 1.0 => run.k + c * run.z,
+        Kind::But(_) => c * run.z,
         Kind::Lnl { law, rate, .. } => {
-            law.slope(0.0).max(0.0) + 2.0 * (law.damping_slope(0.0) * rate).max(0.0)
+            law.slope(0.0).max(0.0) + c * (law.damping_slope(0.0) * rate).max(0.0)
         }
     }
 }
@@ -69,77 +73,43 @@ const BORDER: f64 = 4.0 * (1.0 - 1e-14);
 /// Up to this many MATs all eigenvalues are computed: exact at the border, and as quick.
 const DENSE_MAX: usize = 200;
 
-/// The largest eigenvalue, or an upper bound of it, and its vector (n_mat).
-struct Top {
-    lambda: f64,
-    means: Means,
-    vector: Vec<f64>,
+/// The largest eigenvalue of M⁻¹(K + c·Z), or an upper bound of it.
+pub(crate) struct Top {
+    pub(crate) lambda: f64,
+    pub(crate) means: Means,
+    /// The MAT that moves most in its mode; 0 where only sums were taken.
+    pub(crate) worst: usize,
 }
 
-/// The largest eigenvalue of M^-½ (K + 2Z) M^-½.
-fn top(scheme: &Scheme, weights: &[f64]) -> Top {
-    let n = scheme.n_mat();
-    let root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
-    let mut scaled = vec![0.0; n];
-    let mut apply = |v: &[f64], y: &mut [f64]| {
-        for i in 0..n {
-            scaled[i] = v[i] * root[i];
-            y[i] = (scheme.kappa[i] + 2.0 * scheme.zeta[i]) * v[i];
-        }
-        for (run, weight) in scheme.runs.iter().zip(weights) {
-            for i in 0..run.len {
-                let (a, b) = (run.a + i, run.b + i);
-                let f = weight * (scaled[b] - scaled[a]);
-                y[a] -= f * root[a];
-                y[b] += f * root[b];
-            }
-        }
-    };
-    if n > DENSE_MAX {
-        let largest = spectrum::largest(n, &mut apply);
-        return Top {
-            lambda: largest.theta + largest.residual,
-            means: Means::Lanczos,
-            vector: largest.vector,
-        };
+/// λmax(M⁻¹(K + c·Z)): by the sums at the ends of each link where these stay below `enough`, else by
+/// an eigenvalue. Fails where a force at rest is not finite.
+pub(crate) fn top(scheme: &Scheme, network: &Network, c: f64, enough: f64) -> Result<Top, Error> {
+    let weights: Vec<f64> = scheme.runs.iter().map(|run| weight(run, c)).collect();
+    let lambda = by_sums(scheme, network, c, &weights)?;
+    if lambda < enough {
+        return Ok(Top {
+            lambda,
+            means: Means::Gershgorin,
+            worst: 0,
+        });
     }
-    let mut matrix = DMatrix::zeros(n, n);
-    let (mut unit, mut column) = (vec![0.0; n], vec![0.0; n]);
-    for i in 0..n {
-        unit[i] = 1.0;
-        apply(&unit, &mut column);
-        unit[i] = 0.0;
-        matrix.column_mut(i).copy_from_slice(&column);
-    }
-    let eigen = matrix.symmetric_eigen();
-    let at = eigen.eigenvalues.imax();
-    Top {
-        lambda: eigen.eigenvalues[at],
-        means: Means::Dense,
-        vector: eigen.eigenvectors.column(at).iter().copied().collect(),
-    }
+    Ok(by_eigenvalue(scheme, c, &weights))
 }
 
-pub(super) fn certify(scheme: &Scheme, network: &Network) -> Result<Certificate, Error> {
-    let word = if scheme.linear {
-        Word::Proved
-    } else {
-        Word::Guarded
-    };
-    let weights: Vec<f64> = scheme.runs.iter().map(weight).collect();
+/// Gershgorin's bound, from the sums D = Σ(K + c·Z) at both ends of each link.
+fn by_sums(scheme: &Scheme, network: &Network, c: f64, weights: &[f64]) -> Result<f64, Error> {
     let links = || {
         scheme
             .runs
             .iter()
-            .zip(&weights)
+            .zip(weights)
             .filter(|(_, weight)| **weight != 0.0)
     };
     let n = scheme.n_mat();
-    // Sums at each MAT: D = Σ(K + 2Z).
     let mut sums: Vec<f64> = (0..n)
         .map(|i| {
             if scheme.w[i] > 0.0 {
-                (scheme.kappa[i] + 2.0 * scheme.zeta[i]) / scheme.w[i]
+                (scheme.kappa[i] + c * scheme.zeta[i]) / scheme.w[i]
             } else {
                 0.0
             }
@@ -159,15 +129,65 @@ pub(super) fn certify(scheme: &Scheme, network: &Network) -> Result<Certificate,
     }
     let at = |i: usize| sums[i] * scheme.w[i];
     let edges = links().flat_map(|(run, _)| (0..run.len).map(|i| at(run.a + i) + at(run.b + i)));
-    let bound = (0..n).map(at).chain(edges).fold(0.0, f64::max);
-    if bound < BORDER {
-        return Ok(Certificate {
-            lambda_max: bound,
-            means: Means::Gershgorin,
-            word,
-        });
+    Ok((0..n).map(at).chain(edges).fold(0.0, f64::max))
+}
+
+/// The largest eigenvalue of M^-½ (K + c·Z) M^-½.
+fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64]) -> Top {
+    let n = scheme.n_mat();
+    let root: Vec<f64> = scheme.w.iter().map(|w| w.sqrt()).collect();
+    let mut scaled = vec![0.0; n];
+    let mut apply = |v: &[f64], y: &mut [f64]| {
+        for i in 0..n {
+            scaled[i] = v[i] * root[i];
+            y[i] = (scheme.kappa[i] + c * scheme.zeta[i]) * v[i];
+        }
+        for (run, weight) in scheme.runs.iter().zip(weights) {
+            for i in 0..run.len {
+                let (a, b) = (run.a + i, run.b + i);
+                let f = weight * (scaled[b] - scaled[a]);
+                y[a] -= f * root[a];
+                y[b] += f * root[b];
+            }
+        }
+    };
+    let worst = |vector: &dyn Fn(usize) -> f64| {
+        (0..n)
+            .max_by(|&i, &j| vector(i).abs().total_cmp(&vector(j).abs()))
+            .unwrap_or(0)
+    };
+    if n > DENSE_MAX {
+        let largest = spectrum::largest(n, &mut apply);
+        return Top {
+            lambda: largest.theta + largest.residual,
+            means: Means::Lanczos,
+            worst: worst(&|i| largest.vector[i]),
+        };
     }
-    let top = top(scheme, &weights);
+    let mut matrix = DMatrix::zeros(n, n);
+    let (mut unit, mut column) = (vec![0.0; n], vec![0.0; n]);
+    for i in 0..n {
+        unit[i] = 1.0;
+        apply(&unit, &mut column);
+        unit[i] = 0.0;
+        matrix.column_mut(i).copy_from_slice(&column);
+    }
+    let eigen = matrix.symmetric_eigen();
+    let at = eigen.eigenvalues.imax();
+    Top {
+        lambda: eigen.eigenvalues[at],
+        means: Means::Dense,
+        worst: worst(&|i| eigen.eigenvectors[(i, at)]),
+    }
+}
+
+pub(super) fn certify(scheme: &Scheme, network: &Network) -> Result<Certificate, Error> {
+    let word = if scheme.linear {
+        Word::Proved
+    } else {
+        Word::Guarded
+    };
+    let top = top(scheme, network, 2.0, BORDER)?;
     if top.lambda < BORDER {
         return Ok(Certificate {
             lambda_max: top.lambda,
@@ -175,11 +195,8 @@ pub(super) fn certify(scheme: &Scheme, network: &Network) -> Result<Certificate,
             word,
         });
     }
-    let worst = (0..n)
-        .max_by(|&i, &j| top.vector[i].abs().total_cmp(&top.vector[j].abs()))
-        .unwrap_or(0);
     Err(Error::Unstable {
-        module: network.mat_name(worst),
+        module: network.mat_name(top.worst),
         lambda: top.lambda,
         oversampling: oversampling(top.lambda),
     })

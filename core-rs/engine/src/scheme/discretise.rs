@@ -9,7 +9,16 @@ use crate::maths;
 use crate::network::{But, Contact, Error, LinkKind, MatKind, Network};
 use crate::units::Rate;
 
-pub(super) fn scheme(network: &Network, rate: Rate) -> Result<Scheme, Error> {
+/// What κ and ζ of a CEL are made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ties {
+    /// The poles of its continuous motion, which the CA scheme then has exactly.
+    Poles,
+    /// Its stiffness and viscosity.
+    Physical,
+}
+
+pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme, Error> {
     let n = network.n_mat();
     let mats = network.mats();
     let mut scheme = Scheme {
@@ -33,6 +42,14 @@ pub(super) fn scheme(network: &Network, rate: Rate) -> Result<Scheme, Error> {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let ratios;
         (scheme.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
+            None if ties == Ties::Physical => {
+                let w = rate.step() * rate.step() / m;
+                let ratios = Ratios {
+                    kappa: k * w,
+                    zeta: z * rate.step() / m,
+                };
+                (w, ratios)
+            }
             None => {
                 let own = Cell::new(m, k, z);
                 below_nyquist(network, i, own.frequency(), rate)?;

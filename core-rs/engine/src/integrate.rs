@@ -1,0 +1,148 @@
+//! Integrators: a network that goes on by itself, frame by frame, pushed by impulses alone.
+//!
+//! The CA scheme is quick and bends the pitch of high partials; other methods buy accuracy or safety for
+//! more work. All of them step the same numbers (M = m/T², K = k, Z = z/T, velocities as V = T·v) at
+//! `substeps` times the rate, take an impulse as a jump of the velocity at the beginning of a frame, and
+//! neither allocate, fail nor panic while they step.
+
+mod banded;
+mod bm4;
+mod ca;
+mod ca2p;
+mod certify;
+mod conjugate;
+mod ieq;
+mod local;
+mod mesh;
+mod order;
+mod passes;
+mod trapezoid;
+mod way;
+
+pub(crate) use certify::certify;
+pub(crate) use way::Way;
+
+use std::sync::Arc;
+
+use crate::network::{Error, Network};
+use crate::units::Rate;
+use mesh::Mesh;
+
+/// What every method does.
+trait Method {
+    /// Go on one step of the mesh's rate; impulses [N·s] act at its beginning.
+    fn step(&mut self, impulses: &[(usize, f64)]);
+    /// Positions now [m]                                            (n_mat)
+    fn x(&self) -> &[f64];
+    /// Velocity of a MAT now, before any impulse of this frame [m/s].
+    fn velocity(&self, mat: usize) -> f64;
+    /// The energy that the method keeps [J]: half a step before now where it lives between frames.
+    fn energy(&self) -> f64;
+}
+
+#[derive(Clone, Debug)]
+enum Motion {
+    Ca(ca::Ca),
+    Ca2p(ca2p::Ca2p),
+    Bm4(bm4::Bm4),
+    Ieq(ieq::Ieq),
+    Trapezoid(trapezoid::Trapezoid),
+}
+
+impl Motion {
+    fn method(&self) -> &dyn Method {
+        match self {
+            Self::Ca(it) => it,
+            Self::Ca2p(it) => it,
+            Self::Bm4(it) => it,
+            Self::Ieq(it) => it,
+            Self::Trapezoid(it) => it,
+        }
+    }
+
+    fn method_mut(&mut self) -> &mut dyn Method {
+        match self {
+            Self::Ca(it) => it,
+            Self::Ca2p(it) => it,
+            Self::Bm4(it) => it,
+            Self::Ieq(it) => it,
+            Self::Trapezoid(it) => it,
+        }
+    }
+}
+
+/// A network that goes on by one method; cloning it is a snapshot.
+#[derive(Clone, Debug)]
+pub(crate) struct Integrator {
+    motion: Motion,
+    substeps: u32,
+}
+
+impl Integrator {
+    /// A network at its X0 and V0, to be stepped at `rate`, `substeps` steps a frame.
+    ///
+    /// Imposed points stay where they are. Methods other than CA take continuous parameters and plain
+    /// contacts only; what a method cannot step is refused with its module's name.
+    pub(crate) fn new(
+        network: &Network,
+        rate: Rate,
+        way: Way,
+        substeps: u32,
+    ) -> Result<Self, Error> {
+        let rate = faster(rate, substeps)?;
+        let mesh = Arc::new(Mesh::new(network, rate, way)?);
+        let motion = match way {
+            Way::Ca => Motion::Ca(ca::Ca::new(mesh, network, rate)),
+            Way::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)),
+            Way::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
+            Way::Ieq => Motion::Ieq(ieq::Ieq::new(mesh, network)?),
+            Way::Trapezoid => Motion::Trapezoid(trapezoid::Trapezoid::new(mesh, network)?),
+        };
+        Ok(Self { motion, substeps })
+    }
+
+    /// From frame n to n+1: impulses (MAT, [N·s]) act at the beginning of the frame.
+    pub(crate) fn step(&mut self, impulses: &[(usize, f64)]) {
+        let method = self.motion.method_mut();
+        method.step(impulses);
+        for _ in 1..self.substeps {
+            method.step(&[]);
+        }
+    }
+
+    /// Positions at the frame [m], (n_mat).
+    pub(crate) fn positions(&self) -> &[f64] {
+        self.motion.method().x()
+    }
+
+    /// Velocities [m/s] of some MATs at the frame, before its impulses, as well as the method knows them;
+    /// `mats`, `out`: (n,).
+    pub(crate) fn velocities(&self, mats: &[usize], out: &mut [f64]) {
+        let method = self.motion.method();
+        for (out, &mat) in out.iter_mut().zip(mats) {
+            *out = method.velocity(mat);
+        }
+    }
+
+    /// Whether every MAT is where a MAT can be.
+    pub(crate) fn sound(&self) -> bool {
+        passes::within(self.positions())
+    }
+
+    /// The method's own energy [J]: constant without losses and impulses, as far as the method goes.
+    pub(crate) fn energy(&self) -> f64 {
+        self.motion.method().energy()
+    }
+}
+
+/// The rate of the steps.
+fn faster(rate: Rate, substeps: u32) -> Result<Rate, Error> {
+    let refused = |_| Error::Refused {
+        module: "substeps".to_owned(),
+        message: format!("{substeps} steps a frame make no rate"),
+    };
+    Rate::new(rate.hertz() * f64::from(substeps)).map_err(refused)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,55 @@
+//! CA: the scheme itself, by the kernels that step an island, so that the bytes are the same.
+
+use std::sync::Arc;
+
+use super::Method;
+use super::mesh::Mesh;
+use crate::kernel;
+use crate::network::Network;
+use crate::scheme::{Laws, backward_steps};
+use crate::state::Body;
+use crate::timeline::Timeline;
+use crate::units::Rate;
+
+#[derive(Clone, Debug)]
+pub(super) struct Ca {
+    mesh: Arc<Mesh>,
+    /// Its forces are those of the links at the present frame.
+    body: Body,
+    laws: Laws,
+}
+
+impl Ca {
+    pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Self {
+        let scheme = &mesh.scheme;
+        let x = network.mats().x0.clone();
+        let d = backward_steps(network, &Timeline::new(rate), scheme, &x, &[]);
+        let (mut body, mut laws) = (Body::new(scheme, x, d), scheme.laws());
+        kernel::links(scheme, &[], &mut body, &mut laws);
+        Self { mesh, body, laws }
+    }
+}
+
+impl Method for Ca {
+    fn step(&mut self, impulses: &[(usize, f64)]) {
+        let scheme = &self.mesh.scheme;
+        for &(mat, impulse) in impulses {
+            self.body.push(mat, impulse * scheme.rate);
+        }
+        kernel::contacts(scheme, &[], &[], &mut self.body);
+        kernel::advance(scheme, &mut [], &mut self.body);
+        kernel::links(scheme, &[], &mut self.body, &mut self.laws);
+    }
+
+    fn x(&self) -> &[f64] {
+        &self.body.x
+    }
+
+    fn velocity(&self, mat: usize) -> f64 {
+        kernel::centred(&self.mesh.scheme, &self.body, mat)
+    }
+
+    fn energy(&self) -> f64 {
+        self.mesh.staggered(&self.body.x, &self.body.d, true)
+    }
+}

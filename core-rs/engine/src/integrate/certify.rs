@@ -1,0 +1,105 @@
+//! What may be said of a network's stability by each way, before its first frame.
+//!
+//! | way       | condition on undamped bodies, at rest   | linear             | non-linear links   |
+//! |-----------|-----------------------------------------|--------------------|--------------------|
+//! | CA        | λmax(M⁻¹(K + 2Z)) < 4                   | proved             | guarded            |
+//! | CA2P      | λmax(M⁻¹K) < 12, with Z M⁻¹(K + 6Z) < 6 | proved             | guarded            |
+//! | CA2P      | λmax(M⁻¹(K + 6Z)) < 12                  | tried              | tried              |
+//! | BM4       | λmax(M⁻¹(K + 2Z)) < 3.164²              | tried              | tried              |
+//! | IEQ       | none                                    | proved             | proved             |
+//! | trapezoid | none                                    | proved             | refused            |
+//!
+//! BM4's kicks among losses are stable for κ < 3.164² with ζ < 7.5 mode by mode, which K + 2Z keeps well.
+//! CA2P's 12 is exact mode by mode (κ + 6ζ < 12). Where Z has other modes than K it is not safe; 6 is taken
+//! then, below the smallest unstable case (6.04) that a search for such cases found.
+
+use super::mesh::Mesh;
+use super::way::Way;
+use super::{faster, ieq, trapezoid};
+use crate::network::{Error, Network};
+use crate::scheme::{Certificate, Kind, Scheme, Top, Word, top};
+use crate::units::Rate;
+
+/// Rounding may take this from an eigenvalue.
+const BORDER: f64 = 1.0 - 1e-14;
+/// CA2P: for modes that K and Z share, and for any.
+const SHARED: f64 = 12.0 * BORDER;
+const ANY: f64 = 6.0 * BORDER;
+/// BM4: so much of Z counts as K.
+const LOSSES: f64 = 2.0;
+
+/// Whether a network is stable by a way of stepping it; refused, with the module that would move most,
+/// where it is not.
+pub(crate) fn certify(
+    network: &Network,
+    rate: Rate,
+    way: Way,
+    substeps: u32,
+) -> Result<Certificate, Error> {
+    let rate = faster(rate, substeps)?;
+    if way == Way::Ca {
+        return Scheme::new(network, rate)?.certify(network);
+    }
+    let mesh = Mesh::new(network, rate, way)?;
+    let scheme = &mesh.scheme;
+    let look = |c: f64, enough: f64| top(scheme, network, c, enough);
+    let of = |top: &Top, word: Word| Certificate {
+        lambda_max: top.lambda,
+        means: top.means,
+        word,
+    };
+    let sure = if scheme.linear {
+        Word::Proved
+    } else {
+        Word::Guarded
+    };
+    match way {
+        Way::Ca2p => {
+            let loses = mesh.damped || scheme.zeta.iter().any(|zeta| *zeta != 0.0);
+            let (c, enough) = if loses { (6.0, ANY) } else { (0.0, SHARED) };
+            let found = look(c, enough)?;
+            if found.lambda < enough {
+                Ok(of(&found, sure))
+            } else if found.lambda < SHARED {
+                Ok(of(&found, Word::Tried))
+            } else {
+                Err(unstable(network, way, &found, SHARED))
+            }
+        }
+        Way::Bm4 => {
+            let most = super::bm4::LIMIT * super::bm4::LIMIT;
+            let found = look(LOSSES, most)?;
+            if found.lambda < most {
+                Ok(of(&found, Word::Tried))
+            } else {
+                Err(unstable(network, way, &found, most))
+            }
+        }
+        Way::Ca | Way::Ieq | Way::Trapezoid => {
+            if way == Way::Ieq {
+                ieq::takes(&mesh, network)?;
+            } else {
+                trapezoid::linear(&mesh, network)?;
+            }
+            // A law's own damping may give energy, and a step of it is explicit then.
+            let gives = mesh
+                .others
+                .iter()
+                .any(|run| matches!(&run.kind, Kind::Lnl { law, .. } if law.is_damped()));
+            let word = if gives { Word::Guarded } else { Word::Proved };
+            Ok(of(&look(0.0, f64::INFINITY)?, word))
+        }
+    }
+}
+
+fn unstable(network: &Network, way: Way, found: &Top, most: f64) -> Error {
+    let (name, lambda) = (way.facts().name, found.lambda);
+    let times = (lambda / most).sqrt().ceil();
+    Error::Refused {
+        module: network.mat_name(found.worst),
+        message: format!(
+            "unstable by {name} at this rate: λmax is {lambda:.6} and must stay below {most:.3}; it would \
+             take {times} times the rate, a larger M, or a smaller K or Z"
+        ),
+    }
+}

@@ -1,0 +1,179 @@
+//! IEQ: each non-linear link's energy as ½ψ², ψ carried along (Ducceschi, Bilbao, Willemsen & Serafin 2021).
+//!
+//! With s = x⁺ − x⁻ and g = dψ/de at the present frame a link's force is g·(ψ + ¼g·s) and ψ⁺ = ψ + ½g·s: one
+//! symmetric positive definite system (M + ½Z + ¼BG²Bᵀ + βK)·s = r a step, whatever the law. Linear springs
+//! are explicit (β = 0) as long as the rate carries them; beyond that β (Newmark 1959) takes just as much
+//! of them into the system as keeps the energy positive. Stable by that energy, for any stiffness; its
+//! errors are those of CA.
+
+mod links;
+mod loops;
+
+use std::sync::Arc;
+
+use super::Method;
+use super::conjugate::Conjugate;
+use super::mesh::Mesh;
+use super::passes;
+use crate::kernel::wide::wide;
+use crate::network::{Error, Network};
+use links::{Links, State};
+
+pub(super) use links::takes;
+
+/// λmax(M⁻¹K) up to which springs are explicit; the border is 4.
+const EXPLICIT: f64 = 3.9;
+
+#[derive(Clone, Debug)]
+pub(super) struct Ieq {
+    mesh: Arc<Mesh>,
+    links: Arc<Links>,
+    state: State,
+    /// Position [m], last step x − x⁻ [m], and x − x⁻⁻: the guess of the next solution   (n_mat)
+    x: Vec<f64>,
+    d: Vec<f64>,
+    s: Vec<f64>,
+    /// What the system has of each MAT alone, M·(1 + ½ζ + βκ); 0 for fixed points        (n_mat)
+    own: Arc<Vec<f64>>,
+    /// Right side, and 1 over the system's diagonal                                      (n_mat)
+    right: Vec<f64>,
+    inverse: Vec<f64>,
+    room: Conjugate,
+    /// Forces of one run   (longest run)
+    forces: Vec<f64>,
+}
+
+impl Ieq {
+    pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
+        takes(&mesh, network)?;
+        let lambda = links::linear_part(&mesh, network)?;
+        let beta = if lambda <= EXPLICIT {
+            0.0
+        } else {
+            0.25 * (1.0 - EXPLICIT / lambda)
+        };
+        let x = network.mats().x0.clone();
+        let links = Links::new(&mesh, beta);
+        let d = last_step(&mesh, &links, network);
+        let scheme = &mesh.scheme;
+        let own = (0..x.len())
+            .map(|i| mesh.m[i] * (1.0 + 0.5 * scheme.zeta[i] + beta * scheme.kappa[i]))
+            .collect();
+        Ok(Self {
+            state: links.start(&mesh, &x, &d),
+            s: d.iter().map(|d| 2.0 * d).collect(),
+            own: Arc::new(own),
+            right: vec![0.0; x.len()],
+            inverse: vec![0.0; x.len()],
+            room: Conjugate::new(x.len()),
+            forces: vec![0.0; links.longest()],
+            links: Arc::new(links),
+            x,
+            d,
+            mesh,
+        })
+    }
+}
+
+/// x(0) − x(−T) = V − ½A [m] with the acceleration that the system itself gives a stiff link, of the method's
+/// own order   (n_mat)
+fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
+    let (x, v) = (&network.mats().x0, mesh.start(network));
+    let (scheme, n) = (&mesh.scheme, x.len());
+    let mut force = vec![0.0; n];
+    mesh.total(x, &v, &mut mesh.room(), &mut force);
+    for (i, force) in force.iter_mut().enumerate() {
+        let tie = scheme.kappa[i] * (x[i] - scheme.rest[i]) + scheme.zeta[i] * v[i];
+        *force -= mesh.m[i] * tie;
+    }
+    let own: Vec<f64> = (0..n)
+        .map(|i| mesh.m[i] * (1.0 + links.beta * scheme.kappa[i]))
+        .collect();
+    let mut inverse = own.clone();
+    let c = links.stiff(mesh, [x, &v], &mut inverse);
+    for (inverse, own) in inverse.iter_mut().zip(&own) {
+        *inverse = if *own > 0.0 { 1.0 / *inverse } else { 0.0 };
+    }
+    let (mut a, mut room) = (vec![0.0; n], vec![0.0; links.longest()]);
+    let mut apply = |p: &[f64], y: &mut [f64]| {
+        y.fill(0.0);
+        passes::each(&links.runs, &c, p, &mut room, y);
+        less(&own, p, y);
+    };
+    Conjugate::new(n).solve(&mut apply, &inverse, &force, &mut a);
+    v.iter().zip(&a).map(|(v, a)| v - 0.5 * a).collect()
+}
+
+impl Method for Ieq {
+    fn step(&mut self, impulses: &[(usize, f64)]) {
+        let (mesh, links) = (&*self.mesh, &*self.links);
+        // The links' explicit forces into `right`, their shares of the diagonal into `inverse`.
+        self.right.fill(0.0);
+        self.inverse.copy_from_slice(&self.own);
+        links.gather(
+            mesh,
+            [&self.x, &self.d],
+            &mut self.state,
+            &mut self.forces,
+            [&mut self.right, &mut self.inverse],
+        );
+        let ties = mesh.ties();
+        for i in 0..self.x.len() {
+            let tie = ties.kappa[i] * ((self.x[i] - ties.rest[i]) - 2.0 * links.beta * self.d[i]);
+            self.right[i] += mesh.m[i] * (2.0 * self.d[i] - tie);
+            let moves = self.own[i] > 0.0;
+            self.inverse[i] = if moves { 1.0 / self.inverse[i] } else { 0.0 };
+        }
+        for &(mat, impulse) in impulses {
+            self.right[mat] += impulse * mesh.scheme.rate;
+        }
+        let (c, own, forces) = (&self.state.c, &*self.own, &mut self.forces);
+        self.room.solve(
+            &mut |p, y| {
+                y.fill(0.0);
+                passes::each(&links.runs, c, p, forces, y);
+                less(own, p, y);
+            },
+            &self.inverse,
+            &self.right,
+            &mut self.s,
+        );
+        links.carry(&self.s, &mut self.state);
+        for ((x, d), s) in self.x.iter_mut().zip(&mut self.d).zip(&self.s) {
+            *d = s - *d;
+            *x += *d;
+        }
+    }
+
+    fn x(&self) -> &[f64] {
+        &self.x
+    }
+
+    fn velocity(&self, mat: usize) -> f64 {
+        let (x, d) = (|i: usize| self.x[i], |i: usize| self.d[i]);
+        (self.d[mat] + 0.5 * self.mesh.acceleration(mat, &x, &d)) * self.mesh.scheme.rate
+    }
+
+    /// Between the last frame and this one; exactly kept without losses.
+    fn energy(&self) -> f64 {
+        let (mesh, beta) = (&*self.mesh, self.links.beta);
+        let before = |i: usize| self.x[i] - self.d[i];
+        let step = |i: usize| self.d[i] + mesh.scheme.rest[i];
+        let links = self.links.energy(mesh, &self.x, &self.d, &self.state);
+        mesh.kinetic(&self.d)
+            + mesh.grounds(&before, &|i| self.x[i])
+            + beta * mesh.grounds(&step, &step)
+            + links
+    }
+}
+
+wide! {
+    /// y = own·p − y.
+    fn less(own: &[f64], p: &[f64], y: &mut [f64]) {
+        let n = own.len();
+        let (p, y) = (&p[..n], &mut y[..n]);
+        for i in 0..n {
+            y[i] = own[i] * p[i] - y[i];
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! What IEQ knows of each link: ψ, its slope g, and what the link adds to the system.
+
+use super::super::mesh::{Mesh, force_of};
+use super::super::passes::{self, Spring};
+use super::loops::{load, onward, springs};
+use crate::kernel::{power, side};
+use crate::maths::{copysign, sqrt};
+use crate::network::{Error, Network};
+use crate::scheme::{Kind, Run, top};
+
+/// The links, springs first, others after them.
+#[derive(Clone, Debug)]
+pub(super) struct Links {
+    pub(super) runs: Vec<Spring>,
+    /// How much of the linear springs is implicit: 0 to ¼.
+    pub(super) beta: f64,
+}
+
+/// What moves.
+#[derive(Clone, Debug)]
+pub(super) struct State {
+    /// √(2V) half a step before now [√J]      (n_links)
+    psi: Vec<f64>,
+    /// dψ/de now                               (n_links)
+    g: Vec<f64>,
+    /// What the link adds to the system: ½z + βk + ¼g²   (n_links)
+    pub(super) c: Vec<f64>,
+}
+
+/// Refuses a link whose energy is not known in closed form, or has no lower bound at rest.
+pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Error> {
+    let refuse = |a: usize, b: usize, message: &str| {
+        let run = network.runs().iter().find(|run| (run.a, run.b) == (a, b));
+        Err(Error::Refused {
+            module: network.link_name(run.map_or(0, |run| run.first)),
+            message: message.to_owned(),
+        })
+    };
+    if let Some(run) = mesh.springs.iter().find(|run| run.q < 0.0 || run.k < 0.0) {
+        return refuse(
+            run.a,
+            run.b,
+            "its energy falls without bound: ieq cannot carry it",
+        );
+    }
+    for run in &mesh.others {
+        let why = match &run.kind {
+            Kind::Lnl { law, .. } if !law.has_closed_energy() => {
+                Some("ieq needs a law by points or a polynomial, whose energy is known")
+            }
+            Kind::Lnl { law, .. } => {
+                // A law that pushes away from rest stores less than nothing.
+                let mut reach = [1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6]
+                    .into_iter()
+                    .flat_map(|e| [e, -e]);
+                reach
+                    .any(|e| law.potential(e) < 0.0)
+                    .then_some("its energy falls below that at rest: ieq cannot carry it")
+            }
+            Kind::But(but) if but.clamp && run.z != 0.0 => {
+                Some("ieq steps a contact with Z only where it may pull: take clamp away")
+            }
+            _ => None,
+        };
+        if let Some(why) = why {
+            return refuse(run.a, run.b, why);
+        }
+    }
+    Ok(())
+}
+
+/// λmax(M⁻¹K) of springs and ties, or an upper bound.
+pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> {
+    let mut linear = mesh.scheme.clone();
+    linear.runs.retain(|run| match &run.kind {
+        Kind::Ref => true,
+        Kind::But(_) => false,
+        Kind::Lnl { law, .. } => law.hardens().is_some(),
+    });
+    Ok(top(&linear, network, 0.0, super::EXPLICIT)?.lambda)
+}
+
+impl Links {
+    pub(super) fn new(mesh: &Mesh, beta: f64) -> Self {
+        let others = mesh.others.iter().map(|run| Spring {
+            a: run.a,
+            b: run.b,
+            len: run.len,
+            k: 0.0,
+            q: 0.0,
+            z: 0.0,
+            rest: run.rest,
+        });
+        Self {
+            runs: mesh.springs.iter().copied().chain(others).collect(),
+            beta,
+        }
+    }
+
+    pub(super) fn longest(&self) -> usize {
+        self.runs.iter().map(|run| run.len).max().unwrap_or(0)
+    }
+
+    /// ψ half a step before frame 0, of the mean elongation there.
+    pub(super) fn start(&self, mesh: &Mesh, x: &[f64], d: &[f64]) -> State {
+        let n = self.runs.iter().map(|run| run.len).sum();
+        let mut state = State {
+            psi: vec![0.0; n],
+            g: vec![0.0; n],
+            c: vec![0.0; n],
+        };
+        let mut first = 0;
+        for (at, run) in self.runs.iter().enumerate() {
+            for i in 0..run.len {
+                let (e, de) = elongation(run, x, d, i);
+                let e = e - 0.5 * de;
+                state.psi[first + i] = match at.checked_sub(mesh.springs.len()) {
+                    None => sqrt(0.5 * run.q) * (e * e),
+                    Some(other) => psi(&mesh.others[other], e),
+                };
+                state.c[first + i] = 0.5 * run.z + self.beta * run.k;
+            }
+            first += run.len;
+        }
+        state
+    }
+
+    /// What the links' elastic parts add to the system at the start (n_links), and onto its diagonal.
+    pub(super) fn stiff(&self, mesh: &Mesh, motion: [&[f64]; 2], diagonal: &mut [f64]) -> Vec<f64> {
+        let mut state = self.start(mesh, motion[0], motion[1]);
+        let (mut forces, mut right) = (vec![0.0; self.longest()], vec![0.0; diagonal.len()]);
+        let mut aside = right.clone();
+        let sums = [&mut right[..], &mut aside[..]];
+        self.gather(mesh, motion, &mut state, &mut forces, sums);
+        let mut first = 0;
+        for run in &self.runs {
+            let c = &mut state.c[first..first + run.len];
+            for (c, g) in c.iter_mut().zip(&state.g[first..]) {
+                *c = self.beta * run.k + 0.25 * g * g;
+            }
+            load(c, run.a, run.b, diagonal);
+            first += run.len;
+        }
+        state.c
+    }
+
+    /// g and c of every link now; its explicit force onto `right`, c onto the diagonal at both ends.
+    pub(super) fn gather(
+        &self,
+        mesh: &Mesh,
+        [x, d]: [&[f64]; 2],
+        state: &mut State,
+        forces: &mut [f64],
+        [right, diagonal]: [&mut [f64]; 2],
+    ) {
+        let mut first = 0;
+        for (at, run) in self.runs.iter().enumerate() {
+            let span = first..first + run.len;
+            let f = &mut forces[..run.len];
+            let (psi, g) = (&state.psi[span.clone()], &mut state.g[span.clone()]);
+            let c = &mut state.c[span];
+            match at.checked_sub(mesh.springs.len()) {
+                None => springs(run, self.beta, [x, d], psi, [g, c, f]),
+                Some(other) => {
+                    let other = &mesh.others[other];
+                    for i in 0..run.len {
+                        let (e, de) = elongation(run, x, d, i);
+                        let (slope, drag, push) = look(other, e, de, psi[i]);
+                        g[i] = slope;
+                        c[i] = 0.25 * slope * slope + 0.5 * drag;
+                        f[i] = slope * psi[i] + push;
+                    }
+                }
+            }
+            passes::pull(f, run.a, run.b, right);
+            load(c, run.a, run.b, diagonal);
+            first += run.len;
+        }
+    }
+
+    /// ψ half a step further, for the solution `s`.
+    pub(super) fn carry(&self, s: &[f64], state: &mut State) {
+        let mut first = 0;
+        for run in &self.runs {
+            let span = first..first + run.len;
+            let ends = [&s[run.a..][..run.len], &s[run.b..][..run.len]];
+            onward(&state.g[span.clone()], ends, &mut state.psi[span]);
+            first += run.len;
+        }
+    }
+
+    /// Energy of all links half a step before now [J].
+    pub(super) fn energy(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &State) -> f64 {
+        let linear = mesh.springs.iter().flat_map(|run| {
+            (0..run.len).map(move |i| {
+                let (e, de) = elongation(run, x, d, i);
+                0.5 * run.k * (e * (e - de) + self.beta * (de * de))
+            })
+        });
+        linear.sum::<f64>() + state.psi.iter().map(|psi| 0.5 * (psi * psi)).sum::<f64>()
+    }
+}
+
+/// Elongation of link i of a run, and its last step [m].
+fn elongation(run: &Spring, x: &[f64], d: &[f64], i: usize) -> (f64, f64) {
+    let (a, b) = (run.a + i, run.b + i);
+    (x[b] - x[a] - run.rest, d[b] - d[a])
+}
+
+/// ψ of a contact or a law: √(2V), with the sign of e where the law acts on both sides.
+fn psi(run: &Run, e: f64) -> f64 {
+    match &run.kind {
+        Kind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
+        Kind::But(but) => {
+            let (p, above) = (side(but) * e, but.exponent + 1.0);
+            sqrt(2.0 * run.k * power(p.max(0.0), above) / above)
+        }
+        Kind::Ref => 0.0,
+    }
+}
+
+/// dψ/de of a contact or a law, the damping that acts on the coming velocity, and a force known now.
+fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
+    match &run.kind {
+        Kind::Lnl { law, rate, .. } => {
+            let stored = psi(run, e);
+            let slope = if stored == 0.0 {
+                sqrt(law.slope(e).max(0.0))
+            } else {
+                law.spring(e) / stored
+            };
+            let drag = if law.is_damped() {
+                law.force(e, de * rate) - law.spring(e)
+            } else {
+                0.0
+            };
+            // A damping that takes energy acts as its secant on the coming velocity; one that gives acts
+            // as it is.
+            if drag * de > 0.0 {
+                (slope, drag / de, 0.0)
+            } else {
+                (slope, 0.0, drag)
+            }
+        }
+        Kind::But(but) => {
+            let s = side(but);
+            let p = s * e;
+            let slope = if p > 0.0 {
+                let steep = sqrt(0.5 * run.k * (but.exponent + 1.0));
+                copysign(steep * power(p, 0.5 * (but.exponent - 1.0)), psi_now)
+            } else if psi_now != 0.0 && s * de < 0.0 {
+                // Open: what is left of ψ goes with the parting, as if nothing else acted.
+                -psi_now / (s * de)
+            } else {
+                0.0
+            };
+            (s * slope, if p > 0.0 { run.z } else { 0.0 }, 0.0)
+        }
+        Kind::Ref => (0.0, 0.0, force_of(run, e, de)),
+    }
+}

@@ -1,0 +1,52 @@
+//! Inner loops of IEQ over one run of links.
+
+use super::super::passes::Spring;
+use crate::kernel::wide::wide;
+use crate::maths::sqrt;
+
+wide! {
+    /// g, c and the explicit force of a run of springs.
+    pub(super) fn springs(
+        run: &Spring,
+        beta: f64,
+        motion: [&[f64]; 2],
+        psi: &[f64],
+        found: [&mut [f64]; 3],
+    ) {
+        let ([x, d], [g, c, f]) = (motion, found);
+        let Spring { a, b, len, k, q, z, rest } = *run;
+        let (xa, xb, da, db) = (&x[a..][..len], &x[b..][..len], &d[a..][..len], &d[b..][..len]);
+        let (psi, g, c, f) = (&psi[..len], &mut g[..len], &mut c[..len], &mut f[..len]);
+        let (steep, fixed, back) = (sqrt(2.0 * q), 0.5 * z + beta * k, 2.0 * beta);
+        for i in 0..len {
+            let e = xb[i] - xa[i] - rest;
+            g[i] = steep * e;
+            c[i] = fixed + 0.25 * (g[i] * g[i]);
+            f[i] = k * (e - back * (db[i] - da[i])) + g[i] * psi[i];
+        }
+    }
+}
+
+wide! {
+    /// Add to both ends of a run.
+    pub(super) fn load(c: &[f64], a: usize, b: usize, sums: &mut [f64]) {
+        for (sum, c) in sums[a..][..c.len()].iter_mut().zip(c) {
+            *sum += c;
+        }
+        for (sum, c) in sums[b..][..c.len()].iter_mut().zip(c) {
+            *sum += c;
+        }
+    }
+}
+
+wide! {
+    /// ψ += ½g·(s_b − s_a).
+    pub(super) fn onward(g: &[f64], ends: [&[f64]; 2], psi: &mut [f64]) {
+        let [sa, sb] = ends;
+        let n = g.len();
+        let (sa, sb, psi) = (&sa[..n], &sb[..n], &mut psi[..n]);
+        for i in 0..n {
+            psi[i] += 0.5 * g[i] * (sb[i] - sa[i]);
+        }
+    }
+}

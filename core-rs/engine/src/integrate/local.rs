@@ -1,0 +1,131 @@
+//! Looks at a mesh that no step needs: the acceleration of one MAT, energies.
+
+use super::mesh::{Mesh, force_of};
+use super::passes::Spring;
+use crate::kernel;
+use crate::scheme::{Kind, Run};
+
+impl Spring {
+    /// Energy at elongation `e` [J].
+    fn potential(&self, e: f64) -> f64 {
+        0.5 * self.k * (e * e) + 0.25 * self.q * (e * e * e * e)
+    }
+}
+
+/// Energy of a contact or of a law at elongation `e` [J].
+fn potential(run: &Run, e: f64) -> f64 {
+    match &run.kind {
+        Kind::Ref => 0.5 * run.k * (e * e),
+        Kind::Lnl { law, .. } => law.potential(e),
+        Kind::But(but) => {
+            let p = kernel::side(but) * e;
+            if p > 0.0 {
+                run.k * kernel::power(p, but.exponent + 1.0) / (but.exponent + 1.0)
+            } else {
+                0.0
+            }
+        }
+    }
+}
+
+impl Mesh {
+    /// Acceleration per step squared of one MAT [m], of a motion given as functions of a MAT's index.
+    pub(super) fn acceleration(
+        &self,
+        mat: usize,
+        x: &dyn Fn(usize) -> f64,
+        v: &dyn Fn(usize) -> f64,
+    ) -> f64 {
+        let scheme = &self.scheme;
+        let mut force = 0.0;
+        let springs = self.springs.iter().map(|run| (run.a, run.b, run.len));
+        let others = self.others.iter().map(|run| (run.a, run.b, run.len));
+        for (at, (a, b, len)) in springs.chain(others).enumerate() {
+            for (end, sign) in [(a, 1.0), (b, -1.0)] {
+                let Some(i) = mat.checked_sub(end).filter(|i| *i < len) else {
+                    continue;
+                };
+                let (e, de) = (x(b + i) - x(a + i), v(b + i) - v(a + i));
+                force += sign
+                    * match self.springs.get(at) {
+                        Some(run) => {
+                            let e = e - run.rest;
+                            run.k * e + run.q * (e * e * e) + run.z * de
+                        }
+                        None => {
+                            let run = &self.others[at - self.springs.len()];
+                            force_of(run, e - run.rest, de)
+                        }
+                    };
+            }
+        }
+        force * scheme.w[mat]
+            - scheme.kappa[mat] * (x(mat) - scheme.rest[mat])
+            - scheme.zeta[mat] * v(mat)
+    }
+
+    /// Kinetic energy at velocities `v` [J].
+    pub(super) fn kinetic(&self, v: &[f64]) -> f64 {
+        self.m.iter().zip(v).map(|(m, v)| 0.5 * m * (v * v)).sum()
+    }
+
+    /// Energy of all links and ties at positions `x` [J].
+    pub(super) fn stored(&self, x: &[f64]) -> f64 {
+        let mut sum = self.grounds(&|i| x[i], &|i| x[i]);
+        for run in &self.springs {
+            sum += total(run.len, |i| {
+                run.potential(x[run.b + i] - x[run.a + i] - run.rest)
+            });
+        }
+        for run in &self.others {
+            sum += total(run.len, |i| {
+                potential(run, x[run.b + i] - x[run.a + i] - run.rest)
+            });
+        }
+        sum
+    }
+
+    /// What a staggered scheme keeps between the last frame and this one [J], (x − d) and x: springs as
+    /// ½k·e⁻e, every other energy as the mean of its two values; `damped`: less ¼Z(e − e⁻)², by which
+    /// damping from the last step takes from the mass.
+    pub(super) fn staggered(&self, x: &[f64], d: &[f64], damped: bool) -> f64 {
+        let before = |i: usize| x[i] - d[i];
+        let mut sum = self.kinetic(d) + self.grounds(&before, &|i| x[i]);
+        let less = if damped { 0.25 } else { 0.0 };
+        for (i, d) in d.iter().enumerate() {
+            sum -= less * self.m[i] * self.scheme.zeta[i] * (d * d);
+        }
+        for run in &self.springs {
+            sum += total(run.len, |i| {
+                let e = x[run.b + i] - x[run.a + i] - run.rest;
+                let last = before(run.b + i) - before(run.a + i) - run.rest;
+                let (two, four) = (e * last, 0.5 * (e * e * e * e + last * last * last * last));
+                0.5 * run.k * two + 0.25 * run.q * four - less * run.z * ((e - last) * (e - last))
+            });
+        }
+        for run in &self.others {
+            sum += total(run.len, |i| {
+                let e = x[run.b + i] - x[run.a + i] - run.rest;
+                let last = before(run.b + i) - before(run.a + i) - run.rest;
+                0.5 * (potential(run, e) + potential(run, last))
+            });
+        }
+        sum
+    }
+
+    /// Σ ½κM·(x − rest)(y − rest) [J].
+    pub(super) fn grounds(&self, x: &dyn Fn(usize) -> f64, y: &dyn Fn(usize) -> f64) -> f64 {
+        let scheme = &self.scheme;
+        (0..self.n_mat())
+            .filter(|&i| scheme.kappa[i] != 0.0)
+            .map(|i| {
+                let (x, y) = (x(i) - scheme.rest[i], y(i) - scheme.rest[i]);
+                0.5 * self.m[i] * scheme.kappa[i] * (x * y)
+            })
+            .sum()
+    }
+}
+
+fn total(n: usize, f: impl Fn(usize) -> f64) -> f64 {
+    (0..n).map(f).sum()
+}

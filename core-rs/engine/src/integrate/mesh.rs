@@ -1,0 +1,226 @@
+//! What the methods step: the numbers of a scheme, its springs gathered for passes over all of them.
+
+use super::passes::{self, Spring, Ties};
+use super::way::Way;
+use crate::kernel;
+use crate::network::{Contact, Error, LinkKind, MatKind, Network};
+use crate::scheme::{Kind, Laws, Run, Scheme};
+use crate::units::Rate;
+
+/// A network in numbers per step.
+#[derive(Clone, Debug)]
+pub(super) struct Mesh {
+    pub(super) scheme: Scheme,
+    /// M = m/T², the mass per step squared; 0 for fixed points   (n_mat)
+    pub(super) m: Vec<f64>,
+    /// Springs, hardening or not, in order of declaration.
+    pub(super) springs: Vec<Spring>,
+    /// Contacts and other laws, in order of declaration.
+    pub(super) others: Vec<Run>,
+    /// Whether any link loses energy.
+    pub(super) damped: bool,
+}
+
+/// Room in which forces are found.
+#[derive(Clone, Debug)]
+pub(super) struct Room {
+    /// Forces of one run   (longest run)
+    f: Vec<f64>,
+    laws: Laws,
+}
+
+/// Which part of the forces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Elastic,
+    Viscous,
+    Total,
+}
+
+impl Mesh {
+    /// Refuses what a way cannot step.
+    pub(super) fn new(network: &Network, rate: Rate, way: Way) -> Result<Self, Error> {
+        let scheme = if way == Way::Ca {
+            Scheme::new(network, rate)?
+        } else {
+            takes(network)?;
+            Scheme::physical(network, rate)?
+        };
+        let inverse = |w: &f64| if *w > 0.0 { 1.0 / w } else { 0.0 };
+        let mut mesh = Self {
+            m: scheme.w.iter().map(inverse).collect(),
+            springs: Vec::new(),
+            others: Vec::new(),
+            damped: false,
+            scheme,
+        };
+        for run in &mesh.scheme.runs {
+            let (k, q, z) = match &run.kind {
+                Kind::Ref => (run.k, 0.0, run.z),
+                Kind::Lnl { law, rate, .. } if law.hardens().is_some() => {
+                    let by = law
+                        .hardens()
+                        .map_or((0.0, 0.0, None), |by| (by.k, by.q, by.z));
+                    (by.0, by.1, by.2.unwrap_or(0.0) * rate)
+                }
+                other => {
+                    mesh.damped |= match other {
+                        Kind::Lnl { law, .. } => law.is_damped(),
+                        _ => run.z != 0.0,
+                    };
+                    mesh.others.push(run.clone());
+                    continue;
+                }
+            };
+            mesh.damped |= z != 0.0;
+            mesh.springs.push(Spring {
+                a: run.a,
+                b: run.b,
+                len: run.len,
+                k,
+                q,
+                z,
+                rest: run.rest,
+            });
+        }
+        Ok(mesh)
+    }
+
+    pub(super) fn n_mat(&self) -> usize {
+        self.m.len()
+    }
+
+    /// What every MAT brings with it.
+    pub(super) fn ties(&self) -> Ties<'_> {
+        Ties {
+            w: &self.scheme.w,
+            kappa: &self.scheme.kappa,
+            zeta: &self.scheme.zeta,
+            rest: &self.scheme.rest,
+        }
+    }
+
+    pub(super) fn room(&self) -> Room {
+        let lengths = self.scheme.runs.iter().map(|run| run.len);
+        Room {
+            f: vec![0.0; lengths.max().unwrap_or(0)],
+            laws: self.scheme.laws(),
+        }
+    }
+
+    /// The velocity per step that an impulse [N·s] gives a MAT [m]: T·p/m.
+    pub(super) fn jump(&self, mat: usize, impulse: f64) -> f64 {
+        self.scheme.w[mat] * (impulse * self.scheme.rate)
+    }
+
+    /// V0 per step [m]; 0 where nothing moves   (n_mat)
+    pub(super) fn start(&self, network: &Network) -> Vec<f64> {
+        let mats = network.mats();
+        (0..self.n_mat())
+            .map(|i| match mats.kind[i] {
+                MatKind::Mas | MatKind::Cel => mats.v0[i] / self.scheme.rate,
+                MatKind::Sol | MatKind::Imposed => 0.0,
+            })
+            .collect()
+    }
+
+    /// Elastic forces of all links at positions `x` [N], contacts among them.
+    pub(super) fn elastic(&self, x: &[f64], room: &mut Room, force: &mut [f64]) {
+        force.fill(0.0);
+        passes::elastic(&self.springs, x, &mut room.f, force);
+        self.others(Part::Elastic, [x, x], room, force);
+    }
+
+    /// Losses of all links at positions `x` and velocities `v` [N].
+    pub(super) fn viscous(&self, x: &[f64], v: &[f64], room: &mut Room, force: &mut [f64]) {
+        force.fill(0.0);
+        if self.damped {
+            passes::viscous(&self.springs, v, &mut room.f, force);
+            self.others(Part::Viscous, [x, v], room, force);
+        }
+    }
+
+    /// All forces of all links at positions `x` and velocities `v` [N].
+    pub(super) fn total(&self, x: &[f64], v: &[f64], room: &mut Room, force: &mut [f64]) {
+        force.fill(0.0);
+        if self.damped {
+            passes::total(&self.springs, x, v, &mut room.f, force);
+        } else {
+            passes::elastic(&self.springs, x, &mut room.f, force);
+        }
+        self.others(Part::Total, [x, v], room, force);
+    }
+
+    fn others(&self, part: Part, [x, v]: [&[f64]; 2], room: &mut Room, force: &mut [f64]) {
+        for run in &self.others {
+            let f = &mut room.f[..run.len];
+            match &run.kind {
+                Kind::Lnl {
+                    law,
+                    rate,
+                    room: at,
+                } => {
+                    let laws = &mut room.laws;
+                    let (e, de) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);
+                    for i in 0..run.len {
+                        e[i] = x[run.b + i] - x[run.a + i] - run.rest;
+                        de[i] = (v[run.b + i] - v[run.a + i]) * rate;
+                    }
+                    let scratch = &mut laws.scratch[*at];
+                    match part {
+                        Part::Elastic => law.spring_run(e, f, scratch),
+                        Part::Viscous => law.drag_run(e, de, f, scratch),
+                        Part::Total => law.eval_run(e, de, f, scratch),
+                    }
+                }
+                _ => {
+                    for (i, f) in f.iter_mut().enumerate() {
+                        let e = x[run.b + i] - x[run.a + i] - run.rest;
+                        let de = v[run.b + i] - v[run.a + i];
+                        *f = match part {
+                            Part::Elastic => force_of(run, e, 0.0),
+                            Part::Viscous => force_of(run, e, de) - force_of(run, e, 0.0),
+                            Part::Total => force_of(run, e, de),
+                        };
+                    }
+                }
+            }
+            passes::pull(f, run.a, run.b, force);
+        }
+    }
+}
+
+/// Force of one link at elongation `e` [m] and its rate per step `de` [N].
+pub(super) fn force_of(run: &Run, e: f64, de: f64) -> f64 {
+    match &run.kind {
+        Kind::Ref => run.k * e + run.z * de,
+        Kind::Lnl { law, rate, .. } => law.force(e, de * rate),
+        Kind::But(but) => {
+            let s = kernel::side(but);
+            s * kernel::push(but, run.k, run.z, s * e, s * de)
+        }
+    }
+}
+
+/// Methods other than CA need a continuous truth, and forces that are functions of the state.
+fn takes(network: &Network) -> Result<(), Error> {
+    let discrete = network.parts().iter().find(|part| part.ca_rate.is_some());
+    if let Some(part) = discrete {
+        return Err(Error::Refused {
+            module: part.name.clone(),
+            message: "its truth is the discrete network: only the CA scheme steps it".to_owned(),
+        });
+    }
+    for run in network.runs() {
+        let LinkKind::But(but) = &run.kind else {
+            continue;
+        };
+        if but.contact != Contact::Plain {
+            return Err(Error::Refused {
+                module: network.link_name(run.first),
+                message: "only the CA scheme steps an exact or a magic contact".to_owned(),
+            });
+        }
+    }
+    Ok(())
+}

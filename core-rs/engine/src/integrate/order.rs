@@ -1,0 +1,67 @@
+//! Numbering by reverse Cuthill-McKee (1969; George 1971), which keeps neighbours near each other.
+
+/// An order of the nodes of a graph, given by each one's neighbours: the node that stands at each place, (n).
+pub(super) fn near(neighbours: &[Vec<usize>]) -> Vec<usize> {
+    let n = neighbours.len();
+    let mut placed = vec![false; n];
+    let mut order = Vec::with_capacity(n);
+    let mut starts: Vec<usize> = (0..n).collect();
+    starts.sort_by_key(|&node| (neighbours[node].len(), node));
+    for start in starts {
+        if placed[start] {
+            continue;
+        }
+        let first = order.len();
+        walk(far(start, neighbours), neighbours, &mut placed, &mut order);
+        order[first..].reverse();
+    }
+    order
+}
+
+/// Breadth first from a node, thin neighbours first; the nodes reached are appended to `order`. Says how
+/// many levels there were.
+fn walk(
+    start: usize,
+    neighbours: &[Vec<usize>],
+    placed: &mut [bool],
+    order: &mut Vec<usize>,
+) -> usize {
+    let mut level = order.len();
+    order.push(start);
+    placed[start] = true;
+    let mut levels = 0;
+    while level < order.len() {
+        let end = order.len();
+        for at in level..end {
+            let from = order.len();
+            for &next in &neighbours[order[at]] {
+                if !placed[next] {
+                    placed[next] = true;
+                    order.push(next);
+                }
+            }
+            order[from..].sort_by_key(|&node| (neighbours[node].len(), node));
+        }
+        level = end;
+        levels += 1;
+    }
+    levels
+}
+
+/// A node at the far end of its component (George & Liu 1979): go to the last level as long as this
+/// makes the component deeper.
+fn far(start: usize, neighbours: &[Vec<usize>]) -> usize {
+    let look = |from: usize| {
+        let (mut seen, mut order) = (vec![false; neighbours.len()], Vec::new());
+        let levels = walk(from, neighbours, &mut seen, &mut order);
+        (levels, order.last().copied().unwrap_or(from))
+    };
+    let (mut node, (mut levels, mut last)) = (start, look(start));
+    loop {
+        let (deeper, end) = look(last);
+        if deeper <= levels {
+            return node;
+        }
+        (node, levels, last) = (last, deeper, end);
+    }
+}

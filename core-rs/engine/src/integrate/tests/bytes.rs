@@ -1,0 +1,88 @@
+//! CA is the scheme that an island steps, to the last bit; a clone is a snapshot.
+
+use super::*;
+use crate::network::{But, Contact, Side, Tie};
+use crate::simulation::{OnFault, Options, Simulation};
+use crate::timeline::Timeline;
+
+/// A mesh of all kinds, a contact of each sort.
+fn everything() -> Network {
+    let mut network = hex(2e12, Some(0.5));
+    let tie = Tie::Tuned {
+        f: 300.0,
+        t60: Some(0.3),
+    };
+    let but = But {
+        k: 3e5,
+        z: 0.3,
+        gap: 1e-4,
+        side: Side::Above,
+        contact: Contact::Plain,
+        restitution: 1.0,
+        steps: 2,
+        exponent: 1.5,
+        clamp: true,
+    };
+    let hammer = network
+        .cel("hammer", 5e-3, tie, 0.0, 2e-4, -3.0)
+        .expect("a cell");
+    network.but("felt", hammer, 40, but).expect("a contact");
+    let exact = But {
+        contact: Contact::Exact,
+        side: Side::Below,
+        exponent: 1.0,
+        ..but
+    };
+    network.but("stop", hammer, 200, exact).expect("a contact");
+    network.start(100, 1e-4, 0.7).expect("a start");
+    network
+}
+
+#[test]
+fn ca_is_the_island_s_scheme() {
+    let network = Arc::new(everything());
+    let strikes = [(0, 165, 0.02), (17, 3, -0.01), (18, 3, 0.004)];
+    let mut timeline = Timeline::new(rate());
+    for (frame, mat, impulse) in strikes {
+        timeline
+            .strike(&network, mat, frame as f64 / HERTZ, impulse, 0)
+            .expect("a strike");
+    }
+    let options = Options {
+        ledger: false,
+        record: false,
+        on_fault: OnFault::Stop,
+        threads: 1,
+        unchecked: false,
+    };
+    let mut simulation = Simulation::new(network.clone(), &timeline, options).expect("it plays");
+    let path = play(by(&network, Way::Ca, 1), 600, &strikes);
+    for (frame, x) in path.iter().enumerate() {
+        simulation.skip(1).expect("it is stable");
+        let island = simulation.positions();
+        for (x, island) in x.iter().zip(island) {
+            assert_eq!(x.to_bits(), island.to_bits(), "frame {frame}");
+        }
+    }
+    assert_eq!(path.len(), 600);
+}
+
+#[test]
+fn a_clone_is_a_snapshot() {
+    for way in Way::ALL {
+        let hard = if way == Way::Trapezoid { 0.0 } else { 2e12 };
+        let network = hex(hard, Some(0.5));
+        let mut it = by(&network, way, 2);
+        it.step(&[(165, 0.02)]);
+        for _ in 0..20 {
+            it.step(&[]);
+        }
+        let mut copy = it.clone();
+        for _ in 0..20 {
+            it.step(&[(3, 1e-3)]);
+            copy.step(&[(3, 1e-3)]);
+        }
+        assert_eq!(it.positions(), copy.positions());
+        assert!(it.sound() && it.energy() > 0.0);
+    }
+}

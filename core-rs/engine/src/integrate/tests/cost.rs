@@ -1,0 +1,54 @@
+//! Cost of a frame on two gongs:
+//! `cargo test --release -p ergon-engine --lib integrate::tests::cost -- --ignored --nocapture`.
+
+use std::time::Instant;
+
+use super::*;
+
+/// Seconds a frame, the best of five runs.
+fn cost(network: &Network, way: Way, frames: u32) -> f64 {
+    let mut best = f64::INFINITY;
+    let centre = network.centre(0);
+    for _ in 0..5 {
+        let mut it = by(network, way, 1);
+        it.step(&[(centre, 2.0 * network.mats().m[centre])]);
+        let start = Instant::now();
+        for _ in 0..frames {
+            it.step(&[]);
+        }
+        best = best.min(start.elapsed().as_secs_f64() / f64::from(frames));
+        assert!(it.sound());
+    }
+    best
+}
+
+fn table(network: &Network, frames: u32, ways: &[Way]) {
+    let mut reference = f64::NAN;
+    for &way in ways {
+        let cost = cost(network, way, frames);
+        if way == Way::Ca {
+            reference = cost;
+        }
+        let (name, ratio) = (way.facts().name, cost / reference);
+        eprintln!(
+            "  {name:10} {:8.0} ns a frame, {ratio:.2} of ca",
+            1e9 * cost
+        );
+    }
+}
+
+#[test]
+#[ignore = "a timing"]
+fn of_a_frame() {
+    let explicit = &Way::ALL[..4];
+    for t60 in [None, Some(2.0)] {
+        eprintln!("331 masses, hardening, t60 {t60:?}");
+        table(&hex(1e13, t60), 10_000, explicit);
+        eprintln!("331 masses, linear, t60 {t60:?}");
+        table(&hex(0.0, t60), 10_000, &Way::ALL);
+    }
+    eprintln!("10267 masses, hardening, t60 2 s");
+    table(&hex_of(58, 60.0, 1e13, Some(2.0)), 300, explicit);
+    eprintln!("10267 masses, linear, t60 2 s");
+    table(&hex_of(58, 60.0, 0.0, Some(2.0)), 200, &Way::ALL);
+}

@@ -1,0 +1,124 @@
+//! What each method keeps, and what it survives.
+
+use super::*;
+
+/// Largest change of a method's energy after its first frames, relative; +∞ where it went unsound.
+fn drift(mut it: Integrator, frames: usize) -> f64 {
+    it.step(&[]);
+    let start = it.energy();
+    let mut most = 0.0_f64;
+    for _ in 0..frames {
+        it.step(&[]);
+        if !it.sound() {
+            return f64::INFINITY;
+        }
+        most = most.max((it.energy() / start - 1.0).abs());
+    }
+    most
+}
+
+#[test]
+fn linear_bodies_keep_their_energy_to_rounding() {
+    let network = row(20, 2e5, 0.0, 0.0);
+    for way in Way::ALL {
+        // BM4 keeps an energy near to this one: it swings, and does not drift.
+        let most = if way == Way::Bm4 { 1e-6 } else { 2e-12 };
+        let drift = drift(by(&network, way, 1), 4000);
+        assert!(drift < most, "{way:?} {drift:e}");
+    }
+}
+
+/// Links that harden until CA, CA2P and at last BM4 are thrown off: IEQ keeps its energy.
+#[test]
+fn a_hard_cubic_chain() {
+    let ways = [Way::Ca, Way::Ca2p, Way::Bm4, Way::Ieq];
+    let at = |q: f64| ways.map(|way| drift(by(&row(20, 2e5, q, 0.0), way, 1), 4000));
+    let [ca, ca2p, bm4, ieq] = at(1e12);
+    assert!(ca < 0.02 && ca2p < 0.02 && bm4 < 1e-5 && ieq < 1e-13);
+    let [ca, ca2p, bm4, ieq] = at(1e14);
+    assert!(ca.is_infinite() && ca2p.is_infinite() && bm4 < 0.2 && ieq < 1e-12);
+    let [.., bm4, ieq] = at(1e16);
+    assert!(bm4.is_infinite() && ieq < 1e-9, "{ieq:e}");
+}
+
+/// Springs up to 50 000 times as stiff as the rate carries.
+#[test]
+fn stiff_springs() {
+    for k in [1e6, 1e7, 1e9] {
+        let drifts = [
+            drift(by(&row(20, k, 0.0, 0.0), Way::Trapezoid, 1), 4000),
+            drift(by(&row(20, k, 0.0, 0.0), Way::Ieq, 1), 4000),
+            drift(by(&row(20, k, 1e14, 0.0), Way::Ieq, 1), 4000),
+        ];
+        assert!(
+            drifts.iter().all(|drift| *drift < 5e-12),
+            "{k:e} {drifts:?}"
+        );
+    }
+}
+
+/// Struck and damped: what is put in is stored or lost, to rounding, at every frame.
+#[test]
+fn ledgers_close() {
+    let z = 0.3;
+    for (way, q) in [(Way::Ieq, 0.0), (Way::Ieq, 1e14), (Way::Trapezoid, 0.0)] {
+        let network = row(20, 2e5, q, z);
+        let links: Vec<(usize, usize)> = network.runs().iter().map(|run| (run.a, run.b)).collect();
+        let mut it = by(&network, way, 1);
+        it.step(&[]);
+        let mut before = it.positions().to_vec();
+        it.step(&[]);
+        let mut now = it.positions().to_vec();
+        let (mut injected, mut lost) = (0.0, 0.0);
+        let start = it.energy();
+        for n in 0..2000 {
+            let impulse = if n % 50 == 0 { 1e-3 } else { 0.0 };
+            let mut v = [0.0];
+            it.velocities(&[7], &mut v);
+            it.step(&[(7, impulse)]);
+            let next = it.positions().to_vec();
+            // IEQ sees a force and the damping over two frames, the trapezoid a jump and one.
+            let (from, frames) = if way == Way::Ieq {
+                (&before, 2.0)
+            } else {
+                (&now, 1.0)
+            };
+            let speed = |mat: usize| (next[mat] - from[mat]) * HERTZ / frames;
+            injected += if way == Way::Ieq {
+                impulse * speed(7)
+            } else {
+                impulse * (v[0] + 0.5 * impulse / 1e-3)
+            };
+            for &(a, b) in &links {
+                let slide = speed(b) - speed(a);
+                lost += z * (slide * slide) / HERTZ;
+            }
+            let open = start + injected - lost - it.energy();
+            assert!(
+                open.abs() < 1e-12 * (start + injected),
+                "{way:?} {n} {open:e}"
+            );
+            (before, now) = (now, next);
+        }
+        assert!(lost > 0.1 * injected && injected > 0.0);
+    }
+}
+
+/// Stepping and looking take no memory.
+#[test]
+fn nothing_is_allocated() {
+    for way in Way::ALL {
+        let hard = if way == Way::Trapezoid { 0.0 } else { 1e13 };
+        let mut it = by(&hex(hard, Some(1.0)), way, 2);
+        let mut v = [0.0; 2];
+        reset_violation_count();
+        assert_no_alloc(|| {
+            for _ in 0..3 {
+                it.velocities(&[3, 165], &mut v);
+                it.step(&[(165, 1e-3)]);
+                assert!(it.energy() > 0.0);
+            }
+        });
+        assert!(it.sound() && violation_count() == 0, "{way:?}");
+    }
+}

@@ -1,0 +1,165 @@
+//! Inner loops against what their formulas say, and solvers against what they solve.
+
+use std::hint::black_box;
+
+use super::super::banded::Factor;
+use super::super::conjugate::Conjugate;
+use super::super::order;
+use super::super::passes::{self, Spring};
+use super::*;
+use crate::chance::Chance;
+
+/// Numbers between -1 and 1.
+fn numbers(n: usize, seed: u64) -> Vec<f64> {
+    let mut chance = Chance::new(1, "loops", "", seed, 0);
+    (0..n).map(|_| chance.uniform(-1.0, 1.0)).collect()
+}
+
+/// Runs that overlap themselves, that do not, and that go backwards.
+fn runs() -> Vec<Spring> {
+    let spring = |a, b, len, q| Spring {
+        a,
+        b,
+        len,
+        k: 3e4 / (1.0 + a as f64),
+        q,
+        z: if a % 2 == 0 { 0.7 } else { 0.0 },
+        rest: 1e-3 * b as f64,
+    };
+    vec![
+        spring(0, 1, 69, 0.0),
+        spring(0, 35, 35, 1e5),
+        spring(40, 3, 30, 1e5),
+        spring(9, 2, 50, 0.0),
+        spring(69, 0, 1, 1e5),
+    ]
+}
+
+/// Forces of all links one after the other, nothing fused or reordered.
+fn plainly(f: impl Fn(&Spring, usize, usize) -> f64) -> Vec<f64> {
+    let mut force = vec![0.0; 70];
+    for run in runs() {
+        let all: Vec<f64> = (0..run.len)
+            .map(|i| f(&run, run.a + i, run.b + i))
+            .collect();
+        for (i, f) in all.iter().enumerate() {
+            force[run.a + i] = black_box(force[run.a + i] + f);
+        }
+        for (i, f) in all.iter().enumerate() {
+            force[run.b + i] = black_box(force[run.b + i] - f);
+        }
+    }
+    force
+}
+
+#[test]
+fn passes_have_the_bits_of_their_formulas() {
+    let (x, v, mut room) = (numbers(70, 0), numbers(70, 1), vec![0.0; 70]);
+    let spring = |run: &Spring, a: usize, b: usize| {
+        let e = black_box(x[b] - x[a]) - run.rest;
+        let linear = black_box(run.k * e);
+        let cube = black_box(black_box(e * e) * e);
+        if run.q == 0.0 {
+            linear
+        } else {
+            linear + black_box(run.q * cube)
+        }
+    };
+    let damper = |run: &Spring, a: usize, b: usize| black_box(run.z * black_box(v[b] - v[a]));
+    let mut found = vec![0.0; 70];
+    passes::elastic(&runs(), &x, &mut room, &mut found);
+    assert_eq!(found, plainly(spring));
+    found.fill(0.0);
+    passes::viscous(&runs(), &v, &mut room, &mut found);
+    assert_eq!(found, plainly(damper));
+    found.fill(0.0);
+    passes::total(&runs(), &x, &v, &mut room, &mut found);
+    assert_eq!(
+        found,
+        plainly(|run, a, b| black_box(spring(run, a, b)) + damper(run, a, b))
+    );
+}
+
+#[test]
+fn a_body_out_of_bounds_is_unsound() {
+    for bad in [f64::NAN, f64::INFINITY, -2e4] {
+        let mut x = numbers(70, 2);
+        assert!(passes::within(&x));
+        x[68] = bad;
+        assert!(!passes::within(&x));
+    }
+}
+
+/// A grid numbered at random comes back with the band of its short side.
+#[test]
+fn cuthill_and_mckee_find_the_narrow_way() {
+    let (wide, high) = (40, 7);
+    let mut name: Vec<usize> = (0..wide * high).collect();
+    let keys = numbers(name.len(), 3);
+    name.sort_by(|&i, &j| keys[i].total_cmp(&keys[j]));
+    let mut neighbours = vec![Vec::new(); wide * high + 2];
+    for x in 0..wide {
+        for y in 0..high {
+            for (x2, y2) in [(x + 1, y), (x, y + 1)] {
+                if x2 < wide && y2 < high {
+                    let (a, b) = (name[x * high + y], name[x2 * high + y2]);
+                    neighbours[a].push(b);
+                    neighbours[b].push(a);
+                }
+            }
+        }
+    }
+    // Two more that nothing joins.
+    let order = order::near(&neighbours);
+    let mut place = vec![usize::MAX; order.len()];
+    for (at, &node) in order.iter().enumerate() {
+        place[node] = at;
+    }
+    assert!(place.iter().all(|at| *at != usize::MAX));
+    let spans = neighbours
+        .iter()
+        .enumerate()
+        .flat_map(|(a, near)| near.iter().map(move |&b| (a, b)))
+        .map(|(a, b)| place[a].abs_diff(place[b]));
+    assert!(spans.max() <= Some(high + 1));
+}
+
+#[test]
+fn solvers_solve() {
+    for (n, band) in [(1, 0), (5, 4), (60, 9)] {
+        let mut columns = numbers(n * (band + 1), 4);
+        for j in 0..n {
+            columns[j * (band + 1)] += 2.0 * (band + 1) as f64;
+            columns[j * (band + 1)..][n.min(j + band + 1) - j..band + 1].fill(0.0);
+        }
+        let matrix = columns.clone();
+        let mut apply = |x: &[f64], y: &mut [f64]| {
+            y.fill(0.0);
+            for j in 0..n {
+                for i in j..n.min(j + band + 1) {
+                    let entry = matrix[j * (band + 1) + i - j];
+                    y[i] += entry * x[j];
+                    if i != j {
+                        y[j] += entry * x[i];
+                    }
+                }
+            }
+        };
+        let (x, mut y) = (numbers(n, 5), vec![0.0; n]);
+        apply(&x, &mut y);
+        let off = |found: &[f64]| {
+            let off = found.iter().zip(&x).map(|(found, x)| (found - x).abs());
+            off.fold(0.0, f64::max)
+        };
+        let mut found = y.clone();
+        Factor::new(band, columns.clone())
+            .expect("a factor")
+            .solve(&mut found);
+        assert!(off(&found) < 1e-14);
+        let inverse: Vec<f64> = (0..n).map(|j| 1.0 / columns[j * (band + 1)]).collect();
+        let mut found = numbers(n, 6);
+        Conjugate::new(n).solve(&mut apply, &inverse, &y, &mut found);
+        assert!(off(&found) < 1e-14);
+    }
+    assert!(Factor::new(1, vec![1.0, 2.0, 1.0, 0.0]).is_none());
+}

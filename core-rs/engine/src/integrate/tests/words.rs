@@ -1,0 +1,191 @@
+//! What a certificate says, and what is refused.
+
+use super::*;
+use crate::law::LawText;
+use crate::network::{But, Contact, Side};
+use crate::scheme::Word;
+
+/// One mass of 1 kg on a link to a fixed point: λ is κ + c·ζ.
+fn one(kappa: f64, zeta: f64) -> Network {
+    let mut network = Network::new();
+    network.part("p", None);
+    let m = network.mas("m", 1.0, 1e-3, 0.0).expect("a mass");
+    let s = network.sol("s", 0.0).expect("a point");
+    let (k, z) = (kappa * HERTZ * HERTZ, zeta * HERTZ);
+    network.spring("l", s, m, k, z, 0.0).expect("a spring");
+    network
+}
+
+fn word(network: &Network, way: Way) -> Option<Word> {
+    certify(network, rate(), way, 1).ok().map(|it| it.word)
+}
+
+/// Whether it stays within a hundred times where it began: at its border CA2P swings slowly and far.
+fn stays(network: &Network, way: Way) -> bool {
+    let path = play(by(network, way, 1), 20_000, &[]);
+    path.len() == 20_000 && path.iter().all(|x| x[0].abs() < 0.1)
+}
+
+#[test]
+fn borders_are_where_methods_break() {
+    let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
+    let most = super::super::bm4::LIMIT * super::super::bm4::LIMIT;
+    for (way, border, sure) in [
+        (Way::Ca, 4.0, Word::Proved),
+        (Way::Ca2p, 12.0, Word::Proved),
+        (Way::Bm4, most, Word::Tried),
+    ] {
+        assert_eq!(
+            way.facts().limit.map(|limit| (limit * limit * 1e9).round()),
+            Some((border * 1e9_f64).round())
+        );
+        let (below, above) = (one(border * low, 0.0), one(border * high, 0.0));
+        assert_eq!(word(&below, way), Some(sure), "{way:?}");
+        assert!(stays(&below, way), "{way:?}");
+        assert_eq!(word(&above, way), None, "{way:?}");
+        assert!(!stays(&above, way), "{way:?}");
+        // Twice the rate carries four times the stiffness.
+        assert!(certify(&above, rate(), way, 2).is_ok());
+    }
+    for way in [Way::Ieq, Way::Trapezoid] {
+        assert_eq!(word(&one(1e5, 1.0), way), Some(Word::Proved));
+        assert!(stays(&one(1e5, 0.0), way), "{way:?}");
+    }
+}
+
+#[test]
+fn damping_makes_ca2p_tried() {
+    for (kappa, zeta, expected) in [
+        (2.0, 0.5, Some(Word::Proved)),
+        (2.0, 1.0, Some(Word::Tried)),
+        (2.0, 1.7, None),
+        (6.5, 0.1, Some(Word::Tried)),
+    ] {
+        let network = one(kappa, zeta);
+        assert_eq!(word(&network, Way::Ca2p), expected, "{kappa} {zeta}");
+        assert!(expected.is_none() || stays(&network, Way::Ca2p));
+    }
+    // BM4's losses go by the midpoint rule.
+    for (zeta, expected) in [(4.9, Some(Word::Tried)), (9.0, None)] {
+        let network = one(1e-3, zeta);
+        assert_eq!(word(&network, Way::Bm4), expected, "{zeta}");
+        assert_eq!(stays(&network, Way::Bm4), expected.is_some(), "{zeta}");
+    }
+}
+
+#[test]
+fn links_that_harden_are_watched() {
+    let network = hex(1e13, Some(2.0));
+    let words = Way::ALL.map(|way| word(&network, way));
+    use Word::{Guarded, Proved, Tried};
+    let expected = [
+        Some(Guarded),
+        Some(Guarded),
+        Some(Tried),
+        Some(Proved),
+        None,
+    ];
+    assert_eq!(words, expected);
+}
+
+/// A row of two masses, the link between them a law.
+fn lawful(text: &LawText<'_>) -> Network {
+    let mut network = row(2, 1e4, 0.0, 0.0);
+    let law = Arc::new(Law::new(text).expect("a law"));
+    network.lnl("law", 0, 1, law, 1e-5).expect("a link");
+    network
+}
+
+fn law(text: &str) -> Network {
+    lawful(&LawText {
+        law: Some(text),
+        ..LawText::default()
+    })
+}
+
+#[test]
+fn what_a_way_cannot_step_is_refused() {
+    let refused = |network: &Network, ways: &[Way]| {
+        for way in Way::ALL {
+            let it = Integrator::new(network, rate(), way, 1);
+            assert_eq!(it.is_err(), ways.contains(&way), "{way:?}");
+            assert_eq!(
+                certify(network, rate(), way, 1).is_err(),
+                it.is_err(),
+                "{way:?}"
+            );
+        }
+    };
+    use Way::{Bm4, Ca2p, Ieq, Trapezoid};
+    refused(&row(4, 1e4, 0.0, 0.1), &[]);
+    refused(&row(4, 1e4, 1e9, 0.1), &[Trapezoid]);
+    // Energies: unknown, known, below that at rest.
+    refused(&law("1e4*tanh(d)"), &[Ieq, Trapezoid]);
+    refused(&law("1e4*d + 1e8*d**3"), &[Trapezoid]);
+    refused(&law("1e4*d - 1e9*d**3"), &[Ieq, Trapezoid]);
+    let mut network = row(2, 1e4, 0.0, 0.0);
+    let but = But {
+        k: 1e4,
+        z: 0.0,
+        gap: 0.0,
+        side: Side::Below,
+        contact: Contact::Exact,
+        restitution: 1.0,
+        steps: 2,
+        exponent: 1.0,
+        clamp: false,
+    };
+    network.but("stop", 0, 1, but).expect("a contact");
+    refused(&network, &[Ca2p, Bm4, Ieq, Trapezoid]);
+    let mut discrete = Network::new();
+    discrete.part("discrete", Some(rate()));
+    discrete.mas("m", 1.0, 0.0, 0.0).expect("a mass");
+    refused(&discrete, &[Ca2p, Bm4, Ieq, Trapezoid]);
+    assert!(Integrator::new(&row(2, 1e4, 0.0, 0.0), rate(), Way::Ca, 0).is_err());
+}
+
+/// The same spring as three numbers, as an expression, and as its points.
+#[test]
+fn general_laws_are_stepped_like_springs() {
+    let spring = lawful(&LawText {
+        law: Some("2e4*d + 1e11*d**3"),
+        damping: Some("0.05*v"),
+        ..LawText::default()
+    });
+    let mut known = row(2, 1e4, 0.0, 0.0);
+    let hardening = Arc::new(Law::hardening(2e4, 1e11, 0.05).expect("a law"));
+    known.lnl("law", 0, 1, hardening, 1e-5).expect("a link");
+    let points: Vec<(f64, f64)> = (-4000..=4000)
+        .map(|i| {
+            let d = f64::from(i) * 1e-6;
+            (d, 2e4 * d + 1e11 * (d * d * d))
+        })
+        .collect();
+    let pointed = lawful(&LawText {
+        points: Some(&points),
+        damping: Some("0.05*v"),
+        ..LawText::default()
+    });
+    for (way, most) in [
+        (Way::Ca, -250.0),
+        (Way::Ca2p, -250.0),
+        (Way::Bm4, -250.0),
+        // All of a general law is quadratised, of a spring what hardens: another scheme of its order.
+        (Way::Ieq, -25.0),
+    ] {
+        let exact = play(by(&known, way, 1), 400, &[(0, 0, 1e-3)]);
+        let error = decibels(&play(by(&spring, way, 1), 400, &[(0, 0, 1e-3)]), &exact);
+        let by_points = decibels(&play(by(&pointed, way, 1), 400, &[(0, 0, 1e-3)]), &exact);
+        assert!(error < most, "{way:?} {error}");
+        // The straight lines between points are 1 µm long.
+        assert!(by_points < f64::max(most, -95.0), "{way:?} {by_points}");
+    }
+    let mut undamped = by(&law("2e4*d + 1e11*d**3"), Way::Ieq, 1);
+    undamped.step(&[]);
+    let start = undamped.energy();
+    for _ in 0..4000 {
+        undamped.step(&[]);
+    }
+    let drift = undamped.energy() / start - 1.0;
+    assert!(drift.abs() < 1e-12, "{drift:e}");
+}

@@ -1,0 +1,78 @@
+//! The table of methods.
+
+/// A method of stepping a network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// The scheme of CORDIS-ANIMA.
+    Ca,
+    /// CA in two passes, the second where the forces' own curvature is taken out (Takahashi & Imada 1984).
+    Ca2p,
+    /// The symmetric splitting of order 4 with six stages, SRKN6b (Blanes & Moan 2002).
+    Bm4,
+    /// Quadratised energy link by link, one linear system a step (Ducceschi et al. 2021).
+    Ieq,
+    /// The trapezoidal rule (Newmark 1959, β = ¼), for linear bodies.
+    Trapezoid,
+}
+
+/// What is known of a method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Facts {
+    /// How scores and plans call it.
+    pub(crate) name: &'static str,
+    /// Order of convergence of an undamped linear body.
+    pub(crate) order: u32,
+    /// Order with non-linear links; `None` where it takes none.
+    pub(crate) order_nonlinear: Option<u32>,
+    /// Evaluations of all links in one step, roughly: the unit of cost. Of the implicit ones as on a mesh
+    /// of some hundred masses, moderately struck.
+    pub(crate) passes: f64,
+    /// Largest ωT at which an undamped mode is stable; `None`: any.
+    pub(crate) limit: Option<f64>,
+}
+
+impl Way {
+    /// All, from the cheapest to the dearest of the explicit ones, then the implicit ones.
+    pub(crate) const ALL: [Self; 5] = [Self::Ca, Self::Ca2p, Self::Bm4, Self::Ieq, Self::Trapezoid];
+
+    /// What is known of it.
+    pub(crate) const fn facts(self) -> Facts {
+        match self {
+            Self::Ca => Facts {
+                name: "ca",
+                order: 2,
+                order_nonlinear: Some(2),
+                passes: 1.0,
+                limit: Some(2.0),
+            },
+            Self::Ca2p => Facts {
+                name: "ca2p",
+                order: 4,
+                order_nonlinear: Some(2),
+                passes: 2.0,
+                limit: Some(3.464_101_615_137_754), // 2√3
+            },
+            Self::Bm4 => Facts {
+                name: "bm4",
+                order: 4,
+                order_nonlinear: Some(4),
+                passes: 6.0,
+                limit: Some(super::bm4::LIMIT),
+            },
+            Self::Ieq => Facts {
+                name: "ieq",
+                order: 2,
+                order_nonlinear: Some(2),
+                passes: 12.0,
+                limit: None,
+            },
+            Self::Trapezoid => Facts {
+                name: "trapezoid",
+                order: 2,
+                order_nonlinear: None,
+                passes: 4.0,
+                limit: None,
+            },
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! Bodies inside an island, whatever they go by.
+
+use super::mesh::{self, Mesh};
+use super::modal::{self, Modal};
+use crate::network::Error;
+use crate::state::Body;
+
+/// What a plan says of a body.
+#[derive(Clone, Debug)]
+pub(crate) enum Inside {
+    Modal(Modal),
+    Mesh(Mesh),
+}
+
+/// A body that plays.
+#[derive(Clone, Debug)]
+pub(crate) enum Playing {
+    Modal(Box<modal::Playing>),
+    Mesh(Box<mesh::Playing>),
+}
+
+impl Inside {
+    /// At frame 0, against forces that act on its ports there (n_mat of the island).
+    pub(super) fn start(&self, force: &[f64]) -> Result<Playing, Error> {
+        Ok(match self {
+            Self::Modal(modal) => {
+                Playing::Modal(Box::new(modal::Playing::new(&modal.pushed(force))))
+            }
+            Self::Mesh(mesh) => Playing::Mesh(Box::new(mesh::Playing::new(mesh)?)),
+        })
+    }
+
+    /// When it is first struck [frames]; infinite where it never is.
+    pub(crate) fn first_strike(&self) -> f64 {
+        let first = match self {
+            Self::Modal(modal) => {
+                let blows = modal.struck.iter().flat_map(|struck| &struck.blows);
+                blows.map(|&(frame, _, _)| frame).min()
+            }
+            Self::Mesh(mesh) => mesh.strikes.first().map(|&(frame, _, _)| frame),
+        };
+        first.map_or(f64::INFINITY, |frame| frame as f64)
+    }
+
+    /// MATs of the island that are its ports, in order.
+    pub(crate) fn ports(&self) -> Vec<usize> {
+        match self {
+            Self::Modal(modal) => modal.ports.iter().map(|port| port.mat).collect(),
+            Self::Mesh(mesh) => mesh.ports.iter().map(|&(_, mat)| mat).collect(),
+        }
+    }
+}
+
+impl Playing {
+    pub(crate) fn tap(&self, out: &mut [f64]) {
+        match self {
+            Self::Modal(modal) => modal.tap(out),
+            Self::Mesh(mesh) => mesh.tap(out),
+        }
+    }
+
+    pub(crate) fn place(&self, body: &mut Body) {
+        match self {
+            Self::Modal(modal) => modal.place(body),
+            Self::Mesh(mesh) => mesh.place(body),
+        }
+    }
+
+    pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
+        if let Self::Modal(modal) = self {
+            modal.strike(n, body);
+        }
+    }
+
+    pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
+        match self {
+            Self::Modal(modal) => modal.step(n, force),
+            Self::Mesh(mesh) => mesh.step(n, force),
+        }
+    }
+
+    /// Whether a port of it is among some MATs (n_mat), or a MAT of its own in a part.
+    pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
+        match self {
+            Self::Modal(modal) => modal.touches(mats),
+            Self::Mesh(mesh) => mesh.is_of(mats, part),
+        }
+    }
+
+    /// Outputs that hear it.
+    pub(crate) fn outputs(&self) -> Vec<u32> {
+        match self {
+            Self::Modal(modal) => modal.outputs(),
+            Self::Mesh(mesh) => mesh.outputs(),
+        }
+    }
+
+    /// The name and part of a MAT that left all reason.
+    pub(crate) fn culprit(&self) -> Option<(String, usize)> {
+        match self {
+            Self::Modal(_) => None,
+            Self::Mesh(mesh) => mesh.culprit(),
+        }
+    }
+
+    /// Its modes, where it goes by them.
+    pub(crate) fn modal(&self) -> Option<&modal::Playing> {
+        match self {
+            Self::Modal(modal) => Some(modal),
+            Self::Mesh(_) => None,
+        }
+    }
+
+    /// Its modes, where it goes by them.
+    pub(crate) fn modal_mut(&mut self) -> Option<&mut modal::Playing> {
+        match self {
+            Self::Modal(modal) => Some(modal),
+            Self::Mesh(_) => None,
+        }
+    }
+
+    /// Room for what a frame may bring.
+    pub(crate) fn reserve(&mut self) {
+        if let Self::Mesh(mesh) = self {
+            mesh.reserve();
+        }
+    }
+
+    /// Whether it is within reason: modes cannot leave it.
+    pub(crate) fn sound(&self) -> bool {
+        match self {
+            Self::Modal(_) => true,
+            Self::Mesh(mesh) => mesh.sound(),
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! A body inside an island that goes on by a method of its own: a non-linear mesh, or a linear body that has no
+//! modes here.
+
+use std::sync::Arc;
+
+use crate::integrate::{Integrator, Way};
+use crate::network::{Error, Network};
+use crate::state::Body;
+use crate::units::Rate;
+
+/// What a plan says of a mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct Mesh {
+    pub(crate) network: Arc<Network>,
+    pub(crate) rate: Rate,
+    pub(crate) way: Way,
+    pub(crate) substeps: u32,
+    /// MATs that other modules touch: here, and in the island.
+    pub(crate) ports: Vec<(usize, usize)>,
+    /// Outputs that hear it, each a weighted sum of positions.
+    pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
+    /// Frame, MAT and impulse [N·s] of what strikes it, by rising frame.
+    pub(crate) strikes: Vec<(u64, usize, f64)>,
+}
+
+/// A mesh that plays.
+#[derive(Clone, Debug)]
+pub(crate) struct Playing {
+    plan: Arc<Mesh>,
+    integrator: Integrator,
+    impulses: Vec<(usize, f64)>,
+    /// Where the ports were one frame ago, and what their last steps were without any push   (n_ports)
+    was: Vec<f64>,
+    own: Vec<f64>,
+    next: usize,
+}
+
+impl Playing {
+    pub(crate) fn new(plan: &Mesh) -> Result<Self, Error> {
+        let integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
+        let ports: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
+        let mut velocities = vec![0.0; ports.len()];
+        integrator.velocities(&ports, &mut velocities);
+        let x = integrator.positions();
+        let step = plan.rate.step();
+        let before = ports
+            .iter()
+            .zip(&velocities)
+            .map(|(&port, v)| x[port] - v * step);
+        // Each port, and as many strikes as fall on one frame, without allocating.
+        let at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
+        Ok(Self {
+            was: before.collect(),
+            own: velocities.iter().map(|v| v * step).collect(),
+            impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
+            next: 0,
+            integrator,
+            plan: Arc::new(plan.clone()),
+        })
+    }
+
+    /// Room for all impulses of a frame: a cloned vector has only what it holds.
+    pub(crate) fn reserve(&mut self) {
+        let at_once = self
+            .plan
+            .strikes
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(<[_]>::len);
+        let most = self.plan.ports.len() + at_once.max().unwrap_or(0);
+        self.impulses
+            .reserve(most.saturating_sub(self.impulses.len()));
+    }
+
+    /// Add what is heard of it now to `out` (n_out).
+    pub(crate) fn tap(&self, out: &mut [f64]) {
+        let x = self.integrator.positions();
+        for (output, row) in &self.plan.heard {
+            out[*output as usize] += row
+                .iter()
+                .map(|&(mat, weight)| weight * x[mat])
+                .sum::<f64>();
+        }
+    }
+
+    /// Put the ports where they are, as they came there; they go on as they did, pushed or not.
+    pub(crate) fn place(&self, body: &mut Body) {
+        let x = self.integrator.positions();
+        let memory = self.was.iter().zip(&self.own);
+        for (&(own, mat), (was, alone)) in self.plan.ports.iter().zip(memory) {
+            let step = x[own] - was;
+            body.x[mat] = x[own];
+            body.d[mat] = step;
+            body.inner[mat] = step - alone;
+        }
+    }
+
+    /// From frame `n` to the next, by the forces that the ports feel (n_mat).
+    pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
+        let step = self.plan.rate.step();
+        self.impulses.clear();
+        for (row, &(own, mat)) in self.plan.ports.iter().enumerate() {
+            let x = self.integrator.positions()[own];
+            let mass = self.plan.network.mats().m[own];
+            // The next step without the curve of its own forces: straight on, and pushed.
+            self.own[row] = (x - self.was[row]) + force[mat] * step * step / mass;
+            self.was[row] = x;
+            if force[mat] != 0.0 {
+                self.impulses.push((own, force[mat] * step));
+            }
+        }
+        while let Some(&(_, mat, impulse)) = self
+            .plan
+            .strikes
+            .get(self.next)
+            .filter(|strike| strike.0 <= n)
+        {
+            self.next += 1;
+            self.impulses.push((mat, impulse));
+        }
+        self.integrator.step(&self.impulses);
+    }
+
+    /// Whether a port is among some MATs (n_mat), or any of its own in a part.
+    pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
+        let own = &self.plan.network.mats().part;
+        self.plan.ports.iter().any(|&(_, mat)| mats[mat])
+            || own.iter().any(|&own| own as usize == part)
+    }
+
+    /// Outputs that hear it.
+    pub(crate) fn outputs(&self) -> Vec<u32> {
+        self.plan.heard.iter().map(|&(output, _)| output).collect()
+    }
+
+    /// The name and part of a MAT that left all reason.
+    pub(crate) fn culprit(&self) -> Option<(String, usize)> {
+        let x = self.integrator.positions();
+        let mat = x.iter().position(|&x| !crate::kernel::sound(x))?;
+        let network = &self.plan.network;
+        Some((network.mat_name(mat), network.mats().part[mat] as usize))
+    }
+
+    /// Whether all of it is within reason.
+    pub(crate) fn sound(&self) -> bool {
+        self.integrator.sound()
+    }
+}

@@ -1,0 +1,131 @@
+//! An island put together at some times the rate: what is stepped, its bodies, how often contacts are computed.
+
+use std::sync::Arc;
+
+use super::budget::Budget;
+use super::choice::Choice;
+use super::linear::NoModes;
+use super::ported::{self, Cut, Found};
+use super::split::Own;
+use super::truncate::Kept;
+use super::{Isle, Whole};
+use crate::island::inside::Inside;
+use crate::network::{Error, Network, Subset};
+use crate::scheme::{Certificate, Scheme};
+use crate::timeline::Timeline;
+use crate::units::Rate;
+
+/// An island that can be played.
+pub(super) struct Assembled {
+    pub(super) isle: Isle,
+    pub(super) bodies: Vec<Found>,
+    pub(super) certificate: Certificate,
+    /// Why a body goes by no modes.
+    pub(super) because: Option<NoModes>,
+}
+
+impl Assembled {
+    /// At `times` the rate. Refused where that is not stable.
+    pub(super) fn new(
+        subset: &Subset,
+        own: &Own,
+        budget: &Budget,
+        times: u32,
+        pin: Option<&Choice>,
+    ) -> Result<Self, Error> {
+        let timeline = if times == 1 {
+            own.timeline.clone()
+        } else {
+            faster(&own.timeline, times, &subset.network)?
+        };
+        let rate = timeline.rate;
+        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin);
+        let mut found = None;
+        if let Some(cut) = cut {
+            match hub(&cut.hub.network, rate, budget) {
+                Ok(stable) => found = Some((cut, stable)),
+                Err(_) => because = Some(NoModes::Stiff),
+            }
+        }
+        let (cut, (steps, certificate)) = match found {
+            Some(found) => found,
+            None => {
+                let stable = hub(&subset.network, rate, budget)?;
+                (ported::whole(subset, own, timeline), stable)
+            }
+        };
+        let Cut {
+            hub,
+            own: inner,
+            bodies,
+        } = cut;
+        let isle = Isle {
+            to_whole: Whole {
+                mats: Some(through(&subset.mats, &hub.mats)),
+                outputs: Some(subset.outputs.clone()),
+                keys: Some(through(&own.keys, &inner.keys)),
+                gestures: Some(through(&own.gestures, &inner.gestures)),
+            },
+            network: Arc::new(hub.network),
+            timeline: inner.timeline,
+            bodies: bodies.iter().map(|found| found.inside.clone()).collect(),
+            steps,
+            times,
+        };
+        Ok(Self {
+            isle,
+            bodies,
+            certificate,
+            because,
+        })
+    }
+
+    /// With some of its bodies' modes only, and contacts computed so often.
+    pub(super) fn only(mut self, steps: usize, kept: Vec<Kept>) -> Self {
+        let mut hub = (*self.isle.network).clone();
+        for (body, kept) in self.bodies.iter_mut().zip(kept) {
+            if let Inside::Modal(modal) = &body.inside {
+                body.inside = Inside::Modal(modal.only(&kept.modes));
+                body.left_out = kept.left_out;
+                body.kept = kept.numbers();
+                ported::loosen(&mut hub, &body.inside);
+            }
+        }
+        self.isle.network = Arc::new(hub);
+        self.isle.bodies = self
+            .bodies
+            .iter()
+            .map(|found| found.inside.clone())
+            .collect();
+        self.isle.steps = steps;
+        self
+    }
+}
+
+fn faster(timeline: &Timeline, times: u32, network: &Network) -> Result<Timeline, Error> {
+    timeline.faster(times).ok_or_else(|| Error::Refused {
+        module: network.mat_name(0),
+        message: format!("what happens to it cannot be computed {times} times a frame"),
+    })
+}
+
+/// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
+fn hub(network: &Network, rate: Rate, budget: &Budget) -> Result<(usize, Certificate), Error> {
+    let mut scheme = Scheme::new(network, rate)?;
+    let parts = network.mats().part.iter().map(|&part| part as usize);
+    let mut truths = parts.map(|part| network.parts()[part].ca_rate);
+    let steps = match scheme.stiffest_contact() {
+        // Where the discrete network is the truth, so are its contacts.
+        Some(kappa) if !truths.any(|truth| truth.is_some()) => budget.steps(kappa),
+        _ => 1,
+    };
+    if steps > 1 {
+        scheme.without_contacts();
+    }
+    Ok((steps, scheme.certify(network)?))
+}
+
+/// Two maps one after the other.
+fn through(first: &[u32], second: &[u32]) -> Vec<u32> {
+    second.iter().map(|&at| first[at as usize]).collect()
+}

@@ -1,0 +1,137 @@
+//! A mesh inside an island: which method is exact enough for it, and stable.
+
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+use super::body::heard;
+use super::budget::Budget;
+use super::ported::Body;
+use crate::integrate::{Way, certify};
+use crate::island::mesh::Mesh;
+use crate::maths::{floor, log10, sqrt};
+use crate::network::Network;
+use crate::timeline::{Timeline, pushes};
+use crate::units::Rate;
+
+/// Methods by what they cost a frame, in steps of CA (docs/benchmarks.md); the last cannot diverge.
+pub(super) const LADDER: [(Way, u32, f64); 10] = [
+    (Way::Ca, 1, 1.0),
+    (Way::Ca2p, 1, 1.5),
+    (Way::Ca, 2, 2.0),
+    (Way::Ca2p, 2, 3.0),
+    (Way::Ca2p, 4, 6.0),
+    (Way::Bm4, 1, 6.7),
+    (Way::Bm4, 2, 13.4),
+    (Way::Bm4, 4, 26.8),
+    (Way::Ieq, 1, 14.0),
+    (Way::Ieq, 2, 28.0),
+];
+
+/// Error of a pitch [cents] by a method, x = ωT of its steps.
+fn cents(way: Way, x: f64) -> f64 {
+    match way {
+        Way::Ca | Way::Ieq => 72.13 * x * x,
+        Way::Ca2p => 2.404 * x * x * x * x,
+        Way::Bm4 => 0.0255 * x * x * x * x,
+        Way::Trapezoid => 144.3 * x * x,
+    }
+}
+
+/// The error of a waveform that pitches make which are `cents` off, a tenth of a second from a strike [dB]: at
+/// half the highest frequency that matters.
+fn waveform(cents: f64, f: f64) -> f64 {
+    let detuned = 0.5 * f * cents * std::f64::consts::LN_2 / 1200.0;
+    20.0 * log10((TAU * detuned * 0.1).max(1e-20))
+}
+
+/// A mesh by the cheapest method that is exact enough and stable; `None` where that is CA once a frame, which
+/// needs no mesh, or where there is none.
+pub(super) fn mesh(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    budget: &Budget,
+    pin: Option<&[u32]>,
+) -> Option<Mesh> {
+    let subset = network.subset(&body.mats, &body.guests, &body.links);
+    let parts = subset.network.mats().part.iter();
+    if parts
+        .chain(
+            &subset
+                .network
+                .runs()
+                .iter()
+                .map(|run| run.part as u32)
+                .collect::<Vec<_>>(),
+        )
+        .any(|&part| network.parts()[part as usize].ca_rate.is_some())
+    {
+        return None; // the discrete network is the truth
+    }
+    let rate = timeline.rate;
+    let (way, substeps) = match pin {
+        Some(&[way, substeps]) => (*Way::ALL.get(way as usize)?, substeps),
+        Some(_) => return None,
+        None => choose(&subset.network, rate, budget)?,
+    };
+    let outputs = heard(&subset.network).ok()?;
+    let local = |mat: u32| subset.mat(mat as usize);
+    let ports = body
+        .ports
+        .iter()
+        .map(|&mat| Some((local(mat)?, mat as usize)));
+    let ours = timeline
+        .strikes
+        .iter()
+        .filter(|strike| local(strike.mat).is_some());
+    let mut struck = Timeline::new(rate);
+    struck.strikes = ours.copied().collect();
+    let strikes = pushes(network, &struck)
+        .into_iter()
+        .map(|push| Some((push.frame, local(push.mat)?, push.force * rate.step())));
+    Some(Mesh {
+        rate,
+        way,
+        substeps,
+        ports: ports.collect::<Option<_>>()?,
+        heard: subset.outputs.iter().copied().zip(outputs.rows).collect(),
+        strikes: strikes.collect::<Option<_>>()?,
+        network: Arc::new(subset.network),
+    })
+}
+
+/// A mesh's method, as numbers of a plan.
+pub(super) fn numbers(mesh: &Mesh) -> Vec<u32> {
+    let way = Way::ALL.iter().position(|&way| way == mesh.way);
+    vec![way.unwrap_or(0) as u32, mesh.substeps]
+}
+
+/// The first rung of the ladder that is exact enough by its formula, and stable.
+fn choose(network: &Network, rate: Rate, budget: &Budget) -> Option<(Way, u32)> {
+    if let Budget::Method(method) = budget {
+        let way = method.way()?;
+        return certify(network, rate, way, 1).ok().map(|_| (way, 1));
+    }
+    // The highest frequency of the mesh at rest: CA bends it to 2·asin(√λ/2).
+    let lambda = certify(network, rate, Way::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
+    let highest = sqrt(lambda.max(0.0)).min(PI);
+    for (way, substeps, _) in LADDER {
+        let steps = f64::from(substeps);
+        let is_enough = match *budget {
+            Budget::Cents { cents: most, upto } => {
+                let x = (TAU * upto * rate.step()).min(highest) / steps;
+                cents(way, x) <= most
+            }
+            Budget::Error(db) => {
+                let f = highest * rate.hertz() / TAU;
+                waveform(cents(way, highest / steps), floor(f)) <= db
+            }
+            Budget::Method(_) => true,
+        };
+        let last = matches!(way, Way::Ieq);
+        if (is_enough || last) && certify(network, rate, way, substeps).is_ok() {
+            return ((way, substeps) != (Way::Ca, 1)).then_some((way, substeps));
+        }
+    }
+    None
+}
