@@ -18,7 +18,11 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "check": ("check", "check", "Report every mistake in scores, with its place."),
     "compile": ("compile", "compile_score", "Print the stream of ergons as CSV or JSON lines."),
     "render": ("render", "render", "Compute the sound of a score into a WAV file."),
-    "plan": ("plan", "plan", "Say what will be computed, how, at what cost, and what is left out."),
+    "plan": (
+        "plan",
+        "plan",
+        "Say what will be computed, how, at what cost and error, and why the rest is not.",
+    ),
     "plot": ("plot", "plot", "Draw a gesture, asked and done, in the terminal or as SVG."),
     "chart": ("chart", "chart", "Draw error against cost of every way of computing a score."),
     "stability": (

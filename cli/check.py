@@ -56,7 +56,7 @@ def _check(console: Console, path: str, simulate: bool) -> None:
 
         # What the engine will not run is a mistake of the score as well.
         try:
-            staged = stage(loaded.piece)
+            staged = stage(loaded.piece, planned=True)
             found = staged.diagnostics
         except StageError as error:
             found = error.diagnostics

@@ -45,7 +45,11 @@ def accuracy(command: F) -> F:
         ),
         click.option("--cents", type=click.FloatRange(0.01, 1200), help="Most error of a pitch."),
         click.option("--error", metavar="LEVEL", help="Most error of the waveform, such as -60dB."),
-        click.option("--method", metavar="NAME", help="One method for all: ca, modal, ca2p, bm4, ieq or trapezoid."),
+        click.option(
+            "--method",
+            metavar="NAME",
+            help="One method for all: ca, modal, ca2p, bm4, ieq or trapezoid.",
+        ),
     ):
         command = option(command)
     return command

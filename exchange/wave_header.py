@@ -38,7 +38,7 @@ class NotWaveError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Stamp:
-    """What a render says about itself: title, hashes of the score and of its plan (64 hex digits)."""
+    """What a render says of itself: title, hashes of the score and of its plan (64 hex digits)."""
 
     title: str
     score: str = ""

@@ -230,7 +230,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """How exact the sound is: by one method, within an error [dB], or within cents up to a frequency.
+    """How exact the sound is: by one method, within an error [dB], or within cents up to a pitch.
 
     Without any of these by ear. `upto` [Hz]; `cpu` is the most work, 1.0 one core at real time.
     """

@@ -16,10 +16,10 @@ Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan, and a sentence where it costs more than it may."""
+    """A plan, and what is to be said of it: code and sentence."""
 
     plan: _core.Plan
-    excess: str | None = None
+    notes: tuple[tuple[str, str], ...] = ()
 
 
 def cost(plan: _core.Plan) -> float:
@@ -46,26 +46,36 @@ def make(
             pins=pins,
         )
 
-    if accuracy.cpu is None or pins is not None:
+    if pins is not None:
         return Planned(plan(accuracy))
-    is_free = accuracy == Accuracy(cpu=accuracy.cpu)
-    first = plan(accuracy)
-    if not is_free and cost(first) <= accuracy.cpu:
-        return Planned(first)
-    cheapest = first
-    for error in _LOOSER:
-        other = plan(Accuracy(error=error))
-        if cost(other) <= accuracy.cpu:
-            if is_free:
-                return Planned(other)
-            return Planned(first, _excess(first, accuracy.cpu, f"error: {error:g}dB would fit"))
-        cheapest = min(cheapest, other, key=cost)
-    least = f"the least is {cost(cheapest):.0%}"
-    return Planned(first if not is_free else cheapest, _excess(first, accuracy.cpu, least))
+    is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
+    made = plan(accuracy)
+    notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]
+    if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
+        return Planned(made, tuple(notes))
+    others = {error: plan(Accuracy(error=error)) for error in _LOOSER}
+    fits = [error for error, other in others.items() if cost(other) <= accuracy.cpu]
+    if is_free and fits:
+        return Planned(others[fits[0]])
+    cheapest = min((made, *others.values()), key=cost)
+    hint = f"error: {fits[0]:g}dB would fit" if fits else f"the least is {cost(cheapest):.0%}"
+    excess = f"it takes {cost(made):.0%} of a core, more than the {accuracy.cpu:.0%} it may; {hint}"
+    return Planned(cheapest if is_free else made, (*notes, ("W402", excess)))
 
 
-def _excess(plan: _core.Plan, most: float, what: str) -> str:
-    return f"the plan takes {cost(plan):.0%} of a core, more than the {most:.0%} it may; {what}"
+def _missed(plan: _core.Plan, error: float | None) -> list[str]:
+    """Parts whose error stays above what is asked for, once an island."""
+    if error is None:
+        return []
+    found: dict[tuple[float, float | None], list[str]] = {}
+    for row in plan.rows():
+        if row.error_db is not None and row.error_db > error:
+            found.setdefault((row.error_db, row.error_s), []).extend(row.parts)
+    return [
+        f"{' + '.join(dict.fromkeys(parts))} stays at {db:.0f} dB over the first {over:.2g} s, "
+        f"above the {error:g} dB asked for"
+        for (db, over), parts in found.items()
+    ]
 
 
 def wished(

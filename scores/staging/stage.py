@@ -131,8 +131,8 @@ def stage(
         if planned:
             made = make(ready.network, ready.timeline, piece.accuracy, pins)
             plan = made.plan
-            if made.excess is not None:
-                ready.collector.error("W402", f"accuracy: {made.excess}", piece.place)
+            for code, sentence in made.notes:
+                ready.collector.error(code, f"accuracy: {sentence}", piece.place)
         simulation = _core.Simulation(
             ready.network, ready.timeline, plan=plan, ledger=ledger, record=record, threads=threads
         )

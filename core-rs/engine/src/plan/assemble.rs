@@ -103,7 +103,11 @@ impl Assembled {
 }
 
 fn faster(timeline: &Timeline, times: u32, network: &Network) -> Result<Timeline, Error> {
-    timeline.faster(times).ok_or_else(|| Error::Refused {
+    let mut parts = network.mats().part.iter().map(|&part| part as usize);
+    // Where the discrete network is the truth there is but one rate.
+    let is_discrete = parts.any(|part| network.parts()[part].ca_rate.is_some());
+    let faster = (!is_discrete).then(|| timeline.faster(times)).flatten();
+    faster.ok_or_else(|| Error::Refused {
         module: network.mat_name(0),
         message: format!("what happens to it cannot be computed {times} times a frame"),
     })

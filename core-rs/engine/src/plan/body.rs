@@ -6,7 +6,7 @@ use super::BankPlan;
 use super::budget::Budget;
 use super::cells::hear;
 use super::linear::NoModes;
-use super::modes::{ANGLE_MIN, Modes, Row};
+use super::modes::{Modes, Row};
 use super::truncate::{self, Kept};
 use crate::bank::{Oscillator, Strikes};
 use crate::network::{Network, Subset, Term};
@@ -44,8 +44,8 @@ pub(super) fn bank(
     let strikes = blows(timeline, rate, |_| true, is_discrete);
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
     let modes = Modes::new(network, &rows, rate)?;
-    if (0..modes.len()).any(|mode| modes.ratios(mode, rate).kappa < ANGLE_MIN * ANGLE_MIN) {
-        return Err(NoModes::Slow);
+    if let Some(why) = modes.unfit(rate) {
+        return Err(why);
     }
     let (seen, felt) = modes.shapes.split_at(n_out);
     let given: Vec<Vec<f64>> = strikes

@@ -26,7 +26,11 @@ pub(super) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
     let step = part
         .and_then(|part| part.ca_rate)
         .map_or(rate.step(), |own| rate.step() / own.step());
-    mats.k[mat] / mats.m[mat] * step * step >= ANGLE_MIN * ANGLE_MIN
+    let kappa = mats.k[mat] / mats.m[mat] * step * step;
+    let zeta = mats.z[mat] / mats.m[mat] * step;
+    // A discrete cell may diverge (Jury); it is refused where it is stepped.
+    let is_stable = part.is_none_or(|part| part.ca_rate.is_none()) || kappa + 2.0 * zeta < 4.0;
+    is_stable && kappa >= ANGLE_MIN * ANGLE_MIN
 }
 
 /// The oscillators of a network of isolated CELs, and where they rest into `still`.

@@ -31,6 +31,8 @@ pub(crate) enum NoModes {
     Handled,
     /// An output hears a force inside it.
     ForceHeard,
+    /// A mode of a discrete body grows.
+    Diverges,
     /// A plan decided for others.
     Pinned,
     /// A link to one of its bodies is too stiff for modes that feel it once a frame.
@@ -49,6 +51,7 @@ impl NoModes {
             Self::NotFinite => "a number in it is not finite",
             Self::Slow => "one of its modes is slower than a mode can be computed exactly",
             Self::Handled => "a hand, a path or an ergon of its own mass and speed acts on it",
+            Self::Diverges => "one of its modes grows",
             Self::Pinned => "a plan decided for other modes",
             Self::Stiff => "a link to its body is too stiff for modes that feel it once a frame",
             Self::ForceHeard => "an output listens to a force inside it",

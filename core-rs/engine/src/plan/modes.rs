@@ -90,6 +90,20 @@ impl Modes {
         })
     }
 
+    /// Whether a mode is too slow for its recurrence, or diverges: a discrete body's may (Jury).
+    pub(crate) fn unfit(&self, rate: Rate) -> Option<NoModes> {
+        let ratios = (0..self.len()).map(|mode| self.ratios(mode, rate));
+        for Ratios { kappa, zeta } in ratios {
+            if kappa < ANGLE_MIN * ANGLE_MIN {
+                return Some(NoModes::Slow);
+            }
+            if self.is_discrete && kappa + 2.0 * zeta >= 4.0 {
+                return Some(NoModes::Diverges);
+            }
+        }
+        None
+    }
+
     pub(crate) fn len(&self) -> usize {
         self.lambda.len()
     }

@@ -72,14 +72,16 @@ pub(super) fn pilot(
             error: None,
         });
     }
-    let mut times = 1;
-    let mut island = loop {
-        match assemble(times) {
-            // Where it diverges at this rate it may not at a higher one.
-            Err(Error::Unstable { .. }) if times < 2 * TIMES_MAX => times *= 2,
-            other => break other?,
+    let mut island = match assemble(1) {
+        // Where it diverges at this rate it may not at a higher one.
+        Err(error @ Error::Unstable { .. }) => {
+            let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
+            let stable = higher.filter_map(|times| assemble(times).ok()).next();
+            stable.ok_or(error)?
         }
+        other => other?,
     };
+    let mut times = island.isle.times;
     let n_frames = length(&island.isle)?;
     if n_frames == 0 {
         return Ok(Found {

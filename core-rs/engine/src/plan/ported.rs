@@ -7,7 +7,7 @@ use super::budget::Budget;
 use super::choice::Choice;
 use super::linear::NoModes;
 use super::mesh;
-use super::modes::{ANGLE_MIN, Modes, Row};
+use super::modes::{Modes, Row};
 use super::split::{Own, split};
 use crate::island::inside::Inside;
 use crate::island::modal::{Modal, Mode, Port, Struck};
@@ -279,8 +279,8 @@ fn modal(
     let rows = [ports, outputs.rows, struck].concat();
     let modes = Modes::new(&subset.network, &rows, rate)?;
     let n = modes.len();
-    if (0..n).any(|mode| modes.ratios(mode, rate).kappa < ANGLE_MIN * ANGLE_MIN) {
-        return Err(NoModes::Slow);
+    if let Some(why) = modes.unfit(rate) {
+        return Err(why);
     }
     let rest = |row: usize| -> f64 {
         modes.shapes[row]
