@@ -30,10 +30,10 @@ def gong(loops: Loops | None) -> list[Row]:
     for tap in taps:
         network.listen(f"tap{tap}", positions=[(int(tap), 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
-    ours = [sides.engine("ergon, 1 thread", planned(network, timeline))]
+    ours = [sides.engine("ergon, 1 thread", planned(network, timeline, method="ca"))]
     missing = {}
     if can_plan():
-        two = planned(network, timeline, threads=2)
+        two = planned(network, timeline, threads=2, method="ca")
         ours.append(sides.engine("ergon, 2 threads", two))
     else:
         missing["ergon, 2 threads"] = "this core has no planner yet"

@@ -85,7 +85,7 @@ def _one(what: str, size: int) -> list[float]:
             range(_CELLS), start=0.0, stop=1.0, rate=size / _CELLS, impulse=(1e-6, 4e-6),
             seed=5, name="rain",
         )  # fmt: skip
-    simulation = planned(network, timeline)
+    simulation = planned(network, timeline, method="ca")
     set_up = time.perf_counter() - start
     begun, taken = simulation.snapshot(), []
     block = np.empty((n_frames, 1))

@@ -42,7 +42,7 @@ trait Method {
 
 #[derive(Clone, Debug)]
 enum Motion {
-    Ca(ca::Ca),
+    Ca(Box<ca::Ca>),
     Ca2p(ca2p::Ca2p),
     Bm4(bm4::Bm4),
     Ieq(ieq::Ieq),
@@ -52,7 +52,7 @@ enum Motion {
 impl Motion {
     fn method(&self) -> &dyn Method {
         match self {
-            Self::Ca(it) => it,
+            Self::Ca(it) => &**it,
             Self::Ca2p(it) => it,
             Self::Bm4(it) => it,
             Self::Ieq(it) => it,
@@ -62,7 +62,7 @@ impl Motion {
 
     fn method_mut(&mut self) -> &mut dyn Method {
         match self {
-            Self::Ca(it) => it,
+            Self::Ca(it) => &mut **it,
             Self::Ca2p(it) => it,
             Self::Bm4(it) => it,
             Self::Ieq(it) => it,
@@ -92,7 +92,7 @@ impl Integrator {
         let rate = faster(rate, substeps)?;
         let mesh = Arc::new(Mesh::new(network, rate, way)?);
         let motion = match way {
-            Way::Ca => Motion::Ca(ca::Ca::new(mesh, network, rate)),
+            Way::Ca => Motion::Ca(Box::new(ca::Ca::new(mesh, network, rate))),
             Way::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)),
             Way::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
             Way::Ieq => Motion::Ieq(ieq::Ieq::new(mesh, network)?),

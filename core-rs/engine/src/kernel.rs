@@ -4,6 +4,7 @@ pub(crate) mod bank;
 mod exact;
 mod mats;
 mod runs;
+pub(crate) mod springs;
 mod taps;
 pub(crate) mod wide;
 

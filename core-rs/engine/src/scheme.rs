@@ -19,7 +19,8 @@ use std::sync::Arc;
 use crate::island::fine::may_be_fine;
 use discretise::Ties;
 
-use crate::law::{Law, Scratch};
+use crate::kernel::springs::Spring;
+use crate::law::{Hardening, Law, Scratch};
 use crate::network::{But, Error, MatKind, Network, Output};
 use crate::units::Rate;
 
@@ -52,6 +53,29 @@ pub(crate) struct Run {
     pub(crate) gate: Option<usize>,
 }
 
+impl Run {
+    /// As a run of hardening springs, where it is one.
+    fn spring(&self) -> Option<Spring> {
+        let (k, q, z) = match &self.kind {
+            Kind::Ref => (self.k, 0.0, self.z),
+            Kind::But(_) => return None,
+            Kind::Lnl { law, rate, .. } => {
+                let Hardening { k, q, z } = law.hardens()?;
+                (k, q, z.unwrap_or(0.0) * rate)
+            }
+        };
+        Some(Spring {
+            a: self.a,
+            b: self.b,
+            len: self.len,
+            k,
+            q,
+            z,
+            rest: self.rest,
+        })
+    }
+}
+
 /// What is computed at every step: constant while a simulation runs.
 #[derive(Clone, Debug)]
 pub struct Scheme {
@@ -69,6 +93,8 @@ pub struct Scheme {
     pub(crate) rest: Vec<f64>,
     /// Which part the MAT belongs to        (n_mat)
     pub(crate) part: Vec<u32>,
+    /// Springs whose single forces nobody asks for: passed over all at once.
+    pub(crate) fused: Vec<Spring>,
     /// Forces from the state, in order of declaration.
     pub(crate) runs: Vec<Run>,
     /// Energy-exact contacts: solved after all other forces are known.
@@ -93,6 +119,8 @@ pub(crate) struct Laws {
     /// Elongations and their rates of one run of links   (longest run)
     pub(crate) e: Vec<f64>,
     pub(crate) v: Vec<f64>,
+    /// Forces of one run of springs                      (longest fused run)
+    pub(crate) room: Vec<f64>,
     /// One for each law                                  (n_laws)
     pub(crate) scratch: Vec<Scratch>,
 }
@@ -103,6 +131,7 @@ impl Scheme {
         let mut laws = Laws {
             e: Vec::new(),
             v: Vec::new(),
+            room: vec![0.0; self.fused.iter().map(|run| run.len).max().unwrap_or(0)],
             scratch: Vec::new(),
         };
         for run in &self.runs {
@@ -145,6 +174,17 @@ impl Scheme {
         };
         let contacts = self.runs.iter().filter(|run| may_be_fine(run));
         contacts.map(kappa).reduce(f64::max)
+    }
+
+    /// Pass over springs all at once, but for links that `is_told` alone.
+    pub(crate) fn fuse(&mut self, is_told: impl Fn(usize) -> bool) {
+        let (fused, runs): (Vec<Run>, Vec<Run>) =
+            std::mem::take(&mut self.runs).into_iter().partition(|run| {
+                let links = run.first..run.first + run.len;
+                run.gate.is_none() && run.spring().is_some() && !links.into_iter().any(&is_told)
+            });
+        self.runs = runs;
+        self.fused.extend(fused.iter().filter_map(Run::spring));
     }
 
     /// Take those contacts out.

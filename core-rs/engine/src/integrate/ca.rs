@@ -6,7 +6,7 @@ use super::Method;
 use super::mesh::Mesh;
 use crate::kernel;
 use crate::network::Network;
-use crate::scheme::{Laws, backward_steps};
+use crate::scheme::{Laws, Scheme, backward_steps};
 use crate::state::Body;
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -14,6 +14,7 @@ use crate::units::Rate;
 #[derive(Clone, Debug)]
 pub(super) struct Ca {
     mesh: Arc<Mesh>,
+    scheme: Scheme,
     /// Its forces are those of the links at the present frame.
     body: Body,
     laws: Laws,
@@ -21,18 +22,24 @@ pub(super) struct Ca {
 
 impl Ca {
     pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Self {
-        let scheme = &mesh.scheme;
+        let mut scheme = mesh.scheme.clone();
         let x = network.mats().x0.clone();
-        let d = backward_steps(network, &Timeline::new(rate), scheme, &x, &[]);
-        let (mut body, mut laws) = (Body::new(scheme, x, d), scheme.laws());
-        kernel::links(scheme, &[], &mut body, &mut laws);
-        Self { mesh, body, laws }
+        let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[]);
+        scheme.fuse(|_| false);
+        let (mut body, mut laws) = (Body::new(&scheme, x, d), scheme.laws());
+        kernel::links(&scheme, &[], &mut body, &mut laws);
+        Self {
+            mesh,
+            scheme,
+            body,
+            laws,
+        }
     }
 }
 
 impl Method for Ca {
     fn step(&mut self, impulses: &[(usize, f64)]) {
-        let scheme = &self.mesh.scheme;
+        let scheme = &self.scheme;
         for &(mat, impulse) in impulses {
             self.body.push(mat, impulse * scheme.rate);
         }

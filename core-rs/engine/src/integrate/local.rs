@@ -1,8 +1,8 @@
 //! Looks at a mesh that no step needs: the acceleration of one MAT, energies.
 
 use super::mesh::{Mesh, force_of};
-use super::passes::Spring;
 use crate::kernel;
+use crate::kernel::springs::Spring;
 use crate::scheme::{Kind, Run};
 
 impl Spring {

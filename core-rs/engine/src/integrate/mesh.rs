@@ -1,8 +1,9 @@
 //! What the methods step: the numbers of a scheme, its springs gathered for passes over all of them.
 
-use super::passes::{self, Spring, Ties};
+use super::passes::{self, Ties};
 use super::way::Way;
 use crate::kernel;
+use crate::kernel::springs::{self, Spring};
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::scheme::{Kind, Laws, Run, Scheme};
 use crate::units::Rate;
@@ -144,7 +145,7 @@ impl Mesh {
     pub(super) fn total(&self, x: &[f64], v: &[f64], room: &mut Room, force: &mut [f64]) {
         force.fill(0.0);
         if self.damped {
-            passes::total(&self.springs, x, v, &mut room.f, force);
+            springs::total(&self.springs, x, v, &mut room.f, force);
         } else {
             passes::elastic(&self.springs, x, &mut room.f, force);
         }

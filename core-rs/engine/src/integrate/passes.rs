@@ -1,66 +1,8 @@
 //! Inner loops over all springs of a mesh at once: chosen for the processor once a pass, not once a run,
 //! since a mesh's rows are short.
 
+use crate::kernel::springs::{Spring, ends, spread};
 use crate::kernel::wide::wide;
-
-/// A run of hardening springs with dampers, f = k·e + q·e³ + z·(e − e⁻): numbers per step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Spring {
-    /// First points of its first link.
-    pub(super) a: usize,
-    pub(super) b: usize,
-    pub(super) len: usize,
-    /// [N/m]
-    pub(super) k: f64,
-    /// [N/m³]
-    pub(super) q: f64,
-    /// Damping per step, z/T.
-    pub(super) z: f64,
-    /// [m]
-    pub(super) rest: f64,
-}
-
-/// Both ends' numbers of a run, (len) each.
-#[inline(always)]
-fn ends<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64]) {
-    (&x[run.a..][..run.len], &x[run.b..][..run.len])
-}
-
-/// Add f(i) of every link to its end a and take it from its end b.
-#[inline(always)]
-fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
-    let Spring { a, b, len, .. } = *run;
-    // Where the two ends do not overlap one loop does it, with the same sums.
-    if b >= a + len {
-        let (low, high) = force.split_at_mut(b);
-        both(&mut low[a..][..len], &mut high[..len], f);
-    } else if a >= b + len {
-        let (low, high) = force.split_at_mut(a);
-        both(&mut high[..len], &mut low[b..][..len], f);
-    } else {
-        let room = &mut room[..len];
-        for (i, room) in room.iter_mut().enumerate() {
-            *room = f(i);
-        }
-        for (force, f) in force[a..][..len].iter_mut().zip(&*room) {
-            *force += f;
-        }
-        for (force, f) in force[b..][..len].iter_mut().zip(&*room) {
-            *force -= f;
-        }
-    }
-}
-
-#[inline(always)]
-fn both(fa: &mut [f64], fb: &mut [f64], f: impl Fn(usize) -> f64) {
-    let n = fa.len();
-    let fb = &mut fb[..n];
-    for i in 0..n {
-        let f = f(i);
-        fa[i] += f;
-        fb[i] -= f;
-    }
-}
 
 wide! {
     /// Add the elastic forces at positions `x`; `room` is as long as the longest run.
@@ -87,33 +29,6 @@ wide! {
             let ((va, vb), Spring { len, z, .. }) = (ends(run, v), *run);
             let (va, vb) = (&va[..len], &vb[..len]);
             spread(run, room, force, |i| z * (vb[i] - va[i]));
-        }
-    }
-}
-
-wide! {
-    /// Add all forces at positions `x` and velocities `v` (per step).
-    pub(super) fn total(
-        runs: &[Spring],
-        x: &[f64],
-        v: &[f64],
-        room: &mut [f64],
-        force: &mut [f64],
-    ) {
-        for run in runs {
-            let Spring { len, k, q, z, rest, .. } = *run;
-            let ((xa, xb), (va, vb)) = (ends(run, x), ends(run, v));
-            let (xa, xb, va, vb) = (&xa[..len], &xb[..len], &va[..len], &vb[..len]);
-            if q == 0.0 {
-                spread(run, room, force, |i| {
-                    k * (xb[i] - xa[i] - rest) + z * (vb[i] - va[i])
-                });
-            } else {
-                spread(run, room, force, |i| {
-                    let e = xb[i] - xa[i] - rest;
-                    k * e + q * (e * e * e) + z * (vb[i] - va[i])
-                });
-            }
         }
     }
 }

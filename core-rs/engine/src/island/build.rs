@@ -10,7 +10,7 @@ use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::free::FreeKey;
 use crate::gesture::script::{Gesture, Report, Touch};
 use crate::gesture::voice::{Voice, VoiceScript};
-use crate::network::{Error, Network};
+use crate::network::{Error, Network, Term};
 use crate::scheme::{Scheme, backward_steps, moves};
 use crate::state::Body;
 use crate::timeline::{Drive, DriveKind, Key, Timeline, frame, pushes};
@@ -42,11 +42,14 @@ impl Island {
     ) -> Result<Self, Error> {
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
-        let laws = scheme.laws();
         let mut body = start(&network, &scheme, timeline, &timeline.drives);
         let mut bodies = join(bodies, &network, timeline, &mut body)?;
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline.rate);
         let (scripts, voices) = hands(&network, timeline)?;
+        if !options.ledger {
+            fuse(&mut scheme, &network, &scripts);
+        }
+        let laws = scheme.laws();
         let pushes = pushes(&network, timeline);
         let mut ergons = timeline.ergons.clone();
         ergons.sort_by_key(|ergon| frame(ergon.at, timeline.rate.hertz()));
@@ -120,6 +123,20 @@ fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Driv
     }
     let d = backward_steps(network, timeline, scheme, &x, &pushes);
     Body::new(scheme, x, d)
+}
+
+/// Springs in one pass, but for those whose forces are heard, or told of in a gesture's report.
+fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript]) {
+    let mut is_told = vec![false; network.n_lia()];
+    for term in network.outputs().iter().flat_map(|output| &output.terms) {
+        if let Term::Force { first, len, .. } = *term {
+            is_told[first..first + len].fill(true);
+        }
+    }
+    for &(link, _) in scripts.iter().flat_map(|script| &script.meets) {
+        is_told[link] = true;
+    }
+    scheme.fuse(|link| is_told[link]);
 }
 
 /// Contacts that are computed `steps` times a frame, out of the scheme.

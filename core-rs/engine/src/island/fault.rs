@@ -2,6 +2,7 @@
 
 use super::{Island, inside};
 use crate::kernel;
+use crate::kernel::springs::Spring;
 use crate::network::Term;
 use crate::scheme::Scheme;
 
@@ -148,6 +149,8 @@ impl Island {
             cut[span].fill(true);
         }
         scheme.runs.retain(|run| !lets_go(run.a, run.b, run.len));
+        let meets = |spring: &Spring| lets_go(spring.a, spring.b, spring.len);
+        scheme.fused.retain(|spring| !meets(spring));
         scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
         for body in state.bodies.iter().filter(|body| body.is_of(&ours, part)) {
             for output in body.outputs() {

@@ -1,6 +1,7 @@
 //! The link phase: every run in three passes (forces; pull a; pull b), so that each pass vectorises
 //! although a mesh's runs overlap themselves.
 
+use super::springs;
 use super::wide::wide;
 use crate::law::Hardening;
 use crate::network::{But, Side};
@@ -11,6 +12,10 @@ use crate::state::Body;
 pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut Laws) {
     body.force.fill(0.0);
     body.outside.fill(0.0);
+    if !scheme.fused.is_empty() {
+        let Body { x, d, force, .. } = body;
+        springs::total(&scheme.fused, x, d, &mut laws.room, force);
+    }
     for run in &scheme.runs {
         let ends = Ends::of(run, &body.x, &body.d);
         let f = &mut body.link[run.first..run.first + run.len];

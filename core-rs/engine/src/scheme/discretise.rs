@@ -29,6 +29,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         ground: mats.k.clone(),
         rest: mats.rest.clone(),
         part: mats.part.clone(),
+        fused: Vec::new(),
         runs: Vec::new(),
         exact: Vec::new(),
         exact_coupled: false,

@@ -1,8 +1,9 @@
 //! What IEQ knows of each link: ψ, its slope g, and what the link adds to the system.
 
 use super::super::mesh::{Mesh, force_of};
-use super::super::passes::{self, Spring};
+use super::super::passes;
 use super::loops::{load, onward, springs};
+use crate::kernel::springs::Spring;
 use crate::kernel::{power, side};
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};

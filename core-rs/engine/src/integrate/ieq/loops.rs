@@ -1,6 +1,6 @@
 //! Inner loops of IEQ over one run of links.
 
-use super::super::passes::Spring;
+use crate::kernel::springs::Spring;
 use crate::kernel::wide::wide;
 use crate::maths::sqrt;
 

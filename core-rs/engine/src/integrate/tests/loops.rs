@@ -5,9 +5,10 @@ use std::hint::black_box;
 use super::super::banded::Factor;
 use super::super::conjugate::Conjugate;
 use super::super::order;
-use super::super::passes::{self, Spring};
+use super::super::passes;
 use super::*;
 use crate::chance::Chance;
+use crate::kernel::springs::{self, Spring};
 
 /// Numbers between -1 and 1.
 fn numbers(n: usize, seed: u64) -> Vec<f64> {
@@ -73,7 +74,7 @@ fn passes_have_the_bits_of_their_formulas() {
     passes::viscous(&runs(), &v, &mut room, &mut found);
     assert_eq!(found, plainly(damper));
     found.fill(0.0);
-    passes::total(&runs(), &x, &v, &mut room, &mut found);
+    springs::total(&runs(), &x, &v, &mut room, &mut found);
     assert_eq!(
         found,
         plainly(|run, a, b| black_box(spring(run, a, b)) + damper(run, a, b))
