@@ -91,6 +91,8 @@ struct Script {
     /// By rising frame   (n_groups)
     events: Vec<Vec<Event>>,
     strikes: Vec<Strikes>,
+    /// A group that moves less than this in all falls asleep.
+    faint: f64,
     /// Group and lane of each oscillator, in the order they were added.
     places: Vec<(u32, u32)>,
     /// Which oscillator each lane holds   (n_groups · LANES)
@@ -113,6 +115,10 @@ pub(crate) struct Bank {
 }
 
 const NOBODY: u32 = u32::MAX;
+/// Every so many frames, counted from the beginning, groups that have faded away fall asleep.
+const SLEEP: u64 = 4_096;
+/// All sleepers together are so far below the hardest blow [dB]: below the rounding of 24 bits.
+const ASLEEP: f64 = -160.0;
 
 impl Bank {
     /// A bank at frame 0; `room`: the most frames it will be asked for at once.
@@ -133,6 +139,7 @@ impl Bank {
             scales: Vec::new(),
             events: Vec::new(),
             strikes,
+            faint: 0.0,
             places: vec![(0, 0); oscillators.len()],
             holds: Vec::new(),
         };
@@ -148,6 +155,8 @@ impl Bank {
             });
         }
         script.share();
+        let faint = faint(oscillators, &script.strikes, rate);
+        script.faint = faint / script.rates.len().max(1) as f64;
         let still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
         let most = script.sections.iter().map(|section| section.outputs.len());
         Self {
@@ -193,8 +202,12 @@ impl Bank {
                 (event.frame.saturating_sub(self.frame) as usize).min(n_frames)
             });
             if until > at {
+                let until = until.min(at + (SLEEP - now % SLEEP) as usize);
                 self.run(script, group, heard, at..until);
                 at = until;
+                if (self.frame + at as u64).is_multiple_of(SLEEP) {
+                    self.rest(script, group);
+                }
                 continue;
             }
             self.still[group] = false;
@@ -236,6 +249,23 @@ impl Bank {
         }
     }
 
+    /// Put a group that has faded away to sleep: it cannot grow by itself.
+    fn rest(&mut self, script: &Script, group: usize) {
+        if self.still[group] {
+            return;
+        }
+        let (rates, motion) = (&script.rates[group], &mut self.motions[group]);
+        let amplitude = |lane: usize| {
+            let (a, b) = (rates.a.0[lane], rates.b.0[lane]);
+            amplitude(a, b, motion.now.0[lane], motion.before.0[lane])
+        };
+        let moves: f64 = (0..LANES).map(amplitude).sum();
+        if moves < script.faint {
+            (motion.now, motion.before) = (Lanes::ZERO, Lanes::ZERO);
+            self.still[group] = true;
+        }
+    }
+
     /// Position of an oscillator now, and one frame ago [m].
     pub(crate) fn motion(&self, oscillator: usize) -> (f64, f64) {
         let (group, lane) = self.script.places[oscillator];
@@ -244,6 +274,45 @@ impl Bank {
         let motion = &self.motions[group];
         (motion.now.0[lane] / scale, motion.before.0[lane] / scale)
     }
+}
+
+/// How far an oscillator still swings at most, from two positions (b = r², a = 2r·cos θ); for ever, where it
+/// creeps: that is not bounded here.
+fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
+    if now == 0.0 && before == 0.0 {
+        return 0.0;
+    }
+    let sine = 1.0 - a * a / (4.0 * b);
+    if sine > 0.0 {
+        ((now * now + b * before * before - a * now * before) / sine).sqrt()
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// What all sleepers may move together: far below the hardest blow that is heard.
+fn faint(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
+    // Where one output hears it the lanes hold what it hears.
+    let scale = |own: &Oscillator| match own.heard[..] {
+        [(_, weight)] => weight.abs(),
+        _ => 1.0,
+    };
+    let own = oscillators.iter().map(|own| {
+        let blows = own.blows.iter().map(|blow| match blow.what {
+            What::By(x) => x.abs(),
+            What::Ergon { .. } => 0.0,
+        });
+        let start = Some(amplitude(own.a, own.b, own.now, own.before)).filter(|x| x.is_finite());
+        blows.fold(start.unwrap_or(0.0), f64::max) * scale(own)
+    });
+    let shared = strikes.iter().flat_map(|strikes| {
+        let impulses = strikes.blows.iter().map(|(_, _, impulse)| impulse.abs());
+        let unit = impulses.fold(0.0, f64::max) * rate.hertz() * strikes.w;
+        let among = oscillators[strikes.among.clone()].iter();
+        let shares = among.zip(&strikes.share);
+        shares.map(move |(own, share)| unit * share.abs() * scale(own))
+    });
+    own.chain(shared).fold(0.0, f64::max) * crate::maths::decibels(ASLEEP)
 }
 
 impl Script {

@@ -185,6 +185,6 @@ impl Plan {
 
     /// A hash of what was decided: two plans of one score that have it sound the same.
     pub fn hash(&self) -> String {
-        choice::hash(&self.choices)
+        choice::hash(&self.choices, &self.rows)
     }
 }

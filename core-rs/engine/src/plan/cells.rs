@@ -1,26 +1,29 @@
-//! Isolated CELs: oscillators as they are, with the very poles of the scheme.
+//! Isolated CELs: oscillators as they are, with the very poles of the scheme; and free masses, which fly.
 
 use super::BankPlan;
 use super::islands::Island;
 use super::modes::ANGLE_MIN;
 use crate::bank::{Blow, Oscillator, What};
 use crate::network::{Error, MatKind, Network, Subset, Term};
-use crate::scheme::{Scheme, backward_steps};
+use crate::scheme::{Scheme, backward_steps, moves};
 use crate::timeline::{Timeline, frame, pushes};
 use crate::units::Rate;
 
 /// Oscillators of one bank: enough to fill vectors for long, few enough to share out to threads.
 const TOGETHER: usize = 2_048;
 
-/// Whether an island is one CEL that no link, hand or path touches. One that swings so slowly that a
+/// Whether an island is one CEL or MAS that no link, hand or path touches. One that swings so slowly that a
 /// two-term recurrence would round its pitch is not.
 pub(super) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
     let &[mat] = &island.mats[..] else {
         return false;
     };
     let (mats, mat) = (network.mats(), mat as usize);
-    if !island.links.is_empty() || island.is_handled || mats.kind[mat] != MatKind::Cel {
+    if !island.links.is_empty() || island.is_handled || !moves(mats.kind[mat]) {
         return false;
+    }
+    if mats.kind[mat] == MatKind::Mas {
+        return true; // x[n+1] = 2x[n] − x[n−1] rounds nothing but its sum
     }
     let part = network.parts().get(mats.part[mat] as usize);
     let step = part
