@@ -166,7 +166,10 @@ fn join(
 /// What is heard of a network that rests where it is, (n_out).
 pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
     let x = network.mats().x0.clone();
-    let body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
+    let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
+    // What presses may be heard too, though it moves nothing.
+    crate::kernel::links(scheme, &[], &mut body, &mut scheme.laws());
+    crate::kernel::contacts(scheme, &[], &[], &mut body);
     crate::kernel::tap(scheme, &body, heard);
 }
 
