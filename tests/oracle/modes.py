@@ -1,4 +1,4 @@
-"""Linear scenes by their modes, each by its own exponentials: struck at any instant, exact at any time."""
+"""Linear scenes by their modes: struck at any instant, and exact at any time after."""
 
 from typing import Any
 
@@ -38,7 +38,7 @@ def modes(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def exact(scene: Scene, rate: float, n_frames: int) -> np.ndarray:
-    """Positions (n_frames, n_mat) of a linear scene of proportional damping, held somewhere, and struck."""
+    """Positions (n_frames, n_mat) of a held linear scene of proportional damping."""
     M, K, _ = matrices(scene)
     lam, z, shapes, at = modes(scene)
     fixed = np.setdiff1d(np.arange(len(scene.mats)), at)
@@ -62,7 +62,7 @@ def exact(scene: Scene, rate: float, n_frames: int) -> np.ndarray:
 
 
 def heard(scene: Scene, x: np.ndarray) -> np.ndarray:
-    """(n_frames, n_out): positions and forces on the ground, where MATs are at x (n_frames, n_mat)."""
+    """(n_frames, n_out): positions and forces on the ground, with MATs at x (n_frames, n_mat)."""
     assert all(kind != 1 for taps in scene.outs for kind, _, _ in taps), (
         "forces of links are not said"
     )
