@@ -28,6 +28,10 @@ const LEAST: usize = 2;
 const TIMES_MAX: u32 = 8;
 /// Frames between two looks at the modes.
 const LOOK: usize = 64;
+/// Error of a contact falls with the square of the step at best, with its first power where damping jumps.
+const ORDERS: (f64, f64) = (1.0, 2.0);
+/// By so much an error of order 1 falls with a doubling [dB].
+const DOUBLING: f64 = 6.02;
 
 /// An island with what its budget asks for, and the error that is left: [dB], over so many seconds from the start.
 pub(super) struct Found {
@@ -91,16 +95,17 @@ pub(super) fn pilot(
     }
     let seconds = n_frames as f64 * f64::from(times) / island.isle.timeline.rate.hertz();
     let mut found = contacts(&island.isle, budget, n_frames)?;
-    let mut error = found.error;
+    let (mut error, mut last) = (found.error, None);
+    let n_out = island.isle.network.outputs().len();
     while times < TIMES_MAX && is_worth(&island.isle, 3 * n_frames) {
         let Ok(finer) = assemble(2 * times) else {
             break;
         };
         let steps = (found.steps / 2).max(1);
         let take = play(&finer.isle, steps, n_frames)?;
-        // Of second order: what it differs from the truth by is four thirds of what it differs from half the
-        // step by.
-        let own = difference(&found.take.sound, &take.sound) + 20.0 * log10(4.0 / 3.0);
+        let change = difference(&found.take.sound, &take.sound, n_out);
+        let (own, _) = errors(change, last);
+        last = Some(change);
         error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
         let Budget::Error(db) = *budget else { break };
         if own <= db {
@@ -139,20 +144,19 @@ fn contacts(isle: &Isle, budget: &Budget, n_frames: usize) -> Result<Contacts, E
         });
     }
     let aim = budget.contact();
-    let mut steps = LEAST;
+    let n_out = isle.network.outputs().len();
+    let (mut steps, mut last) = (LEAST, None);
     let mut take = play(isle, steps, n_frames)?;
     loop {
         let finer = play(isle, 2 * steps, n_frames)?;
-        // The error falls with the square of the step: S is off by four thirds of what S and 2S differ by, 2S by
-        // a third.
-        let apart = difference(&take.sound, &finer.sound);
-        let own = apart + 20.0 * log10(4.0 / 3.0);
+        let change = difference(&take.sound, &finer.sound, n_out);
+        let (own, left) = errors(change, last);
+        last = Some(change);
         if own <= aim || 2 * steps >= Budget::STEPS_MAX {
             let error = Some(own);
             return Ok(Contacts { steps, error, take });
         }
         (steps, take) = (2 * steps, finer);
-        let left = apart - 20.0 * log10(3.0);
         if left <= aim {
             let error = Some(left);
             return Ok(Contacts { steps, error, take });
@@ -244,11 +248,34 @@ fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
     Ok(Take { sound, squares })
 }
 
-/// ‖a − b‖ / ‖b‖ [dB].
-fn difference(a: &[f64], b: &[f64]) -> f64 {
-    let apart: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
-    let whole: f64 = b.iter().map(|b| b * b).sum();
-    20.0 * log10(sqrt(apart / whole.max(f64::MIN_POSITIVE)).max(1e-15))
+/// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
+/// the highest order is luck, for it matters where between two instants a contact closes.
+fn errors(change: f64, last: Option<f64>) -> (f64, f64) {
+    let (least, most) = ORDERS;
+    let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
+    let order = last.map_or(least, |last| {
+        ((last - believed) / DOUBLING).clamp(least, most)
+    });
+    let falls = pow(2.0, order);
+    (
+        believed + 20.0 * log10(falls / (falls - 1.0)),
+        believed - 20.0 * log10(falls - 1.0),
+    )
+}
+
+/// ‖a − b‖ / ‖b‖ [dB] of the output where it is worst; that something stands aside is no sound.
+fn difference(a: &[f64], b: &[f64], n_out: usize) -> f64 {
+    let of = |output: usize| {
+        let own =
+            |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
+        let (a, b) = (own(a), own(b));
+        let mean = b.iter().sum::<f64>() / b.len() as f64;
+        let apart: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
+        let whole: f64 = b.iter().map(|b| (b - mean) * (b - mean)).sum();
+        if apart > 0.0 { apart / whole } else { 0.0 }
+    };
+    let worst = (0..n_out).map(of).fold(0.0, f64::max);
+    20.0 * log10(sqrt(worst).max(1e-15))
 }
 
 /// The modes of a body that its outputs hear and its ports feel.
