@@ -1,5 +1,7 @@
 """Plans by modes against the continuous motion: what is linear is exact, struck when it may be."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from oracle import bodies, modes
@@ -22,7 +24,7 @@ def taps(scene: Scene, mats: list[Mat], *held: Mat) -> None:
 
 
 def strikes(scene: Scene, mats: list[Mat]) -> None:
-    """Between frames, on one, just before one, two in one frame, and one on what has been struck."""
+    """Between frames, on one, just before one, two in one frame, one on what has been struck."""
     when = (0.0, 0.013579, 100.999999 / RATE, 0.05000011, 0.05000013, 0.1234567, 0.2)
     for i, at in enumerate(when):
         scene.strike(mats[(3 * i + 1) % len(mats)], at, impulse=1e-4 * (-1) ** i * (1 + i % 3))
@@ -149,7 +151,7 @@ def test_a_body_in_algorithmic_units_is_its_discrete_network():
     scene = Scene()
     scene.part("old", ca_rate=RATE)
     mats = [scene.cel(f"m{i}", M=1.0 + i, K=1e-2 * i, Z=1e-5 * (1 + i)) for i in range(12)]
-    for i, (a, b) in enumerate(zip(mats, mats[1:], strict=False)):
+    for i, (a, b) in enumerate(pairwise(mats)):
         scene.ref(f"l{i}", a, b, K=0.1 * (1 + i % 3))
     bend(scene, mats)
     strikes(scene, mats)
