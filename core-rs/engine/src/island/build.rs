@@ -47,7 +47,11 @@ impl Island {
         let mut bodies = join(bodies, &network, timeline, &mut body)?;
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline.rate);
         let (scripts, voices) = hands(&network, timeline)?;
-        let pushes = pushes(&network, timeline);
+        // What contacts do within a frame is added to a motion that is a CEL's own.
+        let touches = |mat| fine.as_ref().map_or(0, |fine| fine.touches(mat));
+        let pushes = pushes(&network, timeline, |mat| {
+            network.degree(mat) == touches(mat)
+        });
         let mut ergons = timeline.ergons.clone();
         ergons.sort_by_key(|ergon| frame(ergon.at, timeline.rate.hertz()));
         let ledger = options
