@@ -283,7 +283,9 @@ fn keep(isle: &Isle, body: &Modal, squares: &[f64], budget: &Budget) -> Kept {
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();
-    let mut kept = choose(squares, &rows, budget, |mode| body.frequency(mode));
+    let mut kept = choose(squares, &rows, budget.left_out(), budget, |mode| {
+        body.frequency(mode)
+    });
     let Some(db) = budget.left_out() else {
         return kept;
     };

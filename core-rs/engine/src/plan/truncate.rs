@@ -50,6 +50,7 @@ pub(super) fn keep(
     heard: &[Vec<f64>],
     felt: &[Vec<f64>],
     blows: &[Vec<f64>],
+    allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> Kept {
@@ -57,14 +58,17 @@ pub(super) fn keep(
         .map(|mode| energy(modes, felt, blows, mode, rate))
         .collect();
     let rows: Vec<&[f64]> = heard.iter().map(Vec::as_slice).collect();
-    choose(&own, &rows, budget, |mode| modes.pitch(mode, rate).0)
+    choose(&own, &rows, allowed, budget, |mode| {
+        modes.pitch(mode, rate).0
+    })
 }
 
 /// Keep the loudest of modes with the energies `own`, so that for every row that sees them those that fall stay
-/// below the budget together.
+/// together below what is `allowed` [dB].
 pub(super) fn choose(
     own: &[f64],
     rows: &[&[f64]],
+    allowed: Option<f64>,
     budget: &Budget,
     frequency: impl Fn(usize) -> f64,
 ) -> Kept {
@@ -80,7 +84,7 @@ pub(super) fn choose(
     };
     let mut by_loudness: Vec<(f64, usize)> = (0..n).map(|mode| (loudness(mode), mode)).collect();
     by_loudness.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let allowed = budget.left_out().map(|db| pow(10.0, db / 10.0));
+    let allowed = allowed.map(|db| pow(10.0, db / 10.0));
     let (mut stays, mut fallen) = (Vec::new(), 0.0);
     for (loudness, mode) in by_loudness {
         let is_unheard = frequency(mode) > budget.highest();
