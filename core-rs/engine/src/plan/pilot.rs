@@ -283,9 +283,13 @@ fn keep(isle: &Isle, body: &Modal, squares: &[f64], budget: &Budget) -> Kept {
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();
-    let mut kept = choose(squares, &rows, budget.left_out(), budget, |mode| {
-        body.frequency(mode)
-    });
+    let mut kept = choose(
+        &ways(body, squares),
+        &rows,
+        budget.left_out(),
+        budget,
+        |mode| body.frequency(mode),
+    );
     let Some(db) = budget.left_out() else {
         return kept;
     };
@@ -311,6 +315,21 @@ fn keep(isle: &Isle, body: &Modal, squares: &[f64], budget: &Budget) -> Kept {
     }
     kept.modes.sort_unstable();
     kept
+}
+
+/// Ways that modes get their energies: what the pilot heard, and what may come after it. That is a strike on
+/// every place that is struck at all, and a touch of a port that may not have been touched.
+fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
+    let by = |shape: &Vec<f64>| -> Vec<f64> {
+        let each = shape.iter().enumerate();
+        each.map(|(mode, share)| share * share * body.compliance(mode))
+            .collect()
+    };
+    let is_told = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
+    let ports = body.ports.iter().filter(|_| !is_told);
+    let struck = body.struck.iter().map(|struck| by(&struck.shape));
+    let touched = ports.map(|port| by(&port.shape));
+    struck.chain(touched).chain([squares.to_vec()]).collect()
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].
