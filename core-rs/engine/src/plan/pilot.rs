@@ -152,12 +152,12 @@ fn contacts(isle: &Isle, budget: &Budget, n_frames: usize) -> Result<Contacts, E
         let change = difference(&take.sound, &finer.sound, n_out);
         let (own, left) = errors(change, last);
         last = Some(change);
-        if own <= aim || 2 * steps >= Budget::STEPS_MAX {
+        if own <= aim {
             let error = Some(own);
             return Ok(Contacts { steps, error, take });
         }
         (steps, take) = (2 * steps, finer);
-        if left <= aim {
+        if left <= aim || 2 * steps > Budget::STEPS_MAX {
             let error = Some(left);
             return Ok(Contacts { steps, error, take });
         }
