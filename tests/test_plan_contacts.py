@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from oracle import bodies, gesture, ode
+from oracle.core import render as plain
 from oracle.planned import error_db, plan, render
 from oracle.scene import Mat, Scene
 
@@ -84,3 +85,20 @@ def test_a_key_on_a_bell_is_within_its_budget(but: dict[str, Any], db: float):
     truth = heard(scene, ode.solve(scene, when, RTOL, lambda t: lead(t) * unit)[0])
     scene.gesture(scene.key("k1", key), T, X, ["smooth"] * 4)
     assert error_db(render(scene, RATE, N, error_db=db), truth) <= db
+
+
+@pytest.mark.parametrize("wishes", [{}, {"error_db": -60.0}], ids=str)
+def test_what_comes_long_after_the_first_contact_is_planned_for_too(wishes: dict[str, Any]):
+    """The hammer meets the middle, where half the modes stand still; a strike does not."""
+    scene = Scene()
+    scene.part("string")
+    mats = bodies.string(scene, "s", masses=15, M=8e-3, f=110.0, t60=2.0)
+    scene.part("hammer")
+    head = scene.mas("h", M=2e-3, X0=-1e-3, V0=1.0)
+    scene.but("b", head, mats[7], K=2e4)
+    scene.strike(mats[3], 0.35, impulse=1e-3)
+    scene.listen("o", positions=[(mats[11], 1.0)])
+    n = round(0.45 * RATE)
+    rough, fine = (plain(scene, RATE * s, n * s)[::s] for s in (32, 64))
+    assert error_db(rough, fine) < -65.0
+    assert error_db(render(scene, RATE, n, **wishes), fine) < -60.0

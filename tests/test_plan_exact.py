@@ -174,6 +174,21 @@ def test_a_body_beside_a_contact_that_stays_open_is_exact():
     assert error_db(planned(scene, RATE, N, method="modal"), truth) < EXACT_DB
 
 
+def test_a_cell_that_a_contact_might_touch_takes_strikes_exactly():
+    """Though it is stepped: what a contact does is added to a motion that is its own."""
+    alone, scene = Scene(), Scene()
+    for one in (alone, scene):
+        one.part("bell")
+        bell = one.cel("m", M=0.011, f=1473.0, t60=0.16)
+        strikes(one, [bell, bell])
+        one.listen("o", positions=[(bell, 1.0)])
+    hammer = scene.cel("h", M=2e-3, K=10.0, V0=0.01)
+    scene.but("b", hammer, bell, K=1e4, gap=1.0)
+    assert how(scene, RATE, error_db=-60.0) == [("bell", "stepped")]
+    truth = modes.heard(alone, modes.exact(alone, RATE, N))
+    assert error_db(planned(scene, RATE, N, error_db=-60.0), truth) < EXACT_DB
+
+
 @pytest.mark.parametrize(("change", "why"), [("free", "slower"), ("damped", "proportional")])
 def test_what_has_no_modes_is_stepped_and_says_why(change: str, why: str):
     scene = string("free" if change == "free" else "fixed")

@@ -70,7 +70,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "one place, again and again": lambda: string(struck=(7,) * 12),
     "bent": bent,
     "mesh": mesh,
-    # High modes, as damped as springs make them, swing together where a strike is heard on the spot.
+    # High modes swing together where a strike is heard on the spot.
     "on the spot": lambda: string((50,), (50,)),
     "on the spot, fades soon": lambda: string((50,), (50,), t60=0.3),
     "near an end": lambda: string((9,), (9,)),
