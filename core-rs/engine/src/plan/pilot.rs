@@ -26,6 +26,9 @@ const WORTH: f64 = 0.5;
 const LEAST: usize = 2;
 /// An island is stepped at most so often a frame.
 const TIMES_MAX: u32 = 8;
+/// So often fewer modes are tried, each time quieter ones by at least so much [dB].
+const TRIES: usize = 4;
+const QUIETER: f64 = 2.0;
 /// Frames between two looks at the modes.
 const LOOK: usize = 64;
 /// Error of a contact falls with the square of the step at best, with its first power where damping jumps.
@@ -107,24 +110,67 @@ pub(super) fn pilot(
         let (own, _) = errors(change, last);
         last = Some(change);
         error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
-        let Budget::Error(db) = *budget else { break };
-        if own <= db {
+        let Budget::Error(_) = *budget else { break };
+        // Contacts and modes have their share too.
+        if own <= budget.contact() {
             break;
         }
         times *= 2;
         island = finer;
         (found.steps, found.take) = (steps, take);
     }
-    let kept = island.isle.bodies.iter().zip(&found.take.squares);
-    let kept = kept.map(|(body, squares)| match body {
-        Inside::Modal(modal) => keep(&island.isle, modal, squares, budget),
-        Inside::Mesh(_) => Kept::none(),
-    });
-    let kept = kept.collect();
     Ok(Found {
-        island: island.only(found.steps, kept),
+        island: fewer(&island, &found, n_frames, budget)?,
         error: error.map(|db| (db, seconds)),
     })
+}
+
+/// An island without the modes that are not heard: those that energies tell, then tested by ear.
+fn fewer(
+    island: &Assembled,
+    found: &Contacts,
+    n_frames: usize,
+    budget: &Budget,
+) -> Result<Assembled, Error> {
+    let with = |allowed: Option<f64>| {
+        let bodies = island.isle.bodies.iter().zip(&found.take.squares);
+        let kept = bodies.map(|(body, squares)| match body {
+            Inside::Modal(modal) => keep(&island.isle, modal, squares, allowed, budget),
+            Inside::Mesh(_) => Kept::none(),
+        });
+        island.clone().only(found.steps, kept.collect())
+    };
+    let count = |island: &Assembled| island.isle.bodies.iter().map(modes).sum::<usize>();
+    let Some(most) = budget.left_out() else {
+        return Ok(with(None));
+    };
+    if !is_worth(&island.isle, 2 * n_frames) {
+        return Ok(with(Some(most)));
+    }
+    // What nobody can hear is no error.
+    let all = with(None);
+    let sound = if count(&all) == count(island) {
+        found.take.sound.clone()
+    } else {
+        play(&all.isle, found.steps, n_frames)?.sound
+    };
+    let n_out = island.isle.network.outputs().len();
+    let mut allowed = most;
+    for _ in 0..TRIES {
+        let mut fewer = with(Some(allowed));
+        if count(&fewer) == count(&all) {
+            break;
+        }
+        let take = play(&fewer.isle, found.steps, n_frames)?;
+        let loud = difference(&take.sound, &sound, n_out);
+        if loud <= most {
+            let bodies = fewer.bodies.iter_mut();
+            bodies.for_each(|body| body.left_out = body.left_out.map(|_| loud));
+            return Ok(fewer);
+        }
+        allowed -= (loud - most).max(QUIETER);
+    }
+    Ok(all)
 }
 
 /// How finely contacts are computed: as finely as it takes for twice as often to make no difference.
@@ -279,17 +325,13 @@ fn difference(a: &[f64], b: &[f64], n_out: usize) -> f64 {
 }
 
 /// The modes of a body that its outputs hear and its ports feel.
-fn keep(isle: &Isle, body: &Modal, squares: &[f64], budget: &Budget) -> Kept {
+fn keep(isle: &Isle, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> Kept {
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();
-    let mut kept = choose(
-        &ways(body, squares),
-        &rows,
-        budget.left_out(),
-        budget,
-        |mode| body.frequency(mode),
-    );
+    let mut kept = choose(&ways(body, squares), &rows, allowed, budget, |mode| {
+        body.frequency(mode)
+    });
     let Some(db) = budget.left_out() else {
         return kept;
     };
