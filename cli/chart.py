@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 import click
 
-from ergon.lab.names import METHODS, METRICS
+from ergon.lab.names import METHODS, METRICS, PRECISIONS
 
 from . import laboratory, options, score
 from .console import Console
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 )
 @click.option("--methods", metavar="NAMES", help=f"Only these, of {','.join(METHODS)}.")
 @click.option("--upto", type=click.IntRange(2, 64), default=8, help="Most oversampling.")
+@click.option("--error", metavar="DB", help="Also what the planner takes for it, e.g. -60dB.")
 @options.force
 @options.speaking
 def chart(
@@ -36,37 +37,55 @@ def chart(
     metric: str,
     methods: str | None,
     upto: int,
+    error: str | None,
     force: bool,
 ) -> None:
     """Draw error against cost of every way of computing a score.
 
     The beginning of the piece is computed by each method, 1, 2, 4 … times oversampled, in each
-    precision, and compared with the best of them taken further. The table (NAME.csv) holds every
-    measure, and the reason of what failed.
+    precision, and as the planner would by ear; all are compared with the best method taken further.
+    The table (NAME.csv) holds every measure, and the reason of what failed.
     """
-    from ergon.lab import chart_table, runs
-    from ergon.lab.chart import SilentError, measure, settings, work
+    from ergon.lab import chart_table
+    from ergon.lab.chart import SilentError, measure, planned, settings, work
     from ergon.lab.draw_chart import draw
     from ergon.lab.machine import machine
     from ergon.lab.scene import Score
 
     stem = laboratory.stem(output, score_path, "chart", force)
-    known = laboratory.words(methods, METHODS, "--methods") if methods else runs.methods()
+    known = laboratory.words(methods, METHODS, "--methods")
+    stars = planned(_budget(error))
     loaded = score.read(console, score_path)
     piece = score.piece_of(loaded)
-    wanted = settings(known, runs.precisions(), upto, runs.has_planner())
+    wanted = [*settings(known, PRECISIONS, upto), *stars]
     total = work(wanted, round(seconds * piece.rate))
     try:
         with console.progress(f"charting {score_path}", total, piece.rate) as progress:
             found = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
-    except SilentError as error:
-        raise Refused(f"{error}; --seconds takes more of it") from None
+    except SilentError as silence:
+        raise Refused(f"{silence}; --seconds takes more of it") from None
     title, where = piece.title or stem.name, machine()
     _report(console, found)
     table = chart_table.csv(found, title, where)
     laboratory.write(console, stem, table, lambda: draw(found, title, where), force)
     if found.reference is None:
         raise Findings("no method ran at two rates, so nothing can be compared; the table says why")
+
+
+def _budget(text: str | None) -> float | None:
+    """The error that the planner may make [dB]."""
+    from ergon.scores.tables.quantities import LEVEL, quantity
+    from ergon.scores.text.errors import TextError
+
+    if text is None:
+        return None
+    try:
+        db = quantity(text, LEVEL)
+    except TextError as error:
+        raise Refused(f"--error: {error}") from None
+    if db >= 0.0:
+        raise Refused(f"--error: {text} is no less than the sound itself; -60dB is usual")
+    return db
 
 
 def _report(console: Console, found: Chart) -> None:

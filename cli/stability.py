@@ -11,7 +11,6 @@ from ergon.lab.names import MAPS, METHODS
 
 from . import laboratory, options, score
 from .console import Console
-from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.lab.maps import Map
@@ -47,12 +46,10 @@ def stability(
     rate of a string, a joint. With SCORE its springs and its rate are multiplied. Every spot is
     really run, also where ergon would refuse to.
     """
-    from ergon.lab import map_table, runs
+    from ergon.lab import map_table
     from ergon.lab.draw_maps import draw
     from ergon.lab.maps import survey_all
 
-    if method not in runs.methods():
-        raise Refused(f"this engine has no method '{method}' ({', '.join(runs.methods())})")
     stem = laboratory.stem(output, score_path or method, "stability", force)
     maps, title = _maps(console, score_path, method, chosen, seconds)
     total = sum(one.n_spots for one in maps.values())

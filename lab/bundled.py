@@ -10,10 +10,11 @@ from importlib.resources import files
 from pathlib import Path
 
 from ergon.exchange.safe import write_text
-from ergon.lab import atlas, chart_table, draw_chart, draw_maps, map_table, runs
-from ergon.lab.chart import measure, settings
+from ergon.lab import atlas, chart_table, draw_chart, draw_maps, map_table
+from ergon.lab.chart import measure, planned, settings
 from ergon.lab.machine import machine
 from ergon.lab.maps import ACCURATE_DB, survey_all
+from ergon.lab.names import METHODS, PRECISIONS
 from ergon.lab.pictures import save, targets
 from ergon.lab.scene import Score
 from ergon.scores.reading.load import load
@@ -41,7 +42,7 @@ def _chart(folder: Path, name: str) -> str:
     path = Path(str(files("ergon"))) / "scores" / "library" / f"{name}.yaml"
     piece = load(path).piece
     assert piece is not None, f"{name} has mistakes"
-    wanted = settings(runs.methods(), runs.precisions(), _UPTO, runs.has_planner())
+    wanted = [*settings(METHODS, PRECISIONS, _UPTO), *planned()]
     found = measure(Score(piece), wanted, _SECONDS, "waveform", lambda done: None)
     title, where = piece.title, machine()
     stem = folder / name

@@ -28,6 +28,10 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
 }
 
 
+# What contacts and laws fall back to where a method is for linear scenes alone.
+_OTHERWISE: Mapping[str, str] = {"modal": "ca"}
+
+
 def limit(method: str) -> float:
     """Largest λ of a linear network that a method carries."""
     return _LIMITS[method][0]
@@ -126,7 +130,7 @@ def _pair(one: Cell, two: Cell, join: Callable[[_core.Network, int, int], int]) 
 
 def contact_load(kappa: float, times: float, method: str) -> float:
     """λ over the limit while the contact is closed, at `times` the rate."""
-    return _pair_load(HAMMER, BAR, kappa, times, method)
+    return _pair_load(HAMMER, BAR, kappa, times, _OTHERWISE.get(method, method))
 
 
 def coupled_load(kappa: float, times: float, method: str) -> float:
@@ -195,4 +199,5 @@ def struck_load(speed: float, times: float, method: str) -> float:
     """
     k, m, q = _spring(_STRUCK), _STRING / _STRUCK, _HARDENING
     square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
-    return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * times, method)
+    stepped = _OTHERWISE.get(method, method)
+    return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * times, stepped)

@@ -121,12 +121,15 @@ def _sentence(error: Exception) -> str:
     return str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
-def settings(
-    methods: Sequence[str], precisions: Sequence[str], upto: int, planner: bool
-) -> list[Setting]:
-    """Every method at every oversampling up to `upto` in every precision, and the planner's own."""
-    grid = [Setting(m, s, p) for m in methods for s in steps(upto) for p in precisions]
-    return [*grid, Setting(None)] if planner else grid
+def settings(methods: Sequence[str], precisions: Sequence[str], upto: int) -> list[Setting]:
+    """Every method at every oversampling up to `upto` in every precision."""
+    return [Setting(m, s, p) for m in methods for s in steps(upto) for p in precisions]
+
+
+def planned(budget_db: float | None = None) -> list[Setting]:
+    """What the planner chooses: by ear, and for an error where one is asked for."""
+    by_ear = Setting(None)
+    return [by_ear] if budget_db is None else [by_ear, Setting(None, budget_db=budget_db)]
 
 
 def work(wanted: Sequence[Setting], n_frames: int) -> int:
@@ -153,6 +156,7 @@ def measure(
     failed = dict(bench.failed)
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS)
     points = list(failed.values())
+    ran = [Point(s, "ok", run.chosen, costs[s]) for s, run in bench.ready.items()]
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
@@ -160,10 +164,9 @@ def measure(
         if onset(reference.sound) is None:
             raise SilentError(f"nothing sounds in the first {seconds:g} s")
         judge = Judge(reference, scene.rate)
-        for setting, sound in bench.sounds.items():
-            note = bench.ready[setting].chosen
-            points.append(judge.point(Point(setting, "ok", note, costs[setting]), sound))
+        ran = [judge.point(point, bench.sounds[point.setting]) for point in ran]
         floor = judge.floor(metric)
+    points += ran
     if metric == "energy":
         points = [_with_energy(bench, point) for point in points]
     order = {setting: i for i, setting in enumerate(wanted)}

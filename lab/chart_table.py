@@ -26,13 +26,19 @@ def csv(chart: Chart, title: str, machine: str) -> str:
     return table.text(facts, names, ([row[name] for name in names] for row in rows))
 
 
-_HEAD = ("method", "oversampling", "precision", "status")
+_HEAD = ("method", "oversampling", "precision", "budget_db", "status")
 
 
 def fields(point: Point) -> dict[str, table.Value]:
     """Everything about a point."""
     setting = point.setting
-    head = (setting.method or "planner", setting.oversampling, setting.precision, point.status)
+    head = (
+        setting.method or "planner",
+        setting.oversampling,
+        setting.precision,
+        setting.budget_db,
+        point.status,
+    )
     measures = {name: getattr(point, name) for name in _MEASURES}
     return {**dict(zip(_HEAD, head, strict=True)), **measures, "reason": point.reason}
 

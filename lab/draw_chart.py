@@ -77,8 +77,12 @@ def _method(ax: Axes, chart: Chart, points: list[Point], method: str) -> None:
 
 
 def _planner(ax: Axes, chart: Chart, point: Point) -> None:
-    at = _cost(point), _height(chart, point)
-    ax.plot(*at, "*", color="black", markersize=14, label="the planner's choice", zorder=4)
+    """A full star is what it chooses by ear, an empty one what it takes for an error."""
+    at, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
+    inside, label = "black", "the planner's choice"
+    if budget is not None:
+        inside, label = "white", f"the planner's choice for {budget:g} dB"
+    ax.plot(*at, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4)
     _word(ax, point.reason, at, "black")
 
 

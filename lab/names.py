@@ -8,6 +8,7 @@ from typing import Literal
 Method = Literal["ca", "modal"]
 ORDERS: dict[Method, int | None] = {"ca": 2, "modal": None}
 METHODS: tuple[Method, ...] = tuple(ORDERS)
+_PLAIN = 2  # of what contacts and laws fall back to where a method is exact for the rest
 PRECISIONS = ("f64",)
 
 Metric = Literal["waveform", "spectral", "cents", "energy"]
@@ -19,3 +20,9 @@ METRICS: dict[Metric, str] = {
 }
 MAPS = ("cell", "contact", "strike", "rate", "coupling")
 EXTRA = "pip install ergon-live[lab]"
+
+
+def order_of(method: str | None) -> int:
+    """The order that a method's error has at most, as far as it has one."""
+    found = [order for name, order in ORDERS.items() if name == method]
+    return (found[0] if found else None) or _PLAIN

@@ -17,7 +17,7 @@ from math import log10
 import numpy as np
 
 from ergon.lab.metrics import Floats, waveform_db
-from ergon.lab.names import ORDERS
+from ergon.lab.names import order_of
 from ergon.lab.runs import Setting
 
 EXACT_DB = -180.0  # what doubling changes in a method that is exact: rounding
@@ -61,7 +61,7 @@ class Reference:
         """The order, and the last change [dB], of a straight line through the last changes."""
         if len(self.changes) < 2 or min(self.changes[-_LOOKED_AT:]) < EXACT_DB:
             return None, self.changes[-1]
-        steepest = _DOUBLING_DB * (ORDERS.get(self.setting.method or "") or 2)
+        steepest = _DOUBLING_DB * (order_of(self.setting.method))
         row = [self.changes[0]]
         for change in self.changes[1:]:
             row.append(max(change, row[-1] - steepest))

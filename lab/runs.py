@@ -7,42 +7,39 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ergon import _core
 from ergon.lab.metrics import Floats
-from ergon.lab.names import METHODS, PRECISIONS
+from ergon.lab.names import PRECISIONS
 from ergon.lab.scene import Scene
+
+if TYPE_CHECKING:
+    from ergon.lab.names import Method
 
 _BLOCK = 512  # frames heard between two looks at the clock
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """How to compute. Method None is the planner's own choice, with all that belongs to it."""
+    """How to compute. Method None is the planner's own choice, with all that belongs to it.
+
+    The planner may be given an error of the waveform, `budget_db`; without one it plans by ear.
+    """
 
     method: str | None = "ca"
     oversampling: int = 1
     precision: str = "f64"
+    budget_db: float | None = None
 
     def __str__(self) -> str:
-        """`ca ×4`, `ca ×4 f32`, `planner`."""
+        """`ca ×4`, `ca ×4 f32`, `planner`, `planner -60 dB`."""
         if self.method is None:
-            return "planner"
+            return "planner" if self.budget_db is None else f"planner {self.budget_db:g} dB"
         precision = "" if self.precision == "f64" else f" {self.precision}"
         return f"{self.method} ×{self.oversampling}{precision}"
-
-
-def methods() -> tuple[str, ...]:
-    """Methods that this engine may be asked for; a scene may still refuse one."""
-    return METHODS
-
-
-def precisions() -> tuple[str, ...]:
-    """Precisions that this engine may be asked for."""
-    return PRECISIONS
 
 
 class Run:
@@ -85,13 +82,20 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     Raises EngineError where the engine refuses (UnstableError where it would diverge); `unchecked`
     lets the CA scheme run all the same. Raises StageError where the score itself is at fault.
     """
+    if setting.precision not in PRECISIONS:
+        raise _core.EngineError(f"there is no precision {setting.precision}")
     whole = scene.at(scene.rate * setting.oversampling)
     if setting.method == "ca":
         simulation = _core.Simulation(
             whole.network, whole.timeline, ledger=ledger, unchecked=unchecked
         )
         return Run(simulation, setting.oversampling)
-    plan = _core.Plan(whole.network, whole.timeline, method=setting.method)
+    plan = _core.Plan(
+        whole.network,
+        whole.timeline,
+        method=cast("Method | None", setting.method),
+        error_db=setting.budget_db,
+    )
     simulation = _core.Simulation(whole.network, whole.timeline, plan=plan, ledger=ledger)
     chosen = "" if setting.method else describe(plan)
     return Run(simulation, setting.oversampling, chosen)

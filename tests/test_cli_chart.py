@@ -9,8 +9,8 @@ import pytest
 from one_bell import SCORE
 
 from ergon.cli import app
-from ergon.cli.chart import chart
 from ergon.cli.laboratory import FORMS
+from ergon.lab.names import METHODS
 from ergon.lab.pictures import targets
 
 HARD = """\
@@ -44,11 +44,11 @@ def test_a_chart_of_a_bell(here: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert app.run(["chart", "bell.yaml", "--seconds", "0.3", "--upto", "4"]) == 0
     out, err = capsys.readouterr()
     assert "ca ×4" in out
-    assert "reference: ca ×16" in out
+    assert f"reference: {METHODS[0]} ×16" in out  # a contact: no method is exact
     assert err.splitlines() == [f"wrote bell-chart.{form}" for form in FORMS]
     points = rows(here / "bell-chart.csv")
     assert [(p["method"], p["oversampling"]) for p in points] == [
-        ("ca", "1"), ("ca", "2"), ("ca", "4")
+        *((method, times) for method in METHODS for times in ("1", "2", "4")), ("planner", "1")
     ]  # fmt: skip
     assert all(float(p["cost"]) > 0 and float(p["waveform_db"]) < 0 for p in points)
     # Ours may be made again, in any of its names.
@@ -61,10 +61,11 @@ def test_a_chart_of_a_bell(here: Path, capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_failures_are_in_the_chart(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["chart", "hard.yaml", "--seconds", "0.1", "-o", "out/x", "--json"]) == 0
+    typed = ["chart", "hard.yaml", "--seconds", "0.1", "-o", "out/x", "--json", "--methods", "ca"]
+    assert app.run(typed) == 0
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     points = [record for record in records if record["event"] == "point"]
-    assert [p["status"] for p in points] == ["refused", "ok", "ok", "ok"]
+    assert [p["status"] for p in points] == ["refused", "ok", "ok", "ok", "ok"]
     assert "b.a" in points[0]["reason"]
     assert points[0]["cost"] is None
     assert records[-1]["event"] == "reference"
@@ -77,17 +78,36 @@ def test_where_nothing_runs_twice_the_table_says_why(
 ) -> None:
     text = HARD.replace("10000kN/m", "1e7kN/m")
     (here / "harder.yaml").write_text(text)
-    assert app.run(["chart", "harder.yaml", "--seconds", "0.1", "--upto", "2"]) == 1
+    assert (
+        app.run(["chart", "harder.yaml", "--seconds", "0.1", "--upto", "2", "--methods", "ca"]) == 1
+    )
     assert "the table says why" in capsys.readouterr().err
-    assert {p["status"] for p in rows(here / "harder-chart.csv")} == {"refused"}
+    found = {p["method"]: p["status"] for p in rows(here / "harder-chart.csv")}
+    assert found == {"ca": "refused", "planner": "ok"}
+
+
+def test_what_the_planner_takes_for_an_error_is_one_point_more(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = ["chart", "hard.yaml", "--seconds", "0.1", "--methods", "modal", "--upto", "2"]
+    assert app.run([*typed, "--error", "-60dB", "--json"]) == 0
+    records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    points = [record for record in records if record["event"] == "point"]
+    assert [(p["method"], p["budget_db"]) for p in points] == [
+        ("modal", None), ("modal", None), ("planner", None), ("planner", -60.0)
+    ]  # fmt: skip
+    assert [p["reason"] for p in points[2:]] == ["b: modes", "b: modes"]
+    assert records[-1]["setting"] == "modal ×2"  # exact: there is nothing to refine
 
 
 @pytest.mark.parametrize(
     ("typed", "code", "said"),
     [
-        (["chart", "bell.yaml", "--methods", "ca,bm5"], 2, "did you mean 'bm4'?"),
+        (["chart", "bell.yaml", "--methods", "ca,model"], 2, "did you mean 'modal'?"),
         (["chart", "bell.yaml", "--metric", "beauty"], 2, "waveform"),
         (["chart", "bell.yaml", "--seconds", "0.05", "--upto", "2"], 2, "nothing sounds"),
+        (["chart", "bell.yaml", "--error", "60"], 2, "--error"),
+        (["chart", "bell.yaml", "--error", "3dB"], 2, "no less than the sound itself"),
         (["chart", "none.yaml"], 1, "none.yaml"),
         (["chart", "wrong.yaml"], 1, "E1"),
         (["chart", "bell.yaml", "-o", "mine"], 2, "was not made by ergon"),
@@ -151,13 +171,3 @@ def test_maps_of_a_score(here: Path, capsys: pytest.CaptureFixture[str]) -> None
     table = {(row["x"], row["y"]): row for row in rows(here / "hard-stability.csv")}
     assert table["1", "1"]["certified"] == table["1", "1"]["stable"] == "no"
     assert table["1", "2"]["certified"] == table["1", "2"]["stable"] == "yes"
-
-
-def test_a_method_that_this_engine_has_not(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from ergon.lab import runs
-
-    if "bm4" in runs.methods():
-        pytest.skip("this engine has it")
-    assert app.run(["stability", "--method", "bm4"]) == 2
-    assert "no method 'bm4'" in capsys.readouterr().err
-    assert chart.name == "chart"

@@ -1,7 +1,6 @@
 """Charts: orders that are known come out, references know their own error, failures are shown."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +8,7 @@ import pytest
 from ergon import _core
 from ergon.lab import canonical, chart, chart_table, runs
 from ergon.lab.metrics import waveform_db
+from ergon.lab.names import METHODS, PRECISIONS
 from ergon.lab.reference import doubts, ladder, refine, steps
 from ergon.lab.runs import Setting
 from ergon.lab.scene import Bare, Score
@@ -22,7 +22,7 @@ def silent(done: int) -> None:
 
 
 def grid(upto: int) -> list[Setting]:
-    return chart.settings(("ca",), ("f64",), upto, False)
+    return chart.settings(("ca",), ("f64",), upto)
 
 
 def sounds(scene: Bare, upto: int, n_frames: int) -> dict[Setting, np.ndarray]:
@@ -56,43 +56,45 @@ def test_a_run_that_is_rewound_repeats_itself():
     assert np.array_equal(run.frames(700), first)
 
 
-def test_what_this_engine_cannot_do_is_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delattr(_core, "Plan", raising=False)
-    assert runs.methods() == ("ca",)
-    assert runs.precisions() == ("f64",)
-    for setting in (Setting("bm4"), Setting("ca", 1, "f32"), Setting(None)):
-        with pytest.raises(_core.EngineError, match="no "):
+def test_what_this_engine_cannot_do_is_refused():
+    for setting, said in (
+        (Setting("bm5"), "bm5"),
+        (Setting("ca", 1, "f8"), "no precision f8"),
+        (Setting(None, budget_db=3.0), "error_db cannot be 3"),
+        (Setting("modal", budget_db=-60.0), "ask for a method, for error_db"),
+    ):
+        with pytest.raises(_core.EngineError, match=said):
             runs.start(canonical.coupled(0.1), setting)
 
 
-def test_a_planner_is_asked_for_what_is_wanted(monkeypatch: pytest.MonkeyPatch):
-    """The one place that knows the planner's signature: plan, then a simulation by that plan."""
-    asked: list[dict[str, Any]] = []
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_runs_what_is_linear_and_what_is_not(method: str):
+    """And comes nearer to what the CA scheme says a hundred times finer."""
+    for scene, db in ((canonical.coupled(0.1), -30.0), (canonical.contact(0.1), -20.0)):
+        truth = runs.start(scene, Setting("ca", 128)).frames(2205)
+        found = runs.start(scene, Setting(method, 8)).frames(2205)
+        assert waveform_db(found, truth) < db
 
-    class Plan:
-        def __init__(self, network: object, timeline: object, **wishes: object) -> None:
-            asked.append(wishes)
-            if wishes.get("method") == "ieq":
-                raise _core.EngineError("ieq is for contacts")
-            self.rows = [{"part": "pair", "method": "modal", "oversampling": 1}]
 
-    plain = _core.Simulation
-
-    def simulation(network: Any, timeline: Any, *, plan: Plan, threads: int, ledger: bool) -> Any:
-        assert threads == 1
-        return plain(network, timeline, ledger=ledger)
-
-    monkeypatch.setattr(_core, "Plan", Plan, raising=False)
-    monkeypatch.setattr(_core, "Simulation", simulation)
-    wanted = [*chart.settings(("ca", "ieq"), ("f64", "f32"), 2, runs.has_planner())]
+def test_the_planners_choice_is_in_the_chart():
+    """By ear two cells and what joins them are two modes; nothing is left to be better at."""
+    wanted = [*chart.settings(METHODS, PRECISIONS, 4), *chart.planned(-60.0)]
     found = chart.measure(canonical.coupled(0.1), wanted, 0.1, "waveform", silent)
-    assert {"method": "ca", "oversampling": 2, "precision": "f32"} in asked
-    assert {} in asked
     points = {str(p.setting): p for p in found.points}
-    assert points["ieq ×1"].status == "refused"
-    assert points["ieq ×1"].reason == "ieq is for contacts"
-    assert points["planner"].reason == "pair modal ×1"
-    assert points["planner"].waveform_db == -math.inf
+    assert list(points)[-2:] == ["planner", "planner -60 dB"]
+    by_ear, budgeted = points["planner"], points["planner -60 dB"]
+    assert by_ear.reason == budgeted.reason == "pair: modes"
+    for point in (by_ear, budgeted):
+        assert point.waveform_db is not None
+        assert point.waveform_db < -200.0
+        assert not point.on_front  # a star is the planner's, the front is of what one may ask for
+    assert found.reference is not None
+    assert found.reference.setting.method == "modal"
+    assert found.doubts == ()
+    head, *rows = (fields for fields in chart_table.csv(found, "x", "y").splitlines()
+                   if not fields.startswith("#"))  # fmt: skip
+    assert head.startswith("method,oversampling,precision,budget_db,status")
+    assert rows[-1].startswith("planner,1,f64,-60,ok")
 
 
 # --- orders and references ----------------------------------------------------------------------

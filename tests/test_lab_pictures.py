@@ -20,6 +20,7 @@ POINTS = [
     Point(Setting("ca", 8), "ok", "", 0.04, waveform_db=-40.0, cents=0.2),
     Point(Setting("bm4", 1, "f32"), "ok", "", 0.02, waveform_db=-90.0, cents=0.0, on_front=True),
     Point(Setting(None), "ok", "bell modal ×1", 0.005, waveform_db=-80.0, cents=0.0),
+    Point(Setting(None, budget_db=-60.0), "ok", "bell", 0.004, waveform_db=-70.0, cents=0.1),
 ]
 
 
@@ -41,6 +42,7 @@ def test_a_chart_is_the_same_picture_every_time(tmp_path: Path, metric: str):
     assert "ca ×1: refused" in text
     assert "ca ×4: diverged" in text
     assert "the planner's choice" in text
+    assert "the planner's choice for -60 dB" in text
     assert "bell modal ×1" in text
     assert "best for its cost" in text
     assert "<dc:date>" not in text
@@ -64,7 +66,9 @@ def test_a_table_of_a_chart_holds_the_reasons():
     assert (rows[0]["cost"], rows[0]["cents"]) == ("", "")
     assert (rows[1]["cost"], rows[1]["waveform_db"], rows[1]["on_front"]) == ("0.01", "-20", "yes")
     assert rows[4]["precision"] == "f32"
-    assert rows[5]["method"] == "planner"
+    assert [(row["method"], row["budget_db"]) for row in rows[5:]] == [
+        ("planner", ""), ("planner", "-60")
+    ]  # fmt: skip
 
 
 def test_values_of_a_table():

@@ -1,6 +1,6 @@
 """Paths of written gestures and the dense ergons that move a free key along them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -41,6 +41,21 @@ def path(
         out[inside] = part(np.clip(when[inside] - t[i - 1], 0.0, t[j] - t[i - 1]))
         i = j + 1
     return out
+
+
+def pushing(
+    t: Sequence[float], x: Sequence[float], M: float, K: float, Z: float
+) -> Callable[[float], float]:
+    """The force [N] at a time that leads a free CEL along a smooth run; none before and after."""
+    part = make_interp_spline(t, x, k=5, bc_type=AT_REST)
+    speed, acceleration = part.derivative(1), part.derivative(2)
+
+    def force(at: float) -> float:
+        if not t[0] <= at <= t[-1]:
+            return 0.0
+        return float(M * acceleration(at) + Z * speed(at) + K * part(at))
+
+    return force
 
 
 def ergons(

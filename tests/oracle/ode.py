@@ -1,5 +1,7 @@
 """Non-linear scenes by DOP853, the eighth-order Runge-Kutta of Dormand and Prince."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -7,8 +9,16 @@ from oracle.laws import law
 from oracle.scene import Scene
 
 
-def solve(scene: Scene, when: np.ndarray, rtol: float = 1e-13) -> np.ndarray:
-    """State (x and v of every MAT) at `when` [s]: (2, len(when), n_mat). Undriven scenes."""
+def solve(
+    scene: Scene,
+    when: np.ndarray,
+    rtol: float = 1e-13,
+    push: Callable[[float], np.ndarray] | None = None,
+) -> np.ndarray:
+    """State (x and v of every MAT) at `when` [s]: (2, len(when), n_mat). Undriven scenes.
+
+    `push`: forces on all MATs at a time.
+    """
     n = len(scene.mats)
     mass = np.array([p.M for p in scene.mats])
     ground = np.array([(p.K, p.Z, p.rest) for p in scene.mats])
@@ -29,8 +39,9 @@ def solve(scene: Scene, when: np.ndarray, rtol: float = 1e-13) -> np.ndarray:
             f[link.b] -= pull
         return f
 
-    def rate(_: float, y: np.ndarray) -> np.ndarray:
-        return np.concatenate([y[n:], force(y[:n], y[n:]) / mass])
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        f = force(y[:n], y[n:])
+        return np.concatenate([y[n:], (f if push is None else f + push(t)) / mass])
 
     start = np.array([[p.X0 for p in scene.mats], [p.V0 for p in scene.mats]]).ravel()
     done = solve_ivp(rate, (when[0], when[-1]), start, "DOP853", when, rtol=rtol, atol=1e-16)

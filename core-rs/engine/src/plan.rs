@@ -11,6 +11,7 @@ mod choice;
 mod cost;
 mod islands;
 mod linear;
+mod loud;
 mod make;
 mod mesh;
 mod modes;

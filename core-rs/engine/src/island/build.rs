@@ -50,7 +50,11 @@ impl Island {
             fuse(&mut scheme, &network, &scripts);
         }
         let laws = scheme.laws();
-        let pushes = pushes(&network, timeline);
+        // What contacts do within a frame is added to a motion that is a CEL's own.
+        let touches = |mat| fine.as_ref().map_or(0, |fine| fine.touches(mat));
+        let pushes = pushes(&network, timeline, |mat| {
+            network.degree(mat) == touches(mat)
+        });
         let mut ergons = timeline.ergons.clone();
         ergons.sort_by_key(|ergon| frame(ergon.at, timeline.rate.hertz()));
         let ledger = options
@@ -183,7 +187,10 @@ fn join(
 /// What is heard of a network that rests where it is, (n_out).
 pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
     let x = network.mats().x0.clone();
-    let body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
+    let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
+    // What presses may be heard too, though it moves nothing.
+    crate::kernel::links(scheme, &[], &mut body, &mut scheme.laws());
+    crate::kernel::contacts(scheme, &[], &[], &mut body);
     crate::kernel::tap(scheme, &body, heard);
 }
 

@@ -98,6 +98,14 @@ impl Fine {
         }
     }
 
+    /// How many of its contacts end on a MAT.
+    pub(super) fn touches(&self, mat: usize) -> u32 {
+        let contacts = self.script.contacts.iter();
+        contacts
+            .map(|run| u32::from(run.a == mat) + u32::from(run.b == mat))
+            .sum()
+    }
+
     /// Forces that the frame before left to this one.
     pub(super) fn carry(&mut self, body: &mut Body) {
         for (joint, later) in self.script.joints.iter().zip(&mut self.later) {

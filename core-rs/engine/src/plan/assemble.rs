@@ -16,6 +16,7 @@ use crate::timeline::Timeline;
 use crate::units::Rate;
 
 /// An island that can be played.
+#[derive(Clone)]
 pub(super) struct Assembled {
     pub(super) isle: Isle,
     pub(super) bodies: Vec<Found>,

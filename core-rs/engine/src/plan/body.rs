@@ -6,12 +6,16 @@ use super::BankPlan;
 use super::budget::Budget;
 use super::cells::hear;
 use super::linear::NoModes;
+use super::loud::Loudness;
 use super::modes::{Modes, Row};
 use super::truncate::{self, Kept};
 use crate::bank::{Oscillator, Strikes};
 use crate::network::{Network, Subset, Term};
 use crate::timeline::{Timeline, frame, whole};
 use crate::units::Rate;
+
+/// Modes are asked to be quieter by at least so much at a time [dB].
+const LEAST: f64 = 2.0;
 
 /// A body as a bank.
 pub(super) struct Body {
@@ -48,14 +52,10 @@ pub(super) fn bank(
         return Err(why);
     }
     let (seen, felt) = modes.shapes.split_at(n_out);
-    let given: Vec<Vec<f64>> = strikes
-        .values()
-        .map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
-        .collect();
     let kept = match pinned {
         Some([kept]) => Kept::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
         Some(_) => return Err(NoModes::Pinned),
-        None => truncate::keep(&modes, seen, felt, &given, budget, rate),
+        None => keep(&modes, seen, felt, &strikes, budget, rate),
     };
     let rest = (0..n_out)
         .map(|output| {
@@ -67,11 +67,86 @@ pub(super) fn bank(
             still + held[output]
         })
         .collect();
+    Ok(Body {
+        bank: bank_of(
+            &modes,
+            &kept.modes,
+            [seen, felt],
+            &subset.outputs,
+            &strikes,
+            rate,
+        ),
+        rest,
+        modes: modes.len(),
+        kept,
+    })
+}
+
+/// Strikes on each MAT: frame, part of a frame after it, impulse [N·s].
+type Blows = BTreeMap<u32, Vec<(u64, f64, f64)>>;
+
+/// The modes that stay: those that sums of energies tell, tested by ear.
+fn keep(
+    modes: &Modes,
+    seen: &[Vec<f64>],
+    felt: &[Vec<f64>],
+    strikes: &Blows,
+    budget: &Budget,
+    rate: Rate,
+) -> Kept {
+    let given: Vec<Vec<f64>> = strikes
+        .values()
+        .map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
+        .collect();
+    let mut allowed = budget.left_out();
+    let mut kept = truncate::keep(modes, seen, felt, &given, allowed, budget, rate);
+    let Some(most) = allowed else {
+        return kept;
+    };
+    let bent = |mode: usize| modes.x0[mode] != modes.rest[mode] || modes.v0[mode] != 0.0;
+    let frames = strikes.values().flatten().map(|&(frame, _, _)| frame);
+    let first = frames.min().filter(|_| !(0..modes.len()).any(bent));
+    let outputs: Vec<u32> = (0..seen.len() as u32).collect();
+    let loudness = |some: &[usize]| {
+        let bank = bank_of(modes, some, [seen, felt], &outputs, strikes, rate);
+        Loudness::of(bank, outputs.len(), rate, first.unwrap_or(0))
+    };
+    let mut all = None;
+    loop {
+        let stays = |mode: &usize| kept.modes.binary_search(mode).is_ok();
+        let is_heard = |mode: &usize| modes.pitch(*mode, rate).0 <= budget.highest();
+        let fallen: Vec<usize> = (0..modes.len())
+            .filter(|mode| !stays(mode) && is_heard(mode))
+            .collect();
+        if fallen.is_empty() {
+            kept.left_out = None;
+            return kept;
+        }
+        let all = all.get_or_insert_with(|| loudness(&(0..modes.len()).collect::<Vec<_>>()));
+        let loud = loudness(&fallen).beside(all);
+        kept.left_out = Some(loud);
+        if loud <= most {
+            return kept;
+        }
+        allowed = allowed.map(|db| db - (loud - most).max(LEAST));
+        kept = truncate::keep(modes, seen, felt, &given, allowed, budget, rate);
+    }
+}
+
+/// Some of the modes as a bank.
+fn bank_of(
+    modes: &Modes,
+    some: &[usize],
+    [seen, felt]: [&[Vec<f64>]; 2],
+    outputs: &[u32],
+    strikes: &Blows,
+    rate: Rate,
+) -> BankPlan {
     let mut bank = BankPlan::default();
-    for &mode in &kept.modes {
+    for &mode in some {
         let ratios = modes.ratios(mode, rate);
         let mut own = Vec::new();
-        for (row, &output) in seen.iter().zip(&subset.outputs) {
+        for (row, &output) in seen.iter().zip(outputs) {
             hear(&mut own, output, row[mode]);
         }
         bank.oscillators.push(Oscillator {
@@ -83,29 +158,24 @@ pub(super) fn bank(
             blows: Vec::new(),
         });
     }
-    for (shape, blows) in felt.iter().zip(strikes.into_values()) {
+    for (shape, blows) in felt.iter().zip(strikes.values()) {
         bank.strikes.push(Strikes {
-            among: 0..kept.modes.len(),
+            among: 0..some.len(),
             cells: if modes.is_discrete {
                 Vec::new()
             } else {
-                kept.modes.iter().map(|&mode| modes.cell(mode)).collect()
+                some.iter().map(|&mode| modes.cell(mode)).collect()
             },
-            share: kept.modes.iter().map(|&mode| shape[mode]).collect(),
+            share: some.iter().map(|&mode| shape[mode]).collect(),
             w: if modes.is_discrete {
                 1.0
             } else {
                 rate.step() * rate.step()
             },
-            blows,
+            blows: blows.clone(),
         });
     }
-    Ok(Body {
-        bank,
-        rest,
-        modes: modes.len(),
-        kept,
-    })
+    bank
 }
 
 /// Strikes on each MAT of a timeline that `is_ours`: frame, part of a frame after it, impulse; rising. In a
@@ -115,8 +185,8 @@ pub(super) fn blows(
     rate: Rate,
     is_ours: impl Fn(u32) -> bool,
     is_discrete: bool,
-) -> BTreeMap<u32, Vec<(u64, f64, f64)>> {
-    let mut found: BTreeMap<u32, Vec<(u64, f64, f64)>> = BTreeMap::new();
+) -> Blows {
+    let mut found = Blows::new();
     for strike in timeline.strikes.iter().filter(|strike| is_ours(strike.mat)) {
         let at = strike.at * rate.hertz();
         let (frame, alpha) = if is_discrete {

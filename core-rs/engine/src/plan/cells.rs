@@ -75,7 +75,7 @@ pub(super) fn oscillators(
             }
         }
     }
-    for push in pushes(network, timeline) {
+    for push in pushes(network, timeline, |_| true) {
         let mat = push.mat as usize;
         all[mat].blows.push(Blow {
             frame: push.frame,

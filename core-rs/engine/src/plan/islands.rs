@@ -78,6 +78,8 @@ pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
         let island = &mut found[index[forest.root(own)] as usize];
         island.links.push(link as u32);
         island.is_heard |= heard.links[link];
+        // Its force comes and goes, even between two points that never move.
+        island.is_moved |= heard.links[link] && timeline.gates.iter().any(|gate| gate.link == link);
         if is_free[own] && !is_free[other] {
             island.guests.push(other as u32);
             island.is_moved |= moved[other];

@@ -86,7 +86,7 @@ pub(super) fn mesh(
         .filter(|strike| local(strike.mat).is_some());
     let mut struck = Timeline::new(rate);
     struck.strikes = ours.copied().collect();
-    let strikes = pushes(network, &struck)
+    let strikes = pushes(network, &struck, |mat| network.degree(mat) == 0)
         .into_iter()
         .map(|push| Some((push.frame, local(push.mat)?, push.force * rate.step())));
     Some(Mesh {

@@ -26,8 +26,15 @@ const WORTH: f64 = 0.5;
 const LEAST: usize = 2;
 /// An island is stepped at most so often a frame.
 const TIMES_MAX: u32 = 8;
+/// So often fewer modes are tried, each time quieter ones by at least so much [dB].
+const TRIES: usize = 4;
+const QUIETER: f64 = 2.0;
 /// Frames between two looks at the modes.
 const LOOK: usize = 64;
+/// Error of a contact falls with the square of the step at best, with its first power where damping jumps.
+const ORDERS: (f64, f64) = (1.0, 2.0);
+/// By so much an error of order 1 falls with a doubling [dB].
+const DOUBLING: f64 = 6.02;
 
 /// An island with what its budget asks for, and the error that is left: [dB], over so many seconds from the start.
 pub(super) struct Found {
@@ -91,35 +98,79 @@ pub(super) fn pilot(
     }
     let seconds = n_frames as f64 * f64::from(times) / island.isle.timeline.rate.hertz();
     let mut found = contacts(&island.isle, budget, n_frames)?;
-    let mut error = found.error;
+    let (mut error, mut last) = (found.error, None);
+    let n_out = island.isle.network.outputs().len();
     while times < TIMES_MAX && is_worth(&island.isle, 3 * n_frames) {
         let Ok(finer) = assemble(2 * times) else {
             break;
         };
         let steps = (found.steps / 2).max(1);
         let take = play(&finer.isle, steps, n_frames)?;
-        // Of second order: what it differs from the truth by is four thirds of what it differs from half the
-        // step by.
-        let own = difference(&found.take.sound, &take.sound) + 20.0 * log10(4.0 / 3.0);
+        let change = difference(&found.take.sound, &take.sound, n_out);
+        let (own, _) = errors(change, last);
+        last = Some(change);
         error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
-        let Budget::Error(db) = *budget else { break };
-        if own <= db {
+        let Budget::Error(_) = *budget else { break };
+        // Contacts and modes have their share too.
+        if own <= budget.contact() {
             break;
         }
         times *= 2;
         island = finer;
         (found.steps, found.take) = (steps, take);
     }
-    let kept = island.isle.bodies.iter().zip(&found.take.squares);
-    let kept = kept.map(|(body, squares)| match body {
-        Inside::Modal(modal) => keep(&island.isle, modal, squares, budget),
-        Inside::Mesh(_) => Kept::none(),
-    });
-    let kept = kept.collect();
     Ok(Found {
-        island: island.only(found.steps, kept),
+        island: fewer(&island, &found, n_frames, budget)?,
         error: error.map(|db| (db, seconds)),
     })
+}
+
+/// An island without the modes that are not heard: those that energies tell, then tested by ear.
+fn fewer(
+    island: &Assembled,
+    found: &Contacts,
+    n_frames: usize,
+    budget: &Budget,
+) -> Result<Assembled, Error> {
+    let with = |allowed: Option<f64>| {
+        let bodies = island.isle.bodies.iter().zip(&found.take.squares);
+        let kept = bodies.map(|(body, squares)| match body {
+            Inside::Modal(modal) => keep(&island.isle, modal, squares, allowed, budget),
+            Inside::Mesh(_) => Kept::none(),
+        });
+        island.clone().only(found.steps, kept.collect())
+    };
+    let count = |island: &Assembled| island.isle.bodies.iter().map(modes).sum::<usize>();
+    let Some(most) = budget.left_out() else {
+        return Ok(with(None));
+    };
+    if !is_worth(&island.isle, 2 * n_frames) {
+        return Ok(with(Some(most)));
+    }
+    // What nobody can hear is no error.
+    let all = with(None);
+    let sound = if count(&all) == count(island) {
+        found.take.sound.clone()
+    } else {
+        play(&all.isle, found.steps, n_frames)?.sound
+    };
+    let n_out = island.isle.network.outputs().len();
+    let mut allowed = most;
+    for _ in 0..TRIES {
+        let mut fewer = with(Some(allowed));
+        if count(&fewer) == count(&all) {
+            break;
+        }
+        let take = play(&fewer.isle, found.steps, n_frames)?;
+        let loud = difference(&take.sound, &sound, n_out);
+        if loud <= most {
+            let bodies = fewer.bodies.iter_mut();
+            bodies.for_each(|body| body.left_out = body.left_out.map(|_| loud));
+            return Ok(fewer);
+        }
+        allowed -= (loud - most).max(QUIETER);
+    }
+    Ok(all)
 }
 
 /// How finely contacts are computed: as finely as it takes for twice as often to make no difference.
@@ -139,21 +190,20 @@ fn contacts(isle: &Isle, budget: &Budget, n_frames: usize) -> Result<Contacts, E
         });
     }
     let aim = budget.contact();
-    let mut steps = LEAST;
+    let n_out = isle.network.outputs().len();
+    let (mut steps, mut last) = (LEAST, None);
     let mut take = play(isle, steps, n_frames)?;
     loop {
         let finer = play(isle, 2 * steps, n_frames)?;
-        // The error falls with the square of the step: S is off by four thirds of what S and 2S differ by, 2S by
-        // a third.
-        let apart = difference(&take.sound, &finer.sound);
-        let own = apart + 20.0 * log10(4.0 / 3.0);
-        if own <= aim || 2 * steps >= Budget::STEPS_MAX {
+        let change = difference(&take.sound, &finer.sound, n_out);
+        let (own, left) = errors(change, last);
+        last = Some(change);
+        if own <= aim {
             let error = Some(own);
             return Ok(Contacts { steps, error, take });
         }
         (steps, take) = (2 * steps, finer);
-        let left = apart - 20.0 * log10(3.0);
-        if left <= aim {
+        if left <= aim || 2 * steps > Budget::STEPS_MAX {
             let error = Some(left);
             return Ok(Contacts { steps, error, take });
         }
@@ -244,19 +294,44 @@ fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
     Ok(Take { sound, squares })
 }
 
-/// ‖a − b‖ / ‖b‖ [dB].
-fn difference(a: &[f64], b: &[f64]) -> f64 {
-    let apart: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
-    let whole: f64 = b.iter().map(|b| b * b).sum();
-    20.0 * log10(sqrt(apart / whole.max(f64::MIN_POSITIVE)).max(1e-15))
+/// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
+/// the highest order is luck, for it matters where between two instants a contact closes.
+fn errors(change: f64, last: Option<f64>) -> (f64, f64) {
+    let (least, most) = ORDERS;
+    let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
+    let order = last.map_or(least, |last| {
+        ((last - believed) / DOUBLING).clamp(least, most)
+    });
+    let falls = pow(2.0, order);
+    (
+        believed + 20.0 * log10(falls / (falls - 1.0)),
+        believed - 20.0 * log10(falls - 1.0),
+    )
+}
+
+/// ‖a − b‖ / ‖b‖ [dB] of the output where it is worst; that something stands aside is no sound.
+fn difference(a: &[f64], b: &[f64], n_out: usize) -> f64 {
+    let of = |output: usize| {
+        let own =
+            |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
+        let (a, b) = (own(a), own(b));
+        let mean = b.iter().sum::<f64>() / b.len() as f64;
+        let apart: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
+        let whole: f64 = b.iter().map(|b| (b - mean) * (b - mean)).sum();
+        if apart > 0.0 { apart / whole } else { 0.0 }
+    };
+    let worst = (0..n_out).map(of).fold(0.0, f64::max);
+    20.0 * log10(sqrt(worst).max(1e-15))
 }
 
 /// The modes of a body that its outputs hear and its ports feel.
-fn keep(isle: &Isle, body: &Modal, squares: &[f64], budget: &Budget) -> Kept {
+fn keep(isle: &Isle, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> Kept {
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();
-    let mut kept = choose(squares, &rows, budget, |mode| body.frequency(mode));
+    let mut kept = choose(&ways(body, squares), &rows, allowed, budget, |mode| {
+        body.frequency(mode)
+    });
     let Some(db) = budget.left_out() else {
         return kept;
     };
@@ -282,6 +357,21 @@ fn keep(isle: &Isle, body: &Modal, squares: &[f64], budget: &Budget) -> Kept {
     }
     kept.modes.sort_unstable();
     kept
+}
+
+/// Ways that modes get their energies: what the pilot heard, and what may come after it. That is a strike on
+/// every place that is struck at all, and a touch of a port that may not have been touched.
+fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
+    let by = |shape: &Vec<f64>| -> Vec<f64> {
+        let each = shape.iter().enumerate();
+        each.map(|(mode, share)| share * share * body.compliance(mode))
+            .collect()
+    };
+    let is_told = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
+    let ports = body.ports.iter().filter(|_| !is_told);
+    let struck = body.struck.iter().map(|struck| by(&struck.shape));
+    let touched = ports.map(|port| by(&port.shape));
+    struck.chain(touched).chain([squares.to_vec()]).collect()
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].

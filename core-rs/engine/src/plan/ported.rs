@@ -30,6 +30,7 @@ pub(super) struct Cut {
 }
 
 /// A body that was found.
+#[derive(Clone)]
 pub(super) struct Found {
     pub(super) inside: Inside,
     /// MATs and LIAs that are no longer stepped.

@@ -50,6 +50,7 @@ pub(super) fn keep(
     heard: &[Vec<f64>],
     felt: &[Vec<f64>],
     blows: &[Vec<f64>],
+    allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> Kept {
@@ -57,30 +58,37 @@ pub(super) fn keep(
         .map(|mode| energy(modes, felt, blows, mode, rate))
         .collect();
     let rows: Vec<&[f64]> = heard.iter().map(Vec::as_slice).collect();
-    choose(&own, &rows, budget, |mode| modes.pitch(mode, rate).0)
+    choose(&[own], &rows, allowed, budget, |mode| {
+        modes.pitch(mode, rate).0
+    })
 }
 
-/// Keep the loudest of modes with the energies `own`, so that for every row that sees them those that fall stay
-/// below the budget together.
+/// Keep the loudest of modes, so that for every row that sees them those that fall stay together below what is
+/// `allowed` [dB], whichever of some `ways` they get their energies   (n_ways, n_modes).
 pub(super) fn choose(
-    own: &[f64],
+    ways: &[Vec<f64>],
     rows: &[&[f64]],
+    allowed: Option<f64>,
     budget: &Budget,
     frequency: impl Fn(usize) -> f64,
 ) -> Kept {
-    let n = own.len();
-    let energy = |row: &[f64], mode: usize| own[mode] * row[mode] * row[mode];
-    let total = |row: &&[f64]| (0..n).map(|mode| energy(row, mode)).sum();
-    let totals: Vec<f64> = rows.iter().map(total).collect();
+    let n = ways.first().map_or(0, Vec::len);
     // A mode's loudness where it is loudest.
-    let loudness = |mode: usize| {
-        let seen = rows.iter().zip(&totals).filter(|(_, total)| **total > 0.0);
-        seen.map(|(row, total)| energy(row, mode) / total)
-            .fold(0.0, f64::max)
-    };
-    let mut by_loudness: Vec<(f64, usize)> = (0..n).map(|mode| (loudness(mode), mode)).collect();
+    let mut most = vec![0.0_f64; n];
+    for (own, row) in ways
+        .iter()
+        .flat_map(|own| rows.iter().map(move |row| (own, row)))
+    {
+        let energy = |mode: usize| own[mode] * row[mode] * row[mode];
+        let total: f64 = (0..n).map(energy).sum();
+        if total > 0.0 {
+            let loudness = most.iter_mut().enumerate();
+            loudness.for_each(|(mode, most)| *most = most.max(energy(mode) / total));
+        }
+    }
+    let mut by_loudness: Vec<(f64, usize)> = most.into_iter().zip(0..).collect();
     by_loudness.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let allowed = budget.left_out().map(|db| pow(10.0, db / 10.0));
+    let allowed = allowed.map(|db| pow(10.0, db / 10.0));
     let (mut stays, mut fallen) = (Vec::new(), 0.0);
     for (loudness, mode) in by_loudness {
         let is_unheard = frequency(mode) > budget.highest();

@@ -20,10 +20,14 @@ pub(crate) struct Push {
 
 /// The forces of all strikes, by rising frame.
 ///
-/// On a key and under `ca` a strike acts in one step. An isolated CEL takes it between samples so that
+/// On a key and under `ca` a strike acts in one step. A CEL that `is_alone` takes it between samples so that
 /// every later sample is exact; any other MAT by the linear split, which keeps the impulse and
 /// its first moment.
-pub(crate) fn pushes(network: &Network, timeline: &Timeline) -> Vec<Push> {
+pub(crate) fn pushes(
+    network: &Network,
+    timeline: &Timeline,
+    is_alone: impl Fn(usize) -> bool,
+) -> Vec<Push> {
     let (rate, mats) = (timeline.rate, network.mats());
     let mut is_whole: Vec<bool> = network
         .parts()
@@ -54,7 +58,7 @@ pub(crate) fn pushes(network: &Network, timeline: &Timeline) -> Vec<Push> {
         }
         let n = whole(at * rate.hertz());
         let alpha = (at * rate.hertz() - n as f64).clamp(0.0, 1.0);
-        let [p0, p1] = if mats.kind[mat] == MatKind::Cel && network.degree(mat) == 0 {
+        let [p0, p1] = if mats.kind[mat] == MatKind::Cel && is_alone(mat) {
             Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]).split(impulse, alpha, rate)
         } else {
             [

@@ -108,7 +108,7 @@ fn the_end_of_time_is_no_beginning() {
     assert_eq!(timeline.gates[0].open(1 << 40), 0.0);
     timeline.strike(&network(), 0, 1e300, 1.0, 0).unwrap();
     timeline.ergon(&network(), 0, 1e300, 1e-3, 1.0, 0).unwrap();
-    let pushes = pushes(&network(), &timeline);
+    let pushes = pushes(&network(), &timeline, |_| true);
     assert!(pushes.iter().all(|push| push.frame > 1 << 40));
     assert_eq!(frame(f64::INFINITY, 8_000.0), 1 << 53);
     assert_eq!((frame(-3.0, 8_000.0), frame(f64::NAN, 8_000.0)), (0, 0));
@@ -135,7 +135,7 @@ fn a_strike_keeps_its_impulse_and_its_instant() {
     for at in [0.0, 0.25, 0.5, 7.999_9] {
         let mut timeline = timeline(1_000.0);
         timeline.strike(&network, 0, at * 1e-3, 2e-3, 9).unwrap();
-        let pushes = pushes(&network, &timeline);
+        let pushes = pushes(&network, &timeline, |_| true);
         let sum = |of: &dyn Fn(&Push) -> f64| pushes.iter().map(of).sum::<f64>();
         assert!((sum(&|push| push.force) * 1e-3 - 2e-3).abs() < 1e-15);
         let moment = sum(&|push| push.force * push.frame as f64) * 1e-3;
@@ -154,7 +154,7 @@ fn on_a_key_and_under_ca_a_strike_is_one_step() {
     timeline.strike(&network, discrete, 0.4e-3, 1.0, 0).unwrap();
     timeline.key("k", 2);
     timeline.strike(&network, 2, 0.6e-3, 1.0, 0).unwrap();
-    let seen: Vec<_> = pushes(&network, &timeline)
+    let seen: Vec<_> = pushes(&network, &timeline, |_| true)
         .iter()
         .map(|push| (push.frame, push.force))
         .collect();

@@ -1,0 +1,53 @@
+//! How loud some modes of a body are beside all of them: played, for modes that fade as fast as they swing
+//! hold together or against each other, and no sum of their energies tells.
+
+use super::BankPlan;
+use crate::bank::Bank;
+use crate::maths::log10;
+use crate::units::Rate;
+
+/// Compared over so long, and over two, three … ten times as long, from the first that sounds [s].
+const FIRST: f64 = 0.1;
+const TIMES: usize = 10;
+/// Frames at once.
+const ROOM: usize = 256;
+
+/// Energy that each output heard, up to the end of each span   (TIMES, n_out)
+pub(super) struct Loudness(Vec<Vec<f64>>);
+
+impl Loudness {
+    /// Of a bank that outputs hear by their local index.
+    pub(super) fn of(mut bank: BankPlan, n_out: usize, rate: Rate, from: u64) -> Self {
+        for strikes in &mut bank.strikes {
+            for blow in &mut strikes.blows {
+                blow.0 -= from;
+            }
+        }
+        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, ROOM);
+        let span = (FIRST * rate.hertz()) as usize;
+        let mut sound = vec![0.0; ROOM * n_out];
+        let mut sums = vec![0.0; n_out];
+        let spans = (0..TIMES).map(|_| {
+            for at in (0..span).step_by(ROOM) {
+                let n_frames = ROOM.min(span - at);
+                let sound = &mut sound[..n_frames * n_out];
+                sound.fill(0.0);
+                playing.process(sound, n_out, n_frames);
+                for frame in sound.chunks_exact(n_out.max(1)) {
+                    sums.iter_mut()
+                        .zip(frame)
+                        .for_each(|(sum, x)| *sum += x * x);
+                }
+            }
+            sums.clone()
+        });
+        Self(spans.collect())
+    }
+
+    /// These relative to all, at the output and over the span where they are loudest [dB].
+    pub(super) fn beside(&self, all: &Self) -> f64 {
+        let ratios = self.0.iter().flatten().zip(all.0.iter().flatten());
+        let heard = ratios.filter(|(_, all)| **all > 0.0);
+        10.0 * log10(heard.map(|(some, all)| some / all).fold(1e-40, f64::max))
+    }
+}

@@ -1,0 +1,104 @@
+"""Contacts within an error that is asked for: held against the continuous motion through them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from oracle import bodies, gesture, ode
+from oracle.core import render as plain
+from oracle.planned import error_db, plan, render
+from oracle.scene import Mat, Scene
+
+RATE = 44100.0
+N = 2205
+BUDGETS = (-60.0, -80.0)
+# What an eighth-order method makes of a force with a corner, by its own tolerance.
+RTOL = 1e-11
+
+
+def heard(scene: Scene, x: np.ndarray) -> np.ndarray:
+    return np.stack([sum(w * x[:, i] for _, i, w in taps) for taps in scene.outs], axis=1)
+
+
+def hammer(speed: float = 1.5, gap: float = 0.0, **but: Any) -> Scene:
+    """A hammer flies at a string of eight masses, and leaves it again."""
+    scene = Scene()
+    scene.part("string")
+    mats = bodies.string(scene, "s", masses=8, M=8e-3, f=110.0, t60=2.0)
+    scene.part("hammer")
+    head = scene.mas("h", M=4e-3, X0=-1e-3 - gap, V0=speed)
+    scene.part("links")
+    scene.but("b", head, mats[2], gap=gap, **but)
+    scene.listen("string", positions=[(mats[5], 1.0)])
+    scene.listen("hammer", positions=[(head, 1.0)])
+    return scene
+
+
+HAMMERS: dict[str, dict[str, Any]] = {
+    "soft": {"K": 2e3, "speed": 0.5},
+    "wood": {"K": 2e4},
+    "hard": {"K": 2e5},
+    "felt": {"K": 4e6, "exponent": 1.5},
+    "felt, with a gap": {"K": 4e6, "exponent": 1.5, "gap": 1e-3},
+    "damped": {"K": 2e4, "Z": 1.0},
+    "steel": {"K": 2e6},
+}
+
+
+@pytest.mark.parametrize("db", BUDGETS)
+@pytest.mark.parametrize("name", HAMMERS)
+def test_a_hammer_on_a_string_is_within_its_budget(name: str, db: float):
+    scene = hammer(**HAMMERS[name])
+    when = np.arange(N) / RATE
+    truth, rough = (heard(scene, ode.solve(scene, when, rtol)[0]) for rtol in (RTOL, 100.0 * RTOL))
+    assert error_db(rough, truth) < db - 20.0
+    rows = plan(scene, RATE, error_db=db).rows()
+    assert [(row.what, row.n_mat) for row in rows] == [("stepped", 1), ("modes", 8)]
+    assert error_db(render(scene, RATE, N, error_db=db), truth) <= db
+
+
+def bell(**but: Any) -> tuple[Scene, Mat]:
+    """A key that a hand leads, and the bell that it meets: K1 of the first piece."""
+    scene = Scene()
+    scene.part("k1")
+    key = scene.cel("m", M=0.4, K=60.0, Z=1.2)
+    scene.part("bell")
+    mat = scene.cel("m", M=2e-3, f=220.0, t60=2.5)
+    scene.part("links")
+    scene.but("b", key, mat, gap=1e-3, **but)
+    scene.listen("bell", positions=[(mat, 1.0)])
+    scene.listen("key", positions=[(key, 1.0)])
+    return scene, key
+
+
+T, X = [0.0, 0.02, 0.035, 0.05], [0.0, 3e-3, 2e-3, 0.0]
+
+
+@pytest.mark.parametrize("db", BUDGETS)
+@pytest.mark.parametrize("but", [{"K": 900.0, "Z": 0.0}, {"K": 2e4}, {"K": 3e5, "exponent": 1.5}],
+                         ids=["light", "hard", "felt"])  # fmt: skip
+def test_a_key_on_a_bell_is_within_its_budget(but: dict[str, Any], db: float):
+    scene, key = bell(**but)
+    lead = gesture.pushing(T, X, M=0.4, K=60.0, Z=1.2)
+    unit = np.arange(len(scene.mats)) == int(key)
+    when = np.arange(N) / RATE
+    truth = heard(scene, ode.solve(scene, when, RTOL, lambda t: lead(t) * unit)[0])
+    scene.gesture(scene.key("k1", key), T, X, ["smooth"] * 4)
+    assert error_db(render(scene, RATE, N, error_db=db), truth) <= db
+
+
+@pytest.mark.parametrize("wishes", [{}, {"error_db": -60.0}], ids=str)
+def test_what_comes_long_after_the_first_contact_is_planned_for_too(wishes: dict[str, Any]):
+    """The hammer meets the middle, where half the modes stand still; a strike does not."""
+    scene = Scene()
+    scene.part("string")
+    mats = bodies.string(scene, "s", masses=15, M=8e-3, f=110.0, t60=2.0)
+    scene.part("hammer")
+    head = scene.mas("h", M=2e-3, X0=-1e-3, V0=1.0)
+    scene.but("b", head, mats[7], K=2e4)
+    scene.strike(mats[3], 0.35, impulse=1e-3)
+    scene.listen("o", positions=[(mats[11], 1.0)])
+    n = round(0.45 * RATE)
+    rough, fine = (plain(scene, RATE * s, n * s)[::s] for s in (32, 64))
+    assert error_db(rough, fine) < -65.0
+    assert error_db(render(scene, RATE, n, **wishes), fine) < -60.0
