@@ -3,6 +3,7 @@
 pub(crate) mod bank;
 mod exact;
 mod mats;
+pub(crate) mod ports;
 mod runs;
 pub(crate) mod springs;
 mod taps;

@@ -12,6 +12,7 @@ use between::Between;
 
 use crate::cell::Cell;
 use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, joined};
+use crate::kernel::ports;
 use crate::state::Body;
 use crate::units::Rate;
 
@@ -282,11 +283,9 @@ impl Playing {
     fn kick(&mut self, script: &Script) {
         let motions = self.motions.iter_mut().zip(&self.kicks);
         for ((motion, kick), rows) in motions.zip(&script.rows) {
-            add(&mut motion.now, kick, 1.0);
+            ports::add(&mut motion.now, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
-                let terms = shape.0.iter().zip(&kick.0);
-                let by: f64 = terms.map(|(a, b)| a * b).sum();
-                self.seen[row * ROOM + self.at + 1] += by;
+                self.seen[row * ROOM + self.at + 1] += ports::see(shape, kick);
             }
         }
     }
@@ -394,16 +393,10 @@ impl Playing {
         for (motion, gains) in self.motions.iter_mut().zip(&script.gains) {
             for (gain, &force) in gains.iter().zip(&self.forces) {
                 if force != 0.0 {
-                    add(&mut motion.now, gain, force);
+                    ports::add(&mut motion.now, gain, force);
                 }
             }
         }
-    }
-}
-
-fn add(now: &mut Lanes, gain: &Lanes, force: f64) {
-    for (now, gain) in now.0.iter_mut().zip(&gain.0) {
-        *now += gain * force;
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Playing, ROOM, lanes};
 use crate::kernel::bank::{LANES, Lanes};
+use crate::kernel::ports;
 use crate::state::Body;
 
 /// Tables for S instants of a frame, for every group of modes.
@@ -65,16 +66,8 @@ impl Playing {
         way.fill(script.plan.ports[port].rest);
         let Some(between) = &self.between else { return };
         for ((motion, table), rows) in self.motions.iter().zip(&between.way).zip(&script.rows) {
-            for (x, [now, next]) in way.iter_mut().zip(table) {
-                let mut sums = [0.0; 8];
-                for lane in 0..LANES {
-                    // One frame ahead: what is `before` there is the present.
-                    let here = now.0[lane] * motion.before.0[lane];
-                    let there = next.0[lane] * motion.now.0[lane];
-                    sums[lane % 8] += rows[port].0[lane] * (here + there);
-                }
-                *x += crate::kernel::bank::joined(&crate::kernel::bank::Sum(sums));
-            }
+            // One frame ahead: what is `before` there is the present.
+            ports::way(&rows[port], table, &motion.before, &motion.now, way);
         }
     }
 
@@ -85,28 +78,13 @@ impl Playing {
         self.quiet = 0;
         let Some(between) = &self.between else { return };
         for (group, table) in between.kick.iter().enumerate() {
-            let (mut now, mut later) = (Lanes::ZERO, Lanes::ZERO);
-            for (&impulse, [first, second]) in impulses.iter().zip(table) {
-                if impulse != 0.0 {
-                    super::add(&mut now, first, impulse);
-                    super::add(&mut later, second, impulse);
-                }
-            }
             let rows = &script.rows[group];
-            for (now, share) in now.0.iter_mut().zip(&rows[port].0) {
-                *now *= share;
-            }
-            for (sum, (later, share)) in self.pending[group]
-                .0
-                .iter_mut()
-                .zip(later.0.iter().zip(&rows[port].0))
-            {
-                *sum += later * share;
-            }
-            super::add(&mut self.motions[group].now, &now, 1.0);
+            let mut kicks = [Lanes::ZERO; 2];
+            ports::kick(impulses, table, &rows[port], &mut kicks);
+            ports::add(&mut self.pending[group], &kicks[1], 1.0);
+            ports::add(&mut self.motions[group].now, &kicks[0], 1.0);
             for (row, shape) in rows.iter().enumerate() {
-                let by: f64 = shape.0.iter().zip(&now.0).map(|(a, b)| a * b).sum();
-                self.seen[row * ROOM + self.at + 1] += by;
+                self.seen[row * ROOM + self.at + 1] += ports::see(shape, &kicks[0]);
             }
         }
         self.has_pending = true;
