@@ -21,15 +21,15 @@ _START = 1e-3  # [m]
 _LIMITS: Mapping[str, tuple[float, float]] = {
     "ca": (4.0, 2.0),
     "ca2p": (12.0, 6.0),
-    "bm4": (3.164**2, 0.0),
-    "ieq": (4.0, 2.0),
+    "bm4": (3.164**2, 2.0),
+    "ieq": (inf, 0.0),
     "modal": (inf, 0.0),
     "trapezoid": (inf, 0.0),
 }
 
-
-# What contacts and laws fall back to where a method is for linear scenes alone.
-_OTHERWISE: Mapping[str, str] = {"modal": "ca"}
+# What steps a scene where a method does not: laws, and networks too small to be a mesh.
+_LINEAR = ("modal", "trapezoid")
+_PLAIN = "ca"
 
 
 def limit(method: str) -> float:
@@ -40,6 +40,11 @@ def limit(method: str) -> float:
 def damped(method: str) -> float:
     """How much Z counts beside K."""
     return _LIMITS[method][1]
+
+
+def _of_few(method: str) -> str:
+    """What steps a linear network of one or two masses: no mesh has so few."""
+    return method if method == "modal" else _PLAIN
 
 
 # --- one mass on a spring and a damper ----------------------------------------------------------
@@ -72,6 +77,7 @@ def cell_exactly(kappa: float, zeta: float, n_frames: int) -> Floats:
 
 def cell_load(kappa: float, zeta: float, method: str) -> float:
     """λ over the limit (Jury for the CA scheme: K + 2Z < 4M): 1 is the border."""
+    method = _of_few(method)
     return (kappa + damped(method) * zeta) / limit(method)
 
 
@@ -130,12 +136,12 @@ def _pair(one: Cell, two: Cell, join: Callable[[_core.Network, int, int], int]) 
 
 def contact_load(kappa: float, times: float, method: str) -> float:
     """λ over the limit while the contact is closed, at `times` the rate."""
-    return _pair_load(HAMMER, BAR, kappa, times, _OTHERWISE.get(method, method))
+    return _pair_load(HAMMER, BAR, kappa, times, _PLAIN)
 
 
 def coupled_load(kappa: float, times: float, method: str) -> float:
     """λ over the limit, at `times` the rate."""
-    return _pair_load(LEFT, RIGHT, kappa, times, method)
+    return _pair_load(LEFT, RIGHT, kappa, times, _of_few(method))
 
 
 def _pair_load(one: Cell, two: Cell, kappa: float, times: float, method: str) -> float:
@@ -199,5 +205,5 @@ def struck_load(speed: float, times: float, method: str) -> float:
     """
     k, m, q = _spring(_STRUCK), _STRING / _STRUCK, _HARDENING
     square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
-    stepped = _OTHERWISE.get(method, method)
+    stepped = _PLAIN if method in _LINEAR else method
     return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * times, stepped)

@@ -14,7 +14,7 @@ from oracle.planned import plan, render
 RATE = 44100.0
 N = round(chance.SPAN * RATE)
 BUDGET_DB = -50.0
-TIMES = (32, 64, 128)  # as fine as that it is played to know what it does
+TIMES = (16, 32, 64)  # as fine as that it is played to know what it does
 ORDER_DB = 12.0  # by so much an error of the plain scheme falls with a doubling, at most
 SILENT = 1e-6  # of the loudest output: nothing has met it
 SEEDS = st.integers(0, 2**32 - 1)

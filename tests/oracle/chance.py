@@ -4,7 +4,7 @@ import numpy as np
 
 from oracle.scene import Mat, Scene
 
-SPAN = 0.05  # [s] in which things happen
+SPAN = 0.1  # [s] to look at
 
 
 class Dice:
@@ -63,7 +63,7 @@ def strikes(scene: Scene, dice: Dice, mats: list[Mat]) -> None:
     for _ in range(dice.whole(1, 3)):
         mat = mats[dice.whole(0, len(mats) - 1)]
         push = scene.mats[int(mat)].M * dice.between(-1.0, 1.0)
-        scene.strike(mat, dice.between(0.0, 0.4 * SPAN), impulse=push)
+        scene.strike(mat, dice.between(0.0, 0.2 * SPAN), impulse=push)
 
 
 def meet(scene: Scene, dice: Dice, striker: Mat, struck: Mat, index: int, *, gap: float) -> None:

@@ -14,7 +14,7 @@ use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::{Island, OnFault, Options};
 use crate::maths::{log10, pow, sqrt};
-use crate::network::{Error, LinkKind};
+use crate::network::{Error, LinkKind, Run};
 
 /// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
 const AFTER: f64 = 0.3;
@@ -99,15 +99,15 @@ pub(super) fn pilot(
     let seconds = n_frames as f64 * f64::from(times) / island.isle.timeline.rate.hertz();
     let mut found = contacts(&island.isle, budget, n_frames)?;
     let (mut error, mut last) = (found.error, None);
-    let n_out = island.isle.network.outputs().len();
+    let spans = Spans::of(&island.isle, n_frames);
     while times < TIMES_MAX && is_worth(&island.isle, 3 * n_frames) {
         let Ok(finer) = assemble(2 * times) else {
             break;
         };
         let steps = (found.steps / 2).max(1);
         let take = play(&finer.isle, steps, n_frames)?;
-        let change = difference(&found.take.sound, &take.sound, n_out);
-        let (own, _) = errors(change, last);
+        let change = difference(&found.take.sound, &take.sound, &spans);
+        let (own, _) = errors(change, last, ORDERS.1);
         last = Some(change);
         error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
         let Budget::Error(_) = *budget else { break };
@@ -154,7 +154,7 @@ fn fewer(
     } else {
         play(&all.isle, found.steps, n_frames)?.sound
     };
-    let n_out = island.isle.network.outputs().len();
+    let spans = Spans::of(&island.isle, n_frames);
     let mut allowed = most;
     for _ in 0..TRIES {
         let mut fewer = with(Some(allowed));
@@ -162,7 +162,7 @@ fn fewer(
             break;
         }
         let take = play(&fewer.isle, found.steps, n_frames)?;
-        let loud = difference(&take.sound, &sound, n_out);
+        let loud = difference(&take.sound, &sound, &spans);
         if loud <= most {
             let bodies = fewer.bodies.iter_mut();
             bodies.for_each(|body| body.left_out = body.left_out.map(|_| loud));
@@ -190,13 +190,23 @@ fn contacts(isle: &Isle, budget: &Budget, n_frames: usize) -> Result<Contacts, E
         });
     }
     let aim = budget.contact();
-    let n_out = isle.network.outputs().len();
-    let (mut steps, mut last) = (LEAST, None);
+    let spans = Spans::of(isle, n_frames);
+    // Where a contact with damping closes its force jumps.
+    let jumps = |run: &Run| matches!(run.kind, LinkKind::But(_)) && run.z != 0.0;
+    let order = if isle.network.runs().iter().any(jumps) {
+        ORDERS.0
+    } else {
+        ORDERS.1
+    };
+    let mut steps = LEAST;
     let mut take = play(isle, steps, n_frames)?;
+    // Once a frame tells how fast the error falls; it is no choice, for it may diverge.
+    let once = difference(&play(isle, 1, n_frames)?.sound, &take.sound, &spans);
+    let mut last = Some(once).filter(|change| change.is_finite());
     loop {
         let finer = play(isle, 2 * steps, n_frames)?;
-        let change = difference(&take.sound, &finer.sound, n_out);
-        let (own, left) = errors(change, last);
+        let change = difference(&take.sound, &finer.sound, &spans);
+        let (own, left) = errors(change, last, order);
         last = Some(change);
         if own <= aim {
             let error = Some(own);
@@ -295,9 +305,9 @@ fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
 }
 
 /// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
-/// the highest order is luck, for it matters where between two instants a contact closes.
-fn errors(change: f64, last: Option<f64>) -> (f64, f64) {
-    let (least, most) = ORDERS;
+/// by the order `most` is luck, for it matters where between two instants a contact closes.
+fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
+    let least = ORDERS.0;
     let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
     let order = last.map_or(least, |last| {
         ((last - believed) / DOUBLING).clamp(least, most)
@@ -309,19 +319,38 @@ fn errors(change: f64, last: Option<f64>) -> (f64, f64) {
     )
 }
 
-/// ‖a − b‖ / ‖b‖ [dB] of the output where it is worst; that something stands aside is no sound.
-fn difference(a: &[f64], b: &[f64], n_out: usize) -> f64 {
-    let of = |output: usize| {
-        let own =
-            |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
+/// Where sounds are compared: from the start to a third of the time after the first event, to two thirds, to all.
+struct Spans {
+    n_out: usize,
+    frames: [usize; 3],
+}
+
+impl Spans {
+    fn of(isle: &Isle, n_frames: usize) -> Self {
+        let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
+        let third = (AFTER / 3.0 * rate) as usize;
+        Self {
+            n_out: isle.network.outputs().len(),
+            frames: [2, 1, 0].map(|thirds| n_frames.saturating_sub(thirds * third)),
+        }
+    }
+}
+
+/// ‖a − b‖ / ‖b‖ [dB] of the output and over the span where it is worst; that something stands aside is no sound.
+fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
+    let of = |output: usize, n_frames: usize| {
+        let own = |x: &[f64]| -> Vec<f64> {
+            let own = x.iter().skip(output).step_by(spans.n_out);
+            own.take(n_frames).copied().collect()
+        };
         let (a, b) = (own(a), own(b));
-        let mean = b.iter().sum::<f64>() / b.len() as f64;
+        let mean = b.iter().sum::<f64>() / b.len().max(1) as f64;
         let apart: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
         let whole: f64 = b.iter().map(|b| (b - mean) * (b - mean)).sum();
         if apart > 0.0 { apart / whole } else { 0.0 }
     };
-    let worst = (0..n_out).map(of).fold(0.0, f64::max);
-    20.0 * log10(sqrt(worst).max(1e-15))
+    let all = (0..spans.n_out).flat_map(|output| spans.frames.map(|n| of(output, n)));
+    20.0 * log10(sqrt(all.fold(0.0, f64::max)).max(1e-15))
 }
 
 /// The modes of a body that its outputs hear and its ports feel.
