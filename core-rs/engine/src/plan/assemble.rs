@@ -5,10 +5,12 @@ use std::sync::Arc;
 use super::budget::Budget;
 use super::choice::Choice;
 use super::linear::NoModes;
+use super::mesh::Ways;
 use super::ported::{self, Cut, Found};
 use super::split::Own;
 use super::truncate::Kept;
 use super::{Isle, Whole};
+use crate::integrate::Way;
 use crate::island::inside::Inside;
 use crate::network::{Error, Network, Subset};
 use crate::scheme::{Certificate, Scheme};
@@ -31,7 +33,7 @@ impl Assembled {
         subset: &Subset,
         own: &Own,
         budget: &Budget,
-        times: u32,
+        (times, ways): (u32, Ways<'_>),
         pin: Option<&Choice>,
     ) -> Result<Self, Error> {
         let timeline = if times == 1 {
@@ -40,7 +42,7 @@ impl Assembled {
             faster(&own.timeline, times, &subset.network)?
         };
         let rate = timeline.rate;
-        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin);
+        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways);
         let mut found = None;
         if let Some(cut) = cut {
             match hub(&cut.hub.network, rate, budget) {
@@ -79,6 +81,16 @@ impl Assembled {
             certificate,
             because,
         })
+    }
+
+    /// How its bodies go that are meshes, in order.
+    pub(super) fn ways(&self) -> Vec<Option<(Way, u32)>> {
+        let bodies = self.isle.bodies.iter();
+        let way = |body: &Inside| match body {
+            Inside::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
+            Inside::Modal(_) => None,
+        };
+        bodies.map(way).collect()
     }
 
     /// With some of its bodies' modes only, and contacts computed so often.

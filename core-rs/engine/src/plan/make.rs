@@ -7,6 +7,7 @@ use super::budget::Budget;
 use super::choice::{Choice, Pins, another};
 use super::islands::{Island, islands};
 use super::linear::NoModes;
+use super::mesh::Ways;
 use super::pilot::{self, Found};
 use super::ported::Found as Body;
 use super::row::{self, Reason, Row};
@@ -148,9 +149,10 @@ impl Maker<'_> {
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
-        let assemble = |times: u32| Assembled::new(subset, own, self.budget, times, pin);
+        let assemble = |how: (u32, Ways<'_>)| Assembled::new(subset, own, self.budget, how, pin);
         let found = match pin {
-            Some(pin) => pilot::pinned(assemble(pin.times.max(1))?, pin).ok_or_else(another)?,
+            Some(pin) => pilot::pinned(assemble((pin.times.max(1), Ways::Budget))?, pin)
+                .ok_or_else(another)?,
             None => pilot::pilot(&assemble, self.budget)?,
         };
         let Found { island, error } = found;

@@ -27,6 +27,17 @@ pub(super) const LADDER: [(Way, u32, f64); 10] = [
     (Way::Ieq, 2, 28.0),
 ];
 
+/// How meshes are to go.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Ways<'a> {
+    /// By the budget.
+    Budget,
+    /// By what cannot diverge.
+    Safe,
+    /// As the meshes among these bodies do, in order: an island at another rate.
+    As(&'a [Option<(Way, u32)>]),
+}
+
 /// Error of a pitch [cents] by a method, x = ωT of its steps.
 fn cents(way: Way, x: f64) -> f64 {
     match way {
@@ -52,6 +63,7 @@ pub(super) fn mesh(
     body: &Body,
     budget: &Budget,
     pin: Option<&[u32]>,
+    (ways, index): (Ways<'_>, usize),
 ) -> Option<Mesh> {
     let subset = network.subset(&body.mats, &body.guests, &body.links);
     let parts = subset.network.mats().part.iter();
@@ -72,7 +84,11 @@ pub(super) fn mesh(
     let (way, substeps) = match pin {
         Some(&[way, substeps]) => (*Way::ALL.get(way as usize)?, substeps),
         Some(_) => return None,
-        None => choose(&subset.network, rate, budget)?,
+        None => match ways {
+            Ways::As(bodies) => (*bodies.get(index)?)?,
+            Ways::Safe => choose(&subset.network, rate, budget, true)?,
+            Ways::Budget => choose(&subset.network, rate, budget, false)?,
+        },
     };
     let outputs = heard(&subset.network).ok()?;
     let local = |mat: u32| subset.mat(mat as usize);
@@ -106,8 +122,8 @@ pub(super) fn numbers(mesh: &Mesh) -> Vec<u32> {
     vec![way.unwrap_or(0) as u32, mesh.substeps]
 }
 
-/// The first rung of the ladder that is exact enough by its formula, and stable.
-fn choose(network: &Network, rate: Rate, budget: &Budget) -> Option<(Way, u32)> {
+/// The first rung of the ladder that is exact enough by its formula, and stable; `is_safe`: that cannot diverge.
+fn choose(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Option<(Way, u32)> {
     if let Budget::Method(method) = budget {
         let way = method.way()?;
         return certify(network, rate, way, 1).ok().map(|_| (way, 1));
@@ -128,8 +144,11 @@ fn choose(network: &Network, rate: Rate, budget: &Budget) -> Option<(Way, u32)> 
             }
             Budget::Method(_) => true,
         };
-        let last = matches!(way, Way::Ieq);
-        if (is_enough || last) && certify(network, rate, way, substeps).is_ok() {
+        let cannot_diverge = matches!(way, Way::Ieq);
+        if is_safe && !cannot_diverge {
+            continue;
+        }
+        if (is_enough || cannot_diverge) && certify(network, rate, way, substeps).is_ok() {
             return ((way, substeps) != (Way::Ca, 1)).then_some((way, substeps));
         }
     }

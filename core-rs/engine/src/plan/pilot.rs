@@ -8,8 +8,10 @@ use super::Isle;
 use super::assemble::Assembled;
 use super::budget::Budget;
 use super::choice::Choice;
+use super::mesh::Ways;
 use super::row;
 use super::truncate::{Kept, choose};
+use crate::integrate::Way;
 use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::{Island, OnFault, Options};
@@ -48,6 +50,8 @@ struct Take {
     sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
     squares: Vec<Vec<f64>>,
+    /// A part went beyond all bounds.
+    is_lost: bool,
 }
 
 /// What a plan decided before; `None` where it does not fit.
@@ -69,21 +73,23 @@ pub(super) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> {
 
 /// The cheapest island within the budget; `assemble` puts it together at some times the rate.
 pub(super) fn pilot(
-    assemble: &impl Fn(u32) -> Result<Assembled, Error>,
+    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
 ) -> Result<Found, Error> {
     if let Budget::Method(_) = budget {
-        let island = assemble(1)?;
+        let island = assemble((1, Ways::Budget))?;
         return Ok(Found {
             island,
             error: None,
         });
     }
-    let mut island = match assemble(1) {
+    let mut island = match assemble((1, Ways::Budget)) {
         // Where it diverges at this rate it may not at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let stable = higher.filter_map(|times| assemble(times).ok()).next();
+            let stable = higher
+                .filter_map(|times| assemble((times, Ways::Budget)).ok())
+                .next();
             stable.ok_or(error)?
         }
         other => other?,
@@ -100,8 +106,10 @@ pub(super) fn pilot(
     let mut found = contacts(&island.isle, budget, n_frames)?;
     let (mut error, mut last) = (found.error, None);
     let spans = Spans::of(&island.isle, n_frames);
+    // Half the step by the same methods: else a finer plan could be the same one.
+    let (ways, once) = (island.ways(), found.steps);
     while times < TIMES_MAX && is_worth(&island.isle, 3 * n_frames) {
-        let Ok(finer) = assemble(2 * times) else {
+        let Ok(finer) = assemble((2 * times, Ways::As(&ways))) else {
             break;
         };
         let steps = (found.steps / 2).max(1);
@@ -110,6 +118,13 @@ pub(super) fn pilot(
         let (own, _) = errors(change, last, ORDERS.1);
         last = Some(change);
         error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
+        if found.take.is_lost {
+            // It went beyond all bounds: finer, whatever the budget.
+            times *= 2;
+            island = finer;
+            (found.steps, found.take) = (steps, take);
+            continue;
+        }
         let Budget::Error(_) = *budget else { break };
         // Contacts and modes have their share too.
         if own <= budget.contact() {
@@ -119,10 +134,69 @@ pub(super) fn pilot(
         island = finer;
         (found.steps, found.take) = (steps, take);
     }
+    if let Budget::Error(_) = *budget
+        && error.is_some_and(|error| error > budget.contact())
+        && let Some(better) = climb(assemble, &ways, (once, error), budget, &spans, n_frames)?
+    {
+        let own;
+        (island, own, found.take) = better;
+        error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
+        found.steps = once;
+    }
+    if found.take.is_lost
+        && let Ok(safe) = assemble((1, Ways::Safe))
+    {
+        let take = play(&safe.isle, found.steps, n_frames)?;
+        if !take.is_lost {
+            (island, found.take, error) = (safe, take, None);
+        }
+    }
+    if found.take.is_lost {
+        error = None;
+    }
     Ok(Found {
         island: fewer(&island, &found, n_frames, budget)?,
         error: error.map(|db| (db, seconds)),
     })
+}
+
+/// The same with every mesh by the method of order 4, finer and finer: where a law is strong that helps more than a higher
+/// rate for all. `None` where it does not.
+fn climb(
+    assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
+    ways: &[Option<(Way, u32)>],
+    (steps, reached): (usize, Option<f64>),
+    budget: &Budget,
+    spans: &Spans,
+    n_frames: usize,
+) -> Result<Option<(Assembled, f64, Take)>, Error> {
+    let mut best: Option<(Assembled, f64, Take)> = None;
+    if ways.iter().all(Option::is_none) {
+        return Ok(None);
+    }
+    for substeps in [1, 2, 4] {
+        let by = ways.iter().map(|way| way.map(|_| (Way::Bm4, substeps)));
+        let by: Vec<_> = by.collect();
+        let both = (assemble((1, Ways::As(&by))), assemble((2, Ways::As(&by))));
+        let (Ok(coarse), Ok(fine)) = both else {
+            continue;
+        };
+        if !is_worth(&fine.isle, 2 * n_frames) {
+            break;
+        }
+        let take = play(&coarse.isle, steps, n_frames)?;
+        let finer = play(&fine.isle, (steps / 2).max(1), n_frames)?;
+        let change = difference(&take.sound, &finer.sound, spans);
+        let (own, _) = errors(change, None, ORDERS.1);
+        let reached = best.as_ref().map(|best| best.1).or(reached);
+        if !take.is_lost && reached.is_none_or(|reached| own < reached) {
+            best = Some((coarse, own, take));
+        }
+        if own <= budget.contact() {
+            break;
+        }
+    }
+    Ok(best)
 }
 
 /// An island without the modes that are not heard: those that energies tell, then tested by ear.
@@ -301,7 +375,11 @@ fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
         let _ = island.process(sound, sound.len() / n_out.max(1));
         island.squares(&mut squares);
     }
-    Ok(Take { sound, squares })
+    Ok(Take {
+        sound,
+        squares,
+        is_lost: !island.muted().is_empty(),
+    })
 }
 
 /// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than

@@ -6,7 +6,7 @@ use super::body::{blows, heard};
 use super::budget::Budget;
 use super::choice::Choice;
 use super::linear::NoModes;
-use super::mesh;
+use super::mesh::{self, Ways};
 use super::modes::{Modes, Row};
 use super::split::{Own, split};
 use crate::island::inside::Inside;
@@ -50,6 +50,7 @@ pub(super) fn cut(
     timeline: &Timeline,
     budget: &Budget,
     pin: Option<&Choice>,
+    ways: Ways<'_>,
 ) -> (Option<Cut>, Option<NoModes>) {
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
@@ -68,7 +69,9 @@ pub(super) fn cut(
         }
         for body in wiring.bodies(network, true) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
-            if let Some(mesh) = mesh::mesh(network, timeline, &body, budget, pin) {
+            if let Some(mesh) =
+                mesh::mesh(network, timeline, &body, budget, pin, (ways, found.len()))
+            {
                 found.push((body, Inside::Mesh(mesh)));
             }
         }
