@@ -52,11 +52,17 @@ def _check(console: Console, path: str, simulate: bool) -> None:
     found: list[Diagnostic] = []
     staged = None
     if loaded.piece is not None:
+        from ergon.scores.reading.piece import Accuracy
         from ergon.scores.staging.stage import StageError, stage
 
         # What the engine will not run is a mistake of the score as well.
         try:
-            staged = stage(loaded.piece, planned=True)
+            # A plan takes time, and can do what the plain scheme cannot: where it is asked for, or needed.
+            planned = loaded.piece.accuracy != Accuracy()
+            try:
+                staged = stage(loaded.piece, planned=planned)
+            except StageError:
+                staged = stage(loaded.piece, planned=True)
             found = staged.diagnostics
         except StageError as error:
             found = error.diagnostics

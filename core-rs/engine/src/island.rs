@@ -36,7 +36,7 @@ use ledger::Ledger;
 #[derive(Clone, Debug)]
 struct Script {
     scheme: Scheme,
-    gestures: Vec<Gesture>,
+    gestures: Vec<Arc<Gesture>>,
     voices: Vec<VoiceScript>,
     pushes: Vec<Push>,
     ergons: Vec<Ergon>,

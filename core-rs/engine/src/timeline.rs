@@ -4,6 +4,8 @@ mod drive;
 mod gate;
 mod push;
 
+use std::sync::Arc;
+
 use crate::chance::Chance;
 use crate::gesture::script::Gesture;
 use crate::gesture::written::GestureError;
@@ -91,7 +93,8 @@ pub struct Timeline {
     /// Frames a second.
     pub rate: Rate,
     pub(crate) keys: Vec<Key>,
-    pub(crate) gestures: Vec<Gesture>,
+    /// Shared: a plan plays them many times over.
+    pub(crate) gestures: Vec<Arc<Gesture>>,
     pub(crate) strikes: Vec<Strike>,
     pub(crate) ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
@@ -126,7 +129,7 @@ impl Timeline {
     pub(crate) fn faster(&self, times: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() * f64::from(times)).ok()?;
         let gestures = self.gestures.iter();
-        let gestures = gestures.map(|gesture| gesture.at_rate(rate.hertz()).ok());
+        let gestures = gestures.map(|gesture| gesture.at_rate(rate.hertz()).ok().map(Arc::new));
         let gates = self.gates.iter();
         Some(Self {
             rate,
@@ -150,13 +153,16 @@ impl Timeline {
         if gesture.key >= self.keys.len() {
             return Err(GestureError::NoKey(gesture.key));
         }
-        self.gestures.push(gesture);
+        self.gestures.push(Arc::new(gesture));
         Ok(self.gestures.len() - 1)
     }
 
     /// Lowest and highest position of each gesture's written points and paths [m], (n_gestures).
     pub fn ranges(&self) -> Vec<(f64, f64)> {
-        self.gestures.iter().map(Gesture::range).collect()
+        self.gestures
+            .iter()
+            .map(|gesture| gesture.range())
+            .collect()
     }
 
     /// Strike a MAT with an impulse [N·s] at an instant [s].

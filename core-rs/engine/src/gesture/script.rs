@@ -51,10 +51,8 @@ impl Leg {
 #[derive(Clone, Debug)]
 pub(crate) enum Recipe {
     Written {
-        t: Vec<f64>,
-        x: Vec<f64>,
-        way: Vec<Way>,
-        sources: Vec<u32>,
+        /// Instant [s], position [m], way into it, place in the score: together, for there may be many.
+        points: Box<[(f64, f64, Way, u32)]>,
         manner: Manner,
     },
     Taken {
@@ -98,14 +96,17 @@ impl Gesture {
     /// The same at another rate [Hz].
     pub(crate) fn at_rate(&self, rate: f64) -> Result<Self, GestureError> {
         match &*self.recipe {
-            Recipe::Written {
-                t,
-                x,
-                way,
-                sources,
-                manner,
-            } => {
-                let points = Written { t, x, way, sources };
+            Recipe::Written { points, manner } => {
+                let t: Vec<f64> = points.iter().map(|point| point.0).collect();
+                let x: Vec<f64> = points.iter().map(|point| point.1).collect();
+                let way: Vec<Way> = points.iter().map(|point| point.2).collect();
+                let sources: Vec<u32> = points.iter().map(|point| point.3).collect();
+                let points = Written {
+                    t: &t,
+                    x: &x,
+                    way: &way,
+                    sources: &sources,
+                };
                 Self::written(self.key, &points, *manner, rate)
             }
             Recipe::Taken {

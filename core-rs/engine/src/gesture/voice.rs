@@ -3,6 +3,8 @@
 mod answer;
 mod join;
 
+use std::sync::Arc;
+
 use super::free::{FreeKey, Room};
 use super::particle::Flight;
 use super::quintic::Knot;
@@ -85,7 +87,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) scheme: &'a Scheme,
     pub(crate) body: &'a mut Body,
     pub(crate) targets: &'a mut Vec<Target>,
-    pub(crate) gestures: &'a [Gesture],
+    pub(crate) gestures: &'a [Arc<Gesture>],
     pub(crate) reports: &'a mut [Report],
     pub(crate) stream: &'a mut Stream,
     /// How far layers take each key from where its gesture wants it [m]   (n_keys)
@@ -107,7 +109,7 @@ impl VoiceScript {
 impl Voice {
     /// Whether the voice has anything to do at frame `n`. A layer sleeps before its own time, and after
     /// it as soon as its free key is at rest.
-    pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[Gesture], n: u64) -> bool {
+    pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[Arc<Gesture>], n: u64) -> bool {
         let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
         let moves = self.free.x[i].abs() + self.free.d[i].abs() * script.free.scheme.rate > AT_REST;
@@ -214,7 +216,7 @@ impl Voice {
     }
 
     /// What the running gesture asks at frame `n`.
-    fn ask(&mut self, gestures: &[Gesture], rate: f64, n: u64) -> Option<Ask> {
+    fn ask(&mut self, gestures: &[Arc<Gesture>], rate: f64, n: u64) -> Option<Ask> {
         let now = self.now.as_mut()?;
         let gesture = &gestures[now.gesture];
         let target = n + 1;

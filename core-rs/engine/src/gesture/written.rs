@@ -114,11 +114,9 @@ impl Gesture {
         let sources = (0..n)
             .map(|i| (frame(points.t[i], rate), source(i)))
             .collect();
+        let point = |i: usize| (points.t[i], points.x[i], points.way[i], source(i));
         let recipe = Recipe::Written {
-            t: points.t.to_vec(),
-            x: points.x.to_vec(),
-            way: points.way.to_vec(),
-            sources: points.sources.to_vec(),
+            points: (0..n).map(point).collect(),
             manner,
         };
         Self::new(

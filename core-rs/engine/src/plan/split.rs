@@ -1,6 +1,7 @@
 //! What happens, shared out to the islands that it happens to.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use crate::network::Subset;
 use crate::timeline::{Drive, Ergon, Strike, Timeline};
@@ -55,8 +56,13 @@ pub(super) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, O
         for own in &mut own {
             let here = own.keys.iter().position(|&key| key as usize == gesture.key);
             if let Some(key) = here {
-                let gesture = gesture.clone();
-                own.timeline.gestures.push(gesture.on(key));
+                let same = gesture.key == key;
+                let gesture = if same {
+                    gesture.clone()
+                } else {
+                    Arc::new((**gesture).clone().on(key))
+                };
+                own.timeline.gestures.push(gesture);
                 own.gestures.push(index as u32);
             }
         }
