@@ -18,8 +18,10 @@ mod modes;
 mod pilot;
 mod ported;
 mod row;
+mod search;
 mod split;
 mod truncate;
+mod wiring;
 
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;

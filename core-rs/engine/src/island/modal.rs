@@ -5,157 +5,24 @@
 //! does after all, it goes back to that frame. What happens depends on frames alone, never on blocks.
 
 mod between;
+mod plan;
+mod script;
+
+pub(crate) use plan::{Modal, Mode, Port, Struck};
 
 use std::sync::Arc;
 
 use between::Between;
+use script::{Blow, Script, lanes};
 
-use crate::cell::Cell;
-use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, joined};
+use crate::kernel::bank::{LANES, Lanes, Motion, Sum, follow, joined};
 use crate::kernel::ports;
 use crate::state::Body;
-use crate::units::Rate;
 
 /// Frames a body is followed ahead: enough to keep its modes in registers, few enough to lose.
 const AHEAD: usize = 64;
 /// Frames without a push after which it is: a contact that bounces is not over.
 const QUIET: u32 = 16;
-
-/// A point of a body that other modules touch.
-#[derive(Clone, Debug)]
-pub(crate) struct Port {
-    /// The MAT in the island.
-    pub(crate) mat: usize,
-    /// Where it is when the body rests [m].
-    pub(crate) rest: f64,
-    /// How much of it each mode gives and feels   (n_modes)
-    pub(crate) shape: Vec<f64>,
-}
-
-/// Strikes on one point of a body.
-#[derive(Clone, Debug)]
-pub(crate) struct Struck {
-    /// How much of them each mode feels   (n_modes)
-    pub(crate) shape: Vec<f64>,
-    /// Frame, part of a frame after it, impulse [N·s]; rising.
-    pub(crate) blows: Vec<(u64, f64, f64)>,
-}
-
-/// A mode of mass 1.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Mode {
-    /// x[n+1] = a·x[n] − b·x[n−1]
-    pub(crate) a: f64,
-    pub(crate) b: f64,
-    /// What a newton of one frame moves it by the next [m].
-    pub(crate) gain: f64,
-    pub(crate) now: f64,
-    pub(crate) before: f64,
-    /// Its continuous motion; none where a strike acts in one step.
-    pub(crate) cell: Option<Cell>,
-}
-
-/// What a plan says of a body.
-#[derive(Clone, Debug)]
-pub(crate) struct Modal {
-    pub(crate) modes: Vec<Mode>,
-    pub(crate) ports: Vec<Port>,
-    /// Outputs that hear it, and how much of each mode   (n_modes)
-    pub(crate) heard: Vec<(u32, Vec<f64>)>,
-    /// What outputs hear of where it rests.
-    pub(crate) still: Vec<f64>,
-    pub(crate) struck: Vec<Struck>,
-    pub(crate) rate: Rate,
-}
-
-impl Modal {
-    /// Started against forces that act on its ports at frame 0 (n_mat of the island): as any MAT, each mode
-    /// comes from ½·F·gain further back.
-    pub(super) fn pushed(&self, force: &[f64]) -> Self {
-        let mut own = self.clone();
-        for port in &self.ports {
-            for (mode, share) in own.modes.iter_mut().zip(&port.shape) {
-                if mode.cell.is_some() {
-                    mode.before += 0.5 * mode.gain * share * force[port.mat];
-                }
-            }
-        }
-        own
-    }
-
-    /// Frequency of a mode [Hz], as its recurrence turns.
-    pub(crate) fn frequency(&self, mode: usize) -> f64 {
-        let Mode { a, b, .. } = self.modes[mode];
-        let cosine = (a / (2.0 * b.sqrt())).clamp(-1.0, 1.0);
-        let angle = std::f64::consts::FRAC_PI_2 - crate::maths::asin(cosine);
-        match self.modes[mode].cell {
-            Some(cell) => cell.frequency(),
-            None => angle * self.rate.hertz() / std::f64::consts::TAU,
-        }
-    }
-
-    /// What a newton for ever moves a mode by [m].
-    pub(crate) fn compliance(&self, mode: usize) -> f64 {
-        let Mode { a, b, gain, .. } = self.modes[mode];
-        gain / (1.0 - a + b).max(f64::MIN_POSITIVE)
-    }
-
-    /// With some of the modes only.
-    pub(crate) fn only(&self, kept: &[usize]) -> Self {
-        let some = |shape: &[f64]| kept.iter().map(|&mode| shape[mode]).collect();
-        Self {
-            modes: kept.iter().map(|&mode| self.modes[mode]).collect(),
-            ports: self
-                .ports
-                .iter()
-                .map(|port| Port {
-                    shape: some(&port.shape),
-                    ..*port
-                })
-                .collect(),
-            heard: self
-                .heard
-                .iter()
-                .map(|(output, shape)| (*output, some(shape)))
-                .collect(),
-            still: self.still.clone(),
-            struck: self
-                .struck
-                .iter()
-                .map(|struck| Struck {
-                    shape: some(&struck.shape),
-                    blows: struck.blows.clone(),
-                })
-                .collect(),
-            rate: self.rate,
-        }
-    }
-
-    /// What a newton of one frame at a port moves the port itself by the next [m].
-    pub(crate) fn give(&self, port: usize) -> f64 {
-        let terms = self.modes.iter().zip(&self.ports[port].shape);
-        terms.map(|(mode, share)| mode.gain * share * share).sum()
-    }
-}
-
-/// What does not change while it plays.
-#[derive(Clone, Debug)]
-struct Script {
-    plan: Modal,
-    /// (n_groups)
-    rates: Vec<Rates>,
-    /// What each row sees of each group: ports first, then outputs   (n_groups, n_rows)
-    rows: Vec<Vec<Lanes>>,
-    /// What a newton at each port does to each group   (n_groups, n_ports)
-    gains: Vec<Vec<Lanes>>,
-    /// What a newton at each port moves each row by at the next frame   (n_rows, n_ports)
-    moves: Vec<Vec<f64>>,
-    /// By rising frame.
-    blows: Vec<Blow>,
-}
-
-/// Its frame, which strikes, which of them, and whether it is the second step of two.
-type Blow = (u64, usize, usize, bool);
 
 /// A body that plays.
 #[derive(Clone, Debug)]
@@ -398,89 +265,4 @@ impl Playing {
             }
         }
     }
-}
-
-/// One number of each mode of a group.
-fn lanes(modes: &[Mode], group: usize, of: impl Fn(usize) -> f64) -> Lanes {
-    let mut lanes = Lanes::ZERO;
-    let members = group * LANES..modes.len().min((group + 1) * LANES);
-    for (lane, mode) in lanes.0.iter_mut().zip(members) {
-        *lane = of(mode);
-    }
-    lanes
-}
-
-impl Script {
-    fn new(plan: &Modal) -> Self {
-        let modes = &plan.modes;
-        let groups = 0..modes.len().div_ceil(LANES);
-        let ports = plan.ports.iter().map(|port| &port.shape);
-        let rows: Vec<&Vec<f64>> = ports
-            .chain(plan.heard.iter().map(|(_, shape)| shape))
-            .collect();
-        let gain = |port: &Port, mode: usize| modes[mode].gain * port.shape[mode];
-        let moves = |row: &[f64]| {
-            let by = |port| {
-                (0..modes.len())
-                    .map(|mode| row[mode] * gain(port, mode))
-                    .sum()
-            };
-            plan.ports.iter().map(by).collect()
-        };
-        let group_rows = |group| {
-            rows.iter()
-                .map(|row| lanes(modes, group, |mode| row[mode]))
-                .collect()
-        };
-        let group_gains = |group| {
-            let ports = plan.ports.iter();
-            ports
-                .map(|port| lanes(modes, group, |mode| gain(port, mode)))
-                .collect()
-        };
-        Self {
-            rates: groups
-                .clone()
-                .map(|group| Rates {
-                    a: lanes(modes, group, |mode| modes[mode].a),
-                    b: lanes(modes, group, |mode| modes[mode].b),
-                })
-                .collect(),
-            rows: groups.clone().map(group_rows).collect(),
-            gains: groups.map(group_gains).collect(),
-            moves: rows.iter().map(|row| moves(row)).collect(),
-            blows: blows(plan),
-            plan: plan.clone(),
-        }
-    }
-
-    /// What one blow does to every mode.
-    fn strike(&self, (_, strikes, blow, second): Blow, kicks: &mut [Lanes]) {
-        let struck = &self.plan.struck[strikes];
-        let (_, alpha, impulse) = struck.blows[blow];
-        let (rate, step) = (self.plan.rate, self.plan.rate.step());
-        for (mode, own) in self.plan.modes.iter().enumerate() {
-            let impulse = impulse * struck.shape[mode];
-            let by = match own.cell {
-                Some(cell) => cell.split(impulse, alpha, rate)[usize::from(second)] * step * step,
-                None => impulse * rate.hertz(),
-            };
-            kicks[mode / LANES].0[mode % LANES] = by;
-        }
-    }
-}
-
-fn blows(plan: &Modal) -> Vec<Blow> {
-    let in_two = plan.modes.first().is_some_and(|mode| mode.cell.is_some());
-    let mut blows = Vec::new();
-    for (strikes, struck) in plan.struck.iter().enumerate() {
-        for (blow, &(frame, _, _)) in struck.blows.iter().enumerate() {
-            blows.push((frame, strikes, blow, false));
-            if in_two {
-                blows.push((frame + 1, strikes, blow, true));
-            }
-        }
-    }
-    blows.sort_by_key(|blow| blow.0);
-    blows
 }

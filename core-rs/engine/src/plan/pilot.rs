@@ -10,8 +10,8 @@ use super::budget::Budget;
 use super::choice::Choice;
 use super::mesh::Ways;
 use super::row;
+use super::search::{Search, Standing};
 use super::truncate::{Kept, choose};
-use crate::integrate::Way;
 use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::{Island, OnFault, Options};
@@ -27,14 +27,14 @@ const WORTH: f64 = 0.5;
 /// The search for how finely contacts are computed begins here.
 const LEAST: usize = 2;
 /// An island is stepped at most so often a frame.
-const TIMES_MAX: u32 = 8;
+pub(super) const TIMES_MAX: u32 = 8;
 /// So often fewer modes are tried, each time quieter ones by at least so much [dB].
 const TRIES: usize = 4;
 const QUIETER: f64 = 2.0;
 /// Frames between two looks at the modes.
 const LOOK: usize = 64;
 /// Error of a contact falls with the square of the step at best, with its first power where damping jumps.
-const ORDERS: (f64, f64) = (1.0, 2.0);
+pub(super) const ORDERS: (f64, f64) = (1.0, 2.0);
 /// By so much an error of order 1 falls with a doubling [dB].
 const DOUBLING: f64 = 6.02;
 
@@ -45,13 +45,13 @@ pub(super) struct Found {
 }
 
 /// One way through the beginning.
-struct Take {
+pub(super) struct Take {
     /// (n_frames · n_out)
-    sound: Vec<f64>,
+    pub(super) sound: Vec<f64>,
     /// Square of the amplitude that each mode of each body reached.
-    squares: Vec<Vec<f64>>,
+    pub(super) squares: Vec<Vec<f64>>,
     /// A part went beyond all bounds.
-    is_lost: bool,
+    pub(super) is_lost: bool,
 }
 
 /// What a plan decided before; `None` where it does not fit.
@@ -83,18 +83,8 @@ pub(super) fn pilot(
             error: None,
         });
     }
-    let mut island = match assemble((1, Ways::Budget)) {
-        // Where it diverges at this rate it may not at a higher one.
-        Err(error @ Error::Unstable { .. }) => {
-            let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let stable = higher
-                .filter_map(|times| assemble((times, Ways::Budget)).ok())
-                .next();
-            stable.ok_or(error)?
-        }
-        other => other?,
-    };
-    let mut times = island.isle.times;
+    let island = first(assemble)?;
+    let times = island.isle.times;
     let n_frames = length(&island.isle)?;
     if n_frames == 0 {
         return Ok(Found {
@@ -103,100 +93,62 @@ pub(super) fn pilot(
         });
     }
     let seconds = n_frames as f64 * f64::from(times) / island.isle.timeline.rate.hertz();
-    let mut found = contacts(&island.isle, budget, n_frames)?;
-    let (mut error, mut last) = (found.error, None);
-    let spans = Spans::of(&island.isle, n_frames);
-    // Half the step by the same methods: else a finer plan could be the same one.
-    let (ways, once) = (island.ways(), found.steps);
-    while times < TIMES_MAX && is_worth(&island.isle, 3 * n_frames) {
-        let Ok(finer) = assemble((2 * times, Ways::As(&ways))) else {
-            break;
-        };
-        let steps = (found.steps / 2).max(1);
-        let take = play(&finer.isle, steps, n_frames)?;
-        let change = difference(&found.take.sound, &take.sound, &spans);
-        let (own, _) = errors(change, last, ORDERS.1);
-        last = Some(change);
-        error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
-        if found.take.is_lost {
-            // It went beyond all bounds: finer, whatever the budget.
-            times *= 2;
-            island = finer;
-            (found.steps, found.take) = (steps, take);
-            continue;
-        }
-        let Budget::Error(_) = *budget else { break };
-        // Contacts and modes have their share too.
-        if own <= budget.contact() {
-            break;
-        }
-        times *= 2;
-        island = finer;
-        (found.steps, found.take) = (steps, take);
-    }
-    if let Budget::Error(_) = *budget
-        && error.is_some_and(|error| error > budget.contact())
-        && let Some(better) = climb(assemble, &ways, (once, error), budget, &spans, n_frames)?
+    let found = contacts(&island.isle, budget, n_frames)?;
+    let search = Search {
+        assemble,
+        spans: Spans::of(&island.isle, n_frames),
+        once: found.steps * times as usize,
+        n_frames,
+    };
+    let start = search.stand(times, Ways::As(&island.ways()), None, None)?;
+    let Some(start) = start else {
+        let error = found.error.map(|db| (db, seconds));
+        let island = fewer(&island, &found, n_frames, budget)?;
+        return Ok(Found { island, error });
+    };
+    let mut best = search.climb(start, budget)?;
+    if best.take.is_lost
+        && let Ok(island) = assemble((1, Ways::Safe))
     {
-        let own;
-        (island, own, found.take) = better;
-        error = Some(own.max(found.error.unwrap_or(f64::NEG_INFINITY)));
-        found.steps = once;
-    }
-    if found.take.is_lost
-        && let Ok(safe) = assemble((1, Ways::Safe))
-    {
-        let take = play(&safe.isle, found.steps, n_frames)?;
+        let steps = search.once;
+        let take = play(&island.isle, steps, n_frames)?;
         if !take.is_lost {
-            (island, found.take, error) = (safe, take, None);
+            best = Standing {
+                island,
+                steps,
+                take,
+                own: f64::NAN,
+                ..best
+            };
         }
     }
-    if found.take.is_lost {
-        error = None;
-    }
+    // What is lost, or by what cannot be lost, was held against nothing.
+    let own = Some(best.own).filter(|own| own.is_finite());
+    let error = own.map(|own| (own.max(found.error.unwrap_or(f64::NEG_INFINITY)), seconds));
+    let found = Contacts {
+        steps: best.steps,
+        error: found.error,
+        take: best.take,
+    };
     Ok(Found {
-        island: fewer(&island, &found, n_frames, budget)?,
-        error: error.map(|db| (db, seconds)),
+        island: fewer(&best.island, &found, n_frames, budget)?,
+        error,
     })
 }
 
-/// The same with every mesh by the method of order 4, finer and finer: where a law is strong that helps more than a higher
-/// rate for all. `None` where it does not.
-fn climb(
+/// An island at the lowest rate at which it is stable.
+fn first(
     assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
-    ways: &[Option<(Way, u32)>],
-    (steps, reached): (usize, Option<f64>),
-    budget: &Budget,
-    spans: &Spans,
-    n_frames: usize,
-) -> Result<Option<(Assembled, f64, Take)>, Error> {
-    let mut best: Option<(Assembled, f64, Take)> = None;
-    if ways.iter().all(Option::is_none) {
-        return Ok(None);
+) -> Result<Assembled, Error> {
+    match assemble((1, Ways::Budget)) {
+        // Where it diverges at this rate it may not at a higher one.
+        Err(error @ Error::Unstable { .. }) => {
+            let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
+            let mut stable = higher.filter_map(|times| assemble((times, Ways::Budget)).ok());
+            stable.next().ok_or(error)
+        }
+        other => other,
     }
-    for substeps in [1, 2, 4] {
-        let by = ways.iter().map(|way| way.map(|_| (Way::Bm4, substeps)));
-        let by: Vec<_> = by.collect();
-        let both = (assemble((1, Ways::As(&by))), assemble((2, Ways::As(&by))));
-        let (Ok(coarse), Ok(fine)) = both else {
-            continue;
-        };
-        if !is_worth(&fine.isle, 2 * n_frames) {
-            break;
-        }
-        let take = play(&coarse.isle, steps, n_frames)?;
-        let finer = play(&fine.isle, (steps / 2).max(1), n_frames)?;
-        let change = difference(&take.sound, &finer.sound, spans);
-        let (own, _) = errors(change, None, ORDERS.1);
-        let reached = best.as_ref().map(|best| best.1).or(reached);
-        if !take.is_lost && reached.is_none_or(|reached| own < reached) {
-            best = Some((coarse, own, take));
-        }
-        if own <= budget.contact() {
-            break;
-        }
-    }
-    Ok(best)
 }
 
 /// An island without the modes that are not heard: those that energies tell, then tested by ear.
@@ -300,7 +252,7 @@ fn work(isle: &Isle) -> f64 {
     1e-9 * f64::from(isle.times) * (row::stepped_cost(&isle.network, &isle.timeline) + bodies)
 }
 
-fn is_worth(isle: &Isle, n_frames: usize) -> bool {
+pub(super) fn is_worth(isle: &Isle, n_frames: usize) -> bool {
     work(isle) * n_frames as f64 <= WORTH
 }
 
@@ -319,7 +271,7 @@ fn length(isle: &Isle) -> Result<usize, Error> {
                 return Ok((at + after).min(most));
             }
         }
-        return Ok(0);
+        // Nothing touches: what there is to hear is the rest.
     }
     let timeline = &isle.timeline;
     let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
@@ -362,7 +314,7 @@ fn modes(body: &Inside) -> usize {
     }
 }
 
-fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
+pub(super) fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
     let mut island = island(isle, steps)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
@@ -384,7 +336,7 @@ fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
 
 /// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
 /// by the order `most` is luck, for it matters where between two instants a contact closes.
-fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
+pub(super) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
     let least = ORDERS.0;
     let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
     let order = last.map_or(least, |last| {
@@ -398,7 +350,7 @@ fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
 }
 
 /// Where sounds are compared: from the start to a third of the time after the first event, to two thirds, to all.
-struct Spans {
+pub(super) struct Spans {
     n_out: usize,
     frames: [usize; 3],
 }
@@ -415,7 +367,7 @@ impl Spans {
 }
 
 /// ‖a − b‖ / ‖b‖ [dB] of the output and over the span where it is worst; that something stands aside is no sound.
-fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
+pub(super) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
     let of = |output: usize, n_frames: usize| {
         let own = |x: &[f64]| -> Vec<f64> {
             let own = x.iter().skip(output).step_by(spans.n_out);

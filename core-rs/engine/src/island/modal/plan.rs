@@ -1,0 +1,121 @@
+//! What a plan says of a body that goes by its modes.
+
+use crate::cell::Cell;
+use crate::units::Rate;
+
+/// A point of a body that other modules touch.
+#[derive(Clone, Debug)]
+pub(crate) struct Port {
+    /// The MAT in the island.
+    pub(crate) mat: usize,
+    /// Where it is when the body rests [m].
+    pub(crate) rest: f64,
+    /// How much of it each mode gives and feels   (n_modes)
+    pub(crate) shape: Vec<f64>,
+}
+
+/// Strikes on one point of a body.
+#[derive(Clone, Debug)]
+pub(crate) struct Struck {
+    /// How much of them each mode feels   (n_modes)
+    pub(crate) shape: Vec<f64>,
+    /// Frame, part of a frame after it, impulse [N·s]; rising.
+    pub(crate) blows: Vec<(u64, f64, f64)>,
+}
+
+/// A mode of mass 1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mode {
+    /// x[n+1] = a·x[n] − b·x[n−1]
+    pub(crate) a: f64,
+    pub(crate) b: f64,
+    /// What a newton of one frame moves it by the next [m].
+    pub(crate) gain: f64,
+    pub(crate) now: f64,
+    pub(crate) before: f64,
+    /// Its continuous motion; none where a strike acts in one step.
+    pub(crate) cell: Option<Cell>,
+}
+
+/// What a plan says of a body.
+#[derive(Clone, Debug)]
+pub(crate) struct Modal {
+    pub(crate) modes: Vec<Mode>,
+    pub(crate) ports: Vec<Port>,
+    /// Outputs that hear it, and how much of each mode   (n_modes)
+    pub(crate) heard: Vec<(u32, Vec<f64>)>,
+    /// What outputs hear of where it rests.
+    pub(crate) still: Vec<f64>,
+    pub(crate) struck: Vec<Struck>,
+    pub(crate) rate: Rate,
+}
+
+impl Modal {
+    /// Started against forces that act on its ports at frame 0 (n_mat of the island): as any MAT, each mode
+    /// comes from ½·F·gain further back.
+    pub(crate) fn pushed(&self, force: &[f64]) -> Self {
+        let mut own = self.clone();
+        for port in &self.ports {
+            for (mode, share) in own.modes.iter_mut().zip(&port.shape) {
+                if mode.cell.is_some() {
+                    mode.before += 0.5 * mode.gain * share * force[port.mat];
+                }
+            }
+        }
+        own
+    }
+
+    /// Frequency of a mode [Hz], as its recurrence turns.
+    pub(crate) fn frequency(&self, mode: usize) -> f64 {
+        let Mode { a, b, .. } = self.modes[mode];
+        let cosine = (a / (2.0 * b.sqrt())).clamp(-1.0, 1.0);
+        let angle = std::f64::consts::FRAC_PI_2 - crate::maths::asin(cosine);
+        match self.modes[mode].cell {
+            Some(cell) => cell.frequency(),
+            None => angle * self.rate.hertz() / std::f64::consts::TAU,
+        }
+    }
+
+    /// What a newton for ever moves a mode by [m].
+    pub(crate) fn compliance(&self, mode: usize) -> f64 {
+        let Mode { a, b, gain, .. } = self.modes[mode];
+        gain / (1.0 - a + b).max(f64::MIN_POSITIVE)
+    }
+
+    /// With some of the modes only.
+    pub(crate) fn only(&self, kept: &[usize]) -> Self {
+        let some = |shape: &[f64]| kept.iter().map(|&mode| shape[mode]).collect();
+        Self {
+            modes: kept.iter().map(|&mode| self.modes[mode]).collect(),
+            ports: self
+                .ports
+                .iter()
+                .map(|port| Port {
+                    shape: some(&port.shape),
+                    ..*port
+                })
+                .collect(),
+            heard: self
+                .heard
+                .iter()
+                .map(|(output, shape)| (*output, some(shape)))
+                .collect(),
+            still: self.still.clone(),
+            struck: self
+                .struck
+                .iter()
+                .map(|struck| Struck {
+                    shape: some(&struck.shape),
+                    blows: struck.blows.clone(),
+                })
+                .collect(),
+            rate: self.rate,
+        }
+    }
+
+    /// What a newton of one frame at a port moves the port itself by the next [m].
+    pub(crate) fn give(&self, port: usize) -> f64 {
+        let terms = self.modes.iter().zip(&self.ports[port].shape);
+        terms.map(|(mode, share)| mode.gain * share * share).sum()
+    }
+}

@@ -1,0 +1,108 @@
+//! What does not change of a body while it plays: its modes in groups, as kernels take them.
+
+use super::plan::{Modal, Mode, Port};
+use crate::kernel::bank::{LANES, Lanes, Rates};
+
+/// What does not change while it plays.
+#[derive(Clone, Debug)]
+pub(super) struct Script {
+    pub(super) plan: Modal,
+    /// (n_groups)
+    pub(super) rates: Vec<Rates>,
+    /// What each row sees of each group: ports first, then outputs   (n_groups, n_rows)
+    pub(super) rows: Vec<Vec<Lanes>>,
+    /// What a newton at each port does to each group   (n_groups, n_ports)
+    pub(super) gains: Vec<Vec<Lanes>>,
+    /// What a newton at each port moves each row by at the next frame   (n_rows, n_ports)
+    pub(super) moves: Vec<Vec<f64>>,
+    /// By rising frame.
+    pub(super) blows: Vec<Blow>,
+}
+
+/// Its frame, which strikes, which of them, and whether it is the second step of two.
+pub(super) type Blow = (u64, usize, usize, bool);
+
+/// One number of each mode of a group.
+pub(super) fn lanes(modes: &[Mode], group: usize, of: impl Fn(usize) -> f64) -> Lanes {
+    let mut lanes = Lanes::ZERO;
+    let members = group * LANES..modes.len().min((group + 1) * LANES);
+    for (lane, mode) in lanes.0.iter_mut().zip(members) {
+        *lane = of(mode);
+    }
+    lanes
+}
+
+impl Script {
+    pub(super) fn new(plan: &Modal) -> Self {
+        let modes = &plan.modes;
+        let groups = 0..modes.len().div_ceil(LANES);
+        let ports = plan.ports.iter().map(|port| &port.shape);
+        let rows: Vec<&Vec<f64>> = ports
+            .chain(plan.heard.iter().map(|(_, shape)| shape))
+            .collect();
+        let gain = |port: &Port, mode: usize| modes[mode].gain * port.shape[mode];
+        let moves = |row: &[f64]| {
+            let by = |port| {
+                (0..modes.len())
+                    .map(|mode| row[mode] * gain(port, mode))
+                    .sum()
+            };
+            plan.ports.iter().map(by).collect()
+        };
+        let group_rows = |group| {
+            rows.iter()
+                .map(|row| lanes(modes, group, |mode| row[mode]))
+                .collect()
+        };
+        let group_gains = |group| {
+            let ports = plan.ports.iter();
+            ports
+                .map(|port| lanes(modes, group, |mode| gain(port, mode)))
+                .collect()
+        };
+        Self {
+            rates: groups
+                .clone()
+                .map(|group| Rates {
+                    a: lanes(modes, group, |mode| modes[mode].a),
+                    b: lanes(modes, group, |mode| modes[mode].b),
+                })
+                .collect(),
+            rows: groups.clone().map(group_rows).collect(),
+            gains: groups.map(group_gains).collect(),
+            moves: rows.iter().map(|row| moves(row)).collect(),
+            blows: blows(plan),
+            plan: plan.clone(),
+        }
+    }
+
+    /// What one blow does to every mode.
+    pub(super) fn strike(&self, (_, strikes, blow, second): Blow, kicks: &mut [Lanes]) {
+        let struck = &self.plan.struck[strikes];
+        let (_, alpha, impulse) = struck.blows[blow];
+        let (rate, step) = (self.plan.rate, self.plan.rate.step());
+        for (mode, own) in self.plan.modes.iter().enumerate() {
+            let impulse = impulse * struck.shape[mode];
+            let by = match own.cell {
+                Some(cell) => cell.split(impulse, alpha, rate)[usize::from(second)] * step * step,
+                None => impulse * rate.hertz(),
+            };
+            kicks[mode / LANES].0[mode % LANES] = by;
+        }
+    }
+}
+
+fn blows(plan: &Modal) -> Vec<Blow> {
+    let in_two = plan.modes.first().is_some_and(|mode| mode.cell.is_some());
+    let mut blows = Vec::new();
+    for (strikes, struck) in plan.struck.iter().enumerate() {
+        for (blow, &(frame, _, _)) in struck.blows.iter().enumerate() {
+            blows.push((frame, strikes, blow, false));
+            if in_two {
+                blows.push((frame + 1, strikes, blow, true));
+            }
+        }
+    }
+    blows.sort_by_key(|blow| blow.0);
+    blows
+}

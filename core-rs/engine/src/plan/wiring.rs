@@ -1,0 +1,155 @@
+//! Which MATs of an island hang together by links that a body may have inside, and where others end.
+
+use std::collections::BTreeMap;
+
+use crate::network::{LinkKind, Network, Term};
+use crate::scheme::moves;
+use crate::timeline::Timeline;
+
+/// Fewer masses are stepped as quickly as they are seen by their modes.
+const MASSES_MIN: usize = 4;
+/// A body with more ports than this part of its masses is mostly ports.
+const PORTS: usize = 4;
+
+/// A set of MATs that inner links join, and the ports where others end.
+pub(super) struct Body {
+    pub(super) mats: Vec<u32>,
+    pub(super) guests: Vec<u32>,
+    pub(super) links: Vec<u32>,
+    pub(super) ports: Vec<u32>,
+}
+
+/// Which links may lie inside a body, and which MATs.
+pub(super) struct Wiring {
+    may: Vec<bool>,
+    /// Springs, and springs and laws.
+    is_spring: Vec<bool>,
+    is_law: Vec<bool>,
+    is_driven: Vec<bool>,
+}
+
+impl Wiring {
+    /// Some MATs belong to a body already.
+    pub(super) fn take(&mut self, mats: &[u32]) {
+        mats.iter().for_each(|&mat| self.may[mat as usize] = false);
+    }
+
+    pub(super) fn new(network: &Network, timeline: &Timeline) -> Self {
+        let mats = network.mats();
+        let n = network.n_mat();
+        let mut is_driven = vec![false; n];
+        timeline
+            .drives
+            .iter()
+            .for_each(|drive| is_driven[drive.mat] = true);
+        let mut has_key = vec![false; network.parts().len()];
+        for key in &timeline.keys {
+            has_key[mats.part[key.struck] as usize] = true;
+        }
+        let mut may: Vec<bool> = (0..n)
+            .map(|i| moves(mats.kind[i]) && !is_driven[i] && !has_key[mats.part[i] as usize])
+            .collect();
+        timeline
+            .ergons
+            .iter()
+            .for_each(|ergon| may[ergon.mat as usize] = false);
+        let (mut is_spring, mut is_law) =
+            (vec![false; network.n_lia()], vec![false; network.n_lia()]);
+        for run in network.runs() {
+            let links = run.first..run.first + run.len;
+            is_spring[links.clone()].fill(matches!(run.kind, LinkKind::Ref));
+            is_law[links].fill(matches!(run.kind, LinkKind::Lnl(_)));
+        }
+        let mut outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
+        timeline.gates.iter().for_each(|gate| outer(gate.link));
+        for term in network.outputs().iter().flat_map(|output| &output.terms) {
+            match *term {
+                Term::Force { first, len, .. } => (first..first + len).for_each(&mut outer),
+                Term::Ground { first, len, .. } => may[first..first + len].fill(false),
+                Term::Position { .. } => {}
+            }
+        }
+        Self {
+            may,
+            is_spring,
+            is_law,
+            is_driven,
+        }
+    }
+
+    /// Sets of MATs that inner links join, large enough and with few enough ports.
+    pub(super) fn bodies(&self, network: &Network, with_laws: bool) -> Vec<Body> {
+        let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
+        let mut leader: Vec<usize> = (0..network.n_mat()).collect();
+        let root = |leader: &mut Vec<usize>, mut i: usize| {
+            while leader[i] != i {
+                leader[i] = leader[leader[i]];
+                i = leader[i];
+            }
+            i
+        };
+        for (link, a, b) in ends(network) {
+            if is_inner(link) && self.may[a] && self.may[b] {
+                let (a, b) = (root(&mut leader, a), root(&mut leader, b));
+                leader[a.max(b)] = a.min(b);
+            }
+        }
+        let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
+        for mat in (0..network.n_mat()).filter(|&mat| self.may[mat]) {
+            let body = bodies
+                .entry(root(&mut leader, mat))
+                .or_insert_with(Body::empty);
+            body.mats.push(mat as u32);
+        }
+        for (link, a, b) in ends(network) {
+            for (own, other) in [(a, b), (b, a)] {
+                if !self.may[own] {
+                    continue;
+                }
+                let Some(body) = bodies.get_mut(&root(&mut leader, own)) else {
+                    continue;
+                };
+                let is_held = !moves(network.mats().kind[other]) && !self.is_driven[other];
+                if is_inner(link) && (self.may[other] || is_held) {
+                    // Both ends tell of a link between two of them: it is noted once.
+                    if own == a || !self.may[other] {
+                        body.links.push(link as u32);
+                    }
+                    if is_held {
+                        body.guests.push(other as u32);
+                    }
+                } else {
+                    body.ports.push(own as u32);
+                }
+            }
+        }
+        let worth = |body: &Body| {
+            body.mats.len() >= MASSES_MIN && body.ports.len() * PORTS <= body.mats.len()
+        };
+        let tidy = |mut body: Body| {
+            for list in [&mut body.guests, &mut body.links, &mut body.ports] {
+                list.sort_unstable();
+                list.dedup();
+            }
+            body
+        };
+        bodies.into_values().map(tidy).filter(worth).collect()
+    }
+}
+
+impl Body {
+    fn empty() -> Self {
+        Self {
+            mats: Vec::new(),
+            guests: Vec::new(),
+            links: Vec::new(),
+            ports: Vec::new(),
+        }
+    }
+}
+
+/// Every link with its two ends.
+pub(super) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+    let runs = network.runs().iter();
+    runs.flat_map(|run| (0..run.len).map(|i| (run.first + i, run.a + i, run.b + i)))
+}
