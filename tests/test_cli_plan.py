@@ -1,0 +1,153 @@
+"""`ergon plan`, and renders by the plan that it wrote."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ergon.cli import app
+from ergon.exchange.wave import hash_samples, read_info
+
+Capture = pytest.CaptureFixture[str]
+
+# A struck string nobody touches, a gong that is heard, one that is not, a bell that a key strikes,
+# and a drum that nothing moves.
+SCORE = """\
+ergon: 1
+title: Some of everything
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  wire: {modules: {s: {STRING: {masses: 24, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.17}}
+  gong:
+    modules: {p: {PLATE: {shape: hex, radius: 2, M: 50g, f: 900Hz, t60: 1s, hardening: 1e10}}}
+    out: {SOX: p.centre}
+  deaf: {modules: {m: {CEL: {M: 1g, f: 200Hz, t60: 1s}}}}
+  drum: {modules: {m: {CEL: {M: 1g, f: 300Hz, t60: 1s}}}, out: {SOX: m}}
+  sky: {modules: {b: {BANK: {count: 40, M: 1g, f: 200Hz..4kHz, t60: 1s}}}, out: {SOX: b.all}}
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: 440Hz, t60: 0.5s}}
+      b: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: m}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: knock}]}
+strikes:
+  a: {to: [wire.s.3, deaf.m], at: 0.1s, impulse: 1mNs}
+  b: {to: [sky.b.all], at: 0.1s, impulse: 1uNs}
+  c: {to: [gong.p.centre], at: 0.05s, impulse: 3mNs}
+render: {tail: 0.5s, bits: float}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    (tmp_path / "all.yaml").write_text(SCORE)
+    return tmp_path
+
+
+def rows(capsys: Capture, *options: str) -> dict[str, dict]:
+    """The rows of a plan by their first part; those of islands by what is in them."""
+    assert app.run(["plan", "all.yaml", "--json", *options]) == 0
+    found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [row["event"] for row in found][-1] == "plan"
+    return {"+".join(row["parts"]): row for row in found if row["event"] == "plan_row"}
+
+
+def test_everything_by_what_it_needs(capsys: Capture) -> None:
+    found = rows(capsys, "--error", "-60dB")
+    assert found["wire"]["what"] == "modes"
+    assert found["wire"]["modes"] <= found["wire"]["modes_of"] == 24
+    assert (found["sky"]["what"], found["sky"]["n_mat"]) == ("oscillators", 40)
+    assert found["deaf"]["what"] == "unheard"
+    assert found["drum"]["what"] == "still"
+    assert found["k1+bell"]["what"] == "stepped"
+    assert found["k1+bell"]["error_db"] <= -60.0
+    assert found["gong"]["error_db"] <= -60.0
+    assert all(row["certificate"] == "proved" for row in (found["wire"], found["sky"]))
+
+
+def test_a_method_for_all(capsys: Capture) -> None:
+    assert {row["what"] for row in rows(capsys, "--method", "ca").values()} == {
+        "stepped",
+        "unheard",
+        "still",
+    }
+    assert rows(capsys, "--method", "bm4")["gong"]["what"] == "bm4"
+    assert rows(capsys, "--method", "modal")["wire"]["modes"] == 24
+
+
+def test_the_table_and_a_reason(capsys: Capture) -> None:
+    assert app.run(["plan", "all.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0].split() == [
+        "part", "modules", "computed", "error", "cost", "stable", "left", "out",
+    ]  # fmt: skip
+    assert "× real time on one core by the table" in out
+    assert app.run(["plan", "all.yaml", "--why", "deaf.m"]) == 0
+    assert "No output listens to it" in capsys.readouterr().out
+    assert app.run(["plan", "all.yaml", "--why", "gongg"]) == 2
+    assert "did you mean 'gong'?" in capsys.readouterr().err
+
+
+def test_a_render_by_a_plan_is_that_render(capsys: Capture) -> None:
+    exact = ["--error", "-70dB"]
+    assert app.run(["plan", "all.yaml", *exact, "-o", "all.json"]) == 0
+    assert app.run(["render", "all.yaml", *exact, "-o", "a.wav"]) == 0
+    assert app.run(["render", "all.yaml", "--plan", "all.json", "-o", "b.wav"]) == 0
+    assert app.run(["render", "all.yaml", "-o", "c.wav"]) == 0
+    a, b, c = (hash_samples(Path(name)) for name in ("a.wav", "b.wav", "c.wav"))
+    assert a == b != c
+    told = json.loads(Path("all.json").read_text())["hash"]
+    assert read_info(Path("a.wav")).plan == read_info(Path("b.wav")).plan == told
+    capsys.readouterr()
+    assert app.run(["info", "a.wav"]) == 0
+    assert f"plan:    sha256 {told}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("{", "this is no plan"),
+        ('{"ergon_plan": 2, "choices": []}', "no plan of version 1"),
+        ('{"ergon_plan": 1, "choices": [[1, 2]]}', "whole numbers"),
+        ('{"ergon_plan": 1, "choices": [[1, 1, 1, [[-1]]]]}', "whole numbers"),
+        ('{"ergon_plan": 1, "choices": []}', "another score"),
+        ('{"ergon_plan": 1, "choices": [[27, 1, 0, [[900]]]]}', "another score"),
+        ("[" * 100_000, "this is no plan"),
+    ],
+)
+def test_a_plan_that_does_not_fit_leaves_no_file(text: str, says: str, capsys: Capture) -> None:
+    Path("bad.json").write_text(text)
+    assert app.run(["render", "all.yaml", "--plan", "bad.json", "-o", "x.wav"]) in (1, 2)
+    assert says in capsys.readouterr().err
+    assert not Path("x.wav").exists()
+
+
+def test_a_plan_that_costs_too_much_says_what_would_fit(capsys: Capture) -> None:
+    dear = SCORE.replace("render:", "accuracy: {error: -120dB, cpu: 0.5%}\nrender:")
+    Path("dear.yaml").write_text(dear)
+    assert app.run(["plan", "dear.yaml"]) == 0
+    err = capsys.readouterr().err
+    assert "warning[W402]" in err
+    assert "would fit" in err or "the least is" in err
+
+
+def test_work_alone_buys_what_it_can(capsys: Capture) -> None:
+    costs = []
+    for cpu in ("100%", "3%"):
+        text = SCORE.replace("render:", f"accuracy: {{cpu: {cpu}}}\nrender:")
+        Path("all.yaml").write_text(text)
+        costs.append(sum(row["cost"] for row in rows(capsys).values()))
+    assert costs[1] <= 0.03
+    assert costs[1] <= costs[0] <= 1.0
+
+
+def test_two_wishes_at_once_are_refused(capsys: Capture) -> None:
+    assert app.run(["plan", "all.yaml", "--error", "-60dB", "--cents", "3"]) == 2
+    assert "one of them" in capsys.readouterr().err
+    assert app.run(["plan", "all.yaml", "--error", "60"]) == 2
+    assert app.run(["plan", "all.yaml", "--method", "bm5"]) == 2
+    assert "did you mean 'bm4'?" in capsys.readouterr().err
