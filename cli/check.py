@@ -57,7 +57,7 @@ def _check(console: Console, path: str, simulate: bool) -> None:
 
         # What the engine will not run is a mistake of the score as well.
         try:
-            # A plan takes time, and can do what the plain scheme cannot: where asked for, or needed.
+            # A plan takes time, and can do what the plain scheme cannot: if asked for, or needed.
             planned = loaded.piece.accuracy != Accuracy()
             try:
                 staged = stage(loaded.piece, planned=planned)
