@@ -302,13 +302,14 @@ loops!(
 #[cfg(target_arch = "aarch64")]
 loops!(
     neon,
+    #[target_feature(enable = "neon")]
     2,
     float64x2_t,
     vld1q_f64,
     vst1q_f64,
     vaddq_f64,
     vmulq_f64,
-    |a, b, c| vnegq_f64(vfmsq_f64(c, a, b)),
+    |a, b, c| vfmaq_f64(vnegq_f64(c), a, b),
     |a, b, c| vfmaq_f64(c, a, b)
 );
 loops!(
