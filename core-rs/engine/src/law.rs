@@ -191,6 +191,24 @@ impl Law {
         }
     }
 
+    /// Elastic forces of a chunk of links as the law was written, before its reach; the elongations stay in
+    /// the first register.
+    fn elastic_chunk(&self, d: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        let elastic = &mut scratch.elastic;
+        self.load(&mut elastic[0], d);
+        match &self.elastic {
+            Elastic::None => out.fill(0.0),
+            Elastic::Expression { program, .. } => {
+                out.copy_from_slice(program.run(elastic, out.len()));
+            }
+            Elastic::Points(points) => {
+                for (out, d) in out.iter_mut().zip(&elastic[0]) {
+                    *out = points.value(*d);
+                }
+            }
+        }
+    }
+
     /// Forces of a run of links, each the same bits as [`Law::force`]; nothing is allocated.
     ///
     /// `d`, `v`, `out`: (n_links,); `v` may be empty where the law has no damping. `scratch` is this
@@ -198,20 +216,10 @@ impl Law {
     pub fn eval_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
         for (chunk, out) in out.chunks_mut(LANES).enumerate() {
             let (first, n) = (chunk * LANES, out.len());
-            let elastic = &mut scratch.elastic;
-            self.load(&mut elastic[0], &d[first..first + n]);
-            match &self.elastic {
-                Elastic::None => out.fill(0.0),
-                Elastic::Expression { program, .. } => out.copy_from_slice(program.run(elastic, n)),
-                Elastic::Points(points) => {
-                    for (out, d) in out.iter_mut().zip(&elastic[0]) {
-                        *out = points.value(*d);
-                    }
-                }
-            }
+            self.elastic_chunk(&d[first..first + n], out, scratch);
             if let Some(damping) = &self.damping {
                 let registers = &mut scratch.damping;
-                registers[0][..n].copy_from_slice(&elastic[0][..n]);
+                registers[0][..n].copy_from_slice(&scratch.elastic[0][..n]);
                 self.load(&mut registers[1], &v[first..first + n]);
                 for (out, force) in out.iter_mut().zip(damping.run(registers, n)) {
                     *out += force;

@@ -9,6 +9,7 @@ mod budget;
 mod cells;
 mod choice;
 mod cost;
+mod forest;
 mod islands;
 mod linear;
 mod loud;

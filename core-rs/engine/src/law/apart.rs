@@ -9,18 +9,8 @@ impl Law {
     /// `d`, `out`: (n_links,); `scratch` is this law's own.
     pub(crate) fn spring_run(&self, d: &[f64], out: &mut [f64], scratch: &mut Scratch) {
         for (chunk, out) in out.chunks_mut(LANES).enumerate() {
-            let (first, n) = (chunk * LANES, out.len());
-            let elastic = &mut scratch.elastic;
-            self.load(&mut elastic[0], &d[first..first + n]);
-            match &self.elastic {
-                Elastic::None => out.fill(0.0),
-                Elastic::Expression { program, .. } => out.copy_from_slice(program.run(elastic, n)),
-                Elastic::Points(points) => {
-                    for (out, d) in out.iter_mut().zip(&elastic[0]) {
-                        *out = points.value(*d);
-                    }
-                }
-            }
+            let first = chunk * LANES;
+            self.elastic_chunk(&d[first..first + out.len()], out, scratch);
             if self.reach != 1.0 {
                 out.iter_mut().for_each(|out| *out /= self.reach);
             }

@@ -1,6 +1,7 @@
 //! Islands: modules that can move each other, found by union-find over the links. Fixed and imposed
 //! points end an island: no force moves them.
 
+use super::forest::{Forest, ends};
 use crate::network::{MatKind, Network, Term};
 use crate::scheme::{forces, moves};
 use crate::timeline::{DriveKind, Source, Timeline};
@@ -22,31 +23,12 @@ pub(super) struct Island {
     pub(super) is_handled: bool,
 }
 
-/// A forest over the MATs.
-struct Forest(Vec<u32>);
-
-impl Forest {
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.0[i] as usize != i {
-            self.0[i] = self.0[self.0[i] as usize];
-            i = self.0[i] as usize;
-        }
-        i
-    }
-
-    fn join(&mut self, i: usize, j: usize) {
-        let (i, j) = (self.root(i), self.root(j));
-        // The lower index leads: islands come in the order of their first MATs.
-        self.0[i.max(j)] = i.min(j) as u32;
-    }
-}
-
 /// All islands, in the order of their first MATs.
 pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
     let n = network.n_mat();
     let is_free = free(network, timeline);
-    let mut forest = Forest((0..n as u32).collect());
-    for (a, b) in ends(network) {
+    let mut forest = Forest::new(n);
+    for (_, a, b) in ends(network) {
         // Two held points that a link joins stay together: the link is theirs.
         if is_free[a] == is_free[b] {
             forest.join(a, b);
@@ -73,7 +55,7 @@ pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
         island.is_heard |= heard.mats[mat];
         island.is_moved |= is_moved;
     }
-    for (link, (a, b)) in ends(network).enumerate() {
+    for (link, a, b) in ends(network) {
         let (own, other) = if is_free[a] { (a, b) } else { (b, a) };
         let island = &mut found[index[forest.root(own)] as usize];
         island.links.push(link as u32);
@@ -107,12 +89,6 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
         }
     }
     is_free
-}
-
-/// The two ends of every link, in order.
-fn ends(network: &Network) -> impl Iterator<Item = (usize, usize)> + '_ {
-    let runs = network.runs().iter();
-    runs.flat_map(|run| (0..run.len).map(|i| (run.a + i, run.b + i)))
 }
 
 /// What outputs listen to.

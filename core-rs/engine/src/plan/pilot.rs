@@ -100,12 +100,12 @@ pub(super) fn pilot(
         once: found.steps * times as usize,
         n_frames,
     };
-    let start = search.stand(times, Ways::As(&island.ways()), None, None)?;
-    let Some(start) = start else {
+    let Some(finer) = search.finer(&island) else {
         let error = found.error.map(|db| (db, seconds));
         let island = fewer(&island, &found, n_frames, budget)?;
         return Ok(Found { island, error });
     };
+    let start = search.hold(island, found.take, &finer, None, None)?;
     let mut best = search.climb(start, budget)?;
     if best.take.is_lost
         && let Ok(island) = assemble((1, Ways::Safe))

@@ -3,11 +3,12 @@
 use super::body::{blows, heard};
 use super::budget::Budget;
 use super::choice::Choice;
+use super::forest::ends;
 use super::linear::NoModes;
 use super::mesh::{self, Ways};
 use super::modes::{Modes, Row};
 use super::split::{Own, split};
-use super::wiring::{Body, Wiring, ends};
+use super::wiring::{Body, Wiring};
 use crate::island::inside::Inside;
 use crate::island::modal::{Modal, Mode, Port, Struck};
 use crate::network::{Network, Subset, Term};

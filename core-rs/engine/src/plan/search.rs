@@ -42,8 +42,8 @@ pub(super) struct Standing {
 const GAINS: (f64, f64) = (6.0, 3.0);
 
 impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
-    /// An island with the error that it has; `None` where that would take long, or it is not stable.
-    pub(super) fn stand(
+    /// An island put together with the error that it has; `None` where that would take long, or it is not stable.
+    fn stand(
         &self,
         times: u32,
         ways: Ways<'_>,
@@ -53,27 +53,47 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let Ok(island) = (self.assemble)((times, ways)) else {
             return Ok(None);
         };
-        // Half the step by the same methods: else a finer plan could be the same one.
-        let Ok(finer) = (self.assemble)((2 * times, Ways::As(&island.ways()))) else {
+        let Some(finer) = self.finer(&island) else {
             return Ok(None);
         };
-        if !is_worth(&finer.isle, self.n_frames + self.n_frames / 2) {
-            return Ok(None);
-        }
-        let steps = |times: u32| (self.once / times as usize).max(1);
-        let take = play(&island.isle, steps(times), self.n_frames)?;
-        let fine = play(&finer.isle, steps(2 * times), self.n_frames)?;
+        let take = play(&island.isle, self.steps(times), self.n_frames)?;
+        self.hold(island, take, &finer, rung, last).map(Some)
+    }
+
+    /// Half the step by the same methods, else a finer plan could be the same one; `None` where it would take long to
+    /// play, or is not stable.
+    pub(super) fn finer(&self, island: &Assembled) -> Option<Assembled> {
+        let finer = (self.assemble)((2 * island.isle.times, Ways::As(&island.ways()))).ok()?;
+        is_worth(&finer.isle, self.n_frames + self.n_frames / 2).then_some(finer)
+    }
+
+    /// Hold an island that was played against half its step.
+    pub(super) fn hold(
+        &self,
+        island: Assembled,
+        take: Take,
+        finer: &Assembled,
+        rung: Option<usize>,
+        last: Option<f64>,
+    ) -> Result<Standing, Error> {
+        let times = island.isle.times;
+        let fine = play(&finer.isle, self.steps(2 * times), self.n_frames)?;
         let change = difference(&take.sound, &fine.sound, &self.spans);
         let (own, _) = errors(change, last, ORDERS.1);
-        Ok(Some(Standing {
+        Ok(Standing {
             own: if take.is_lost { f64::INFINITY } else { own },
             island,
             rung,
             times,
-            steps: steps(times),
+            steps: self.steps(times),
             take,
             change,
-        }))
+        })
+    }
+
+    /// How often a step contacts are computed at `times` the rate.
+    fn steps(&self, times: u32) -> usize {
+        (self.once / times as usize).max(1)
     }
 
     /// As far as the budget asks, or as it helps.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::forest::{Forest, ends};
 use crate::network::{LinkKind, Network, Term};
 use crate::scheme::moves;
 use crate::timeline::Timeline;
@@ -80,25 +81,15 @@ impl Wiring {
     /// Sets of MATs that inner links join, large enough and with few enough ports.
     pub(super) fn bodies(&self, network: &Network, with_laws: bool) -> Vec<Body> {
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
-        let mut leader: Vec<usize> = (0..network.n_mat()).collect();
-        let root = |leader: &mut Vec<usize>, mut i: usize| {
-            while leader[i] != i {
-                leader[i] = leader[leader[i]];
-                i = leader[i];
-            }
-            i
-        };
+        let mut forest = Forest::new(network.n_mat());
         for (link, a, b) in ends(network) {
             if is_inner(link) && self.may[a] && self.may[b] {
-                let (a, b) = (root(&mut leader, a), root(&mut leader, b));
-                leader[a.max(b)] = a.min(b);
+                forest.join(a, b);
             }
         }
         let mut bodies: BTreeMap<usize, Body> = BTreeMap::new();
         for mat in (0..network.n_mat()).filter(|&mat| self.may[mat]) {
-            let body = bodies
-                .entry(root(&mut leader, mat))
-                .or_insert_with(Body::empty);
+            let body = bodies.entry(forest.root(mat)).or_insert_with(Body::empty);
             body.mats.push(mat as u32);
         }
         for (link, a, b) in ends(network) {
@@ -106,7 +97,7 @@ impl Wiring {
                 if !self.may[own] {
                     continue;
                 }
-                let Some(body) = bodies.get_mut(&root(&mut leader, own)) else {
+                let Some(body) = bodies.get_mut(&forest.root(own)) else {
                     continue;
                 };
                 let is_held = !moves(network.mats().kind[other]) && !self.is_driven[other];
@@ -146,10 +137,4 @@ impl Body {
             ports: Vec::new(),
         }
     }
-}
-
-/// Every link with its two ends.
-pub(super) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-    let runs = network.runs().iter();
-    runs.flat_map(|run| (0..run.len).map(|i| (run.first + i, run.a + i, run.b + i)))
 }
