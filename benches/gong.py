@@ -9,7 +9,7 @@ import numpy as np
 from benches import sides
 from benches.measure import Row
 from benches.native import Loops
-from benches.planned import can_plan, planned
+from benches.planned import planned
 from benches.sides import Run, Side
 from benches.wiring import RATE, Floats, Ints, bent, neighbours, runs, spring
 from ergon import _core
@@ -30,13 +30,11 @@ def gong(loops: Loops | None) -> list[Row]:
     for tap in taps:
         network.listen(f"tap{tap}", positions=[(int(tap), 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
-    ours = [sides.engine("ergon, 1 thread", planned(network, timeline, method="ca"))]
+    ours = [
+        sides.engine(name, planned(network, timeline, threads=threads, method="ca"))
+        for threads, name in ((1, "ergon, 1 thread"), (2, "ergon, 2 threads"))
+    ]
     missing = {}
-    if can_plan():
-        two = planned(network, timeline, threads=2, method="ca")
-        ours.append(sides.engine("ergon, 2 threads", two))
-    else:
-        missing["ergon, 2 threads"] = "this core has no planner yet"
     references = []
     if loops is None:
         missing["C"] = "no compiler (`cc`) here"

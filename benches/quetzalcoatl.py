@@ -10,7 +10,7 @@ from functools import partial
 from benches import sides
 from benches.measure import Row
 from benches.native import Loops
-from benches.planned import can_plan, planned
+from benches.planned import planned
 from ergon import _core
 
 RATE = 44100.0
@@ -29,25 +29,21 @@ def quetzalcoatl(_: Loops | None) -> list[Row]:
     network, timeline, ergons = scene()
     modules = network.n_mat + network.n_lia + 2 * ergons
     assert modules >= _AT_LEAST, f"{modules} modules"
-    threads = THREADS if can_plan() else 1
-    side = sides.engine("ergon", planned(network, timeline, threads=threads))
+    side = sides.engine("ergon", planned(network, timeline, threads=THREADS))
     taken = sides.seconds(ROUNDS, [side], _FRAMES)["ergon"]
     speed = _FRAMES / RATE / taken
     values: dict[str, float | int | str] = {
         "modules": modules,
         "ergons": ergons,
         "outputs": network.n_out,
-        "threads": threads,
+        "threads": THREADS,
         "x_real_time": speed,
     }
-    plural = "s" if threads > 1 else " (this core has no planner yet)"
-    said = f"{speed:.2f} × real time on {threads} thread{plural}"
+    said = f"{speed:.2f} × real time on {THREADS} threads"
     name = f"Quetzalcoatl's size: {modules:,} modules, of which {ergons:,} ergons; 24 outputs"
-    whole = "real time: 1"
-    if can_plan():
-        plain = sides.engine("whole", _core.Simulation(network, timeline))
-        values["dB"] = error = sides.error(side.begin()(_FRAMES), plain.begin()(_FRAMES))
-        whole += f"; against the same scene stepped whole {error:.0f} dB"
+    plain = sides.engine("whole", _core.Simulation(network, timeline))
+    values["dB"] = error = sides.error(side.begin()(_FRAMES), plain.begin()(_FRAMES))
+    whole = f"real time: 1; against the same scene stepped whole {error:.0f} dB"
     return [Row(name, said, whole, speed, "× real time", values)]
 
 

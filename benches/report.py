@@ -15,7 +15,6 @@ from pathlib import Path
 from benches.growth import COLUMNS
 from benches.measure import Row
 from benches.native import FLAGS, compiler
-from benches.planned import can_plan
 from ergon.lab.machine import cpu
 
 _ROOT = Path(__file__).parent.parent
@@ -27,7 +26,7 @@ _HEAD = """\
 
 Made by `python -m benches`; do not edit. `python -m benches bank string` measures some and writes
 nothing. Every figure is a ratio to a reference that ran in the same rounds on the same work:
-interleaved, medians. Only the ratios travel to other machines.{engine}
+interleaved, medians. Only the ratios travel to other machines.
 
 * Machine: {cpu}, {cores} cores, {system}; Python {python}{load}.
 * C: {compiler}; flags `{flags}`.
@@ -51,7 +50,6 @@ interleaved, medians. Only the ratios travel to other machines.{engine}
 """
 
 
-_PLAIN = "\n\n**This core has no planner yet: the engine runs its plain scheme everywhere.**"
 # How each says its version; the first words that hold a digit.
 _PEERS = {
     "Faust": ["faust", "--version"],
@@ -70,7 +68,6 @@ def machine() -> dict[str, str | int | float]:
         "compiler": _version(),
         "flags": " ".join(FLAGS),
         "peers": _peers(),
-        "engine": "" if can_plan() else _PLAIN,
         "load_before": os.getloadavg()[0] if hasattr(os, "getloadavg") else -1.0,
     }
 
