@@ -1,0 +1,6 @@
+//! Playing live: the real-time thread that owns the physics, the sound card on one side of it, the keys on the other.
+//!
+//! Adds clocks and wires to the engine, no physics: what it plays equals what a render writes, sample for sample,
+//! wherever nobody's real hand is in it.
+
+pub mod realtime;

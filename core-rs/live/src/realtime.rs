@@ -1,0 +1,104 @@
+//! What the operating system grants a thread that may not be late, and what it really granted.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+/// Priority of the physics thread among real-time threads: above JACK's clients (65), below its own server's
+/// watchdogs and the kernel's threads.
+pub const PHYSICS: i32 = 78;
+/// Stack that is touched beforehand: a page fault while playing is a late tick.
+const PREFAULTED: usize = 256 * 1024;
+
+/// What a thread runs as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Granted {
+    /// Priority under SCHED_FIFO; `None`: scheduled like any other program.
+    pub fifo: Option<i32>,
+    /// The process's memory stays in RAM.
+    pub locked: bool,
+}
+
+impl fmt::Display for Granted {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.fifo {
+            Some(priority) => write!(to, "SCHED_FIFO {priority}")?,
+            None => write!(to, "no real-time priority")?,
+        }
+        let memory = if self.locked { "locked" } else { "not locked" };
+        write!(to, ", memory {memory}")
+    }
+}
+
+/// Ask for real-time scheduling of this thread and for locked memory; returns what was really granted, which is
+/// read back from the kernel: a request that succeeds is not yet a policy that holds.
+pub fn ask(priority: i32) -> Granted {
+    let locked = lock_memory();
+    prefault();
+    Granted {
+        fifo: fifo(priority),
+        locked,
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn fifo(priority: i32) -> Option<i32> {
+    // SAFETY: zero is a valid sched_param; both calls write into locals that outlive them.
+    unsafe {
+        let mut param: libc::sched_param = std::mem::zeroed();
+        param.sched_priority = priority;
+        libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &raw const param);
+        let mut policy = 0;
+        libc::pthread_getschedparam(libc::pthread_self(), &raw mut policy, &raw mut param);
+        (policy == libc::SCHED_FIFO).then_some(param.sched_priority)
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn fifo(_: i32) -> Option<i32> {
+    None
+}
+
+#[cfg(unix)]
+fn lock_memory() -> bool {
+    // SAFETY: no pointers are passed.
+    unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) == 0 }
+}
+
+#[cfg(not(unix))]
+fn lock_memory() -> bool {
+    false
+}
+
+#[inline(never)]
+fn prefault() {
+    let stack = [0_u8; PREFAULTED];
+    std::hint::black_box(&stack);
+}
+
+/// Sleep until an instant; returns how late the thread woke.
+pub fn sleep_until(at: Instant) -> Duration {
+    if let Some(left) = at.checked_duration_since(Instant::now()) {
+        // Never spin: since Linux 6.12 a spinning real-time thread is stopped for 50 ms in every second.
+        std::thread::sleep(left);
+    }
+    Instant::now().saturating_duration_since(at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tells_what_was_granted() {
+        let told = std::thread::spawn(|| ask(PHYSICS).to_string());
+        let told = told.join().expect("the thread ends");
+        assert!(told.contains("memory"), "{told}");
+    }
+
+    #[test]
+    fn sleeps_until_the_instant() {
+        let at = Instant::now() + Duration::from_millis(5);
+        let late = sleep_until(at);
+        assert!(Instant::now() >= at + late);
+    }
+}
