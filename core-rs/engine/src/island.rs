@@ -5,6 +5,7 @@
 mod build;
 mod fault;
 pub(crate) mod fine;
+mod hands;
 pub(crate) mod inside;
 mod ledger;
 pub(crate) mod mesh;
@@ -42,6 +43,7 @@ struct Script {
     ergons: Vec<Ergon>,
     gates: Vec<Gate>,
     drives: Vec<Drive>,
+    grips: Vec<hands::Grip>,
     n_keys: usize,
     on_fault: OnFault,
 }
@@ -68,6 +70,7 @@ struct State {
     unheard: Vec<f64>,
     bodies: Vec<inside::Playing>,
     fine: Option<fine::Fine>,
+    touches: Vec<hands::Touch>,
     ledger: Option<Ledger>,
     mutes: Mutes,
 }
@@ -115,6 +118,7 @@ impl Island {
         for (open, gate) in state.gates.iter_mut().zip(&script.gates) {
             *open = gate.open(n);
         }
+        hands::arrive(&script.grips, &state.touches, n, &mut state.body);
         kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws);
         state.targets.clear();
         for drive in &script.drives {
@@ -124,7 +128,7 @@ impl Island {
             fine.carry(&mut state.body);
         }
         layers(script, state);
-        hands(script, state, n, Voice::step);
+        voices(script, state, n, Voice::step);
         strike(script, state, n);
         for body in &mut state.bodies {
             body.strike(n, &mut state.body);
@@ -140,7 +144,8 @@ impl Island {
             } = state;
             fine.step(scheme, gates, targets, bodies, body);
         }
-        hands(script, state, n, Voice::settle);
+        voices(script, state, n, Voice::settle);
+        hands::feel(&script.grips, &mut state.touches, n, &state.body);
         kernel::tap(scheme, &state.body, out);
         state.bodies.iter().for_each(|body| body.tap(out));
         state.mutes.fade(n, scheme, out);
@@ -276,7 +281,7 @@ fn layers(script: &Script, state: &mut State) {
 }
 
 /// Let every voice do its part of frame `n`.
-fn hands(
+fn voices(
     script: &Script,
     state: &mut State,
     n: u64,

@@ -218,6 +218,23 @@ impl Simulation {
         all
     }
 
+    /// Say where a real hand is from the next tick on [m]; without a word it goes its timeline's way.
+    ///
+    /// `step`: by how much it moved in the last frame of the tick [m], from a key that knows it to the last bit; else
+    /// the way from tick to tick is taken for it.
+    pub fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
+        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let Playing::Island(island) = playing {
+                island.hold(hand, x, step);
+            }
+        }
+    }
+
+    /// Mean force of the scene on a real hand over the last whole tick [N]: it pushes the hand towards +x.
+    pub fn felt(&self, hand: usize) -> f64 {
+        self.islands().map(|(island, _)| island.felt(hand)).sum()
+    }
+
     /// Name of a MAT as the composer wrote it.
     pub fn mat_name(&self, mat: usize) -> String {
         self.plan.network.mat_name(mat)

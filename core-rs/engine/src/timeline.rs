@@ -2,6 +2,7 @@
 
 mod drive;
 mod gate;
+mod hand;
 mod push;
 
 use std::sync::Arc;
@@ -16,6 +17,7 @@ use crate::units::Rate;
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
 pub(crate) use gate::Gate;
+pub use hand::Hand;
 pub(crate) use push::{Push, pushes};
 
 /// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.
@@ -135,6 +137,11 @@ impl Timeline {
             rate,
             gestures: gestures.collect::<Option<_>>()?,
             gates: gates.map(|gate| gate.faster(u64::from(times))).collect(),
+            drives: self
+                .drives
+                .iter()
+                .map(|drive| drive.faster(times))
+                .collect(),
             ..self.clone()
         })
     }

@@ -8,6 +8,8 @@ mod faults;
 mod hands;
 #[path = "scenes/ledger.rs"]
 mod ledger;
+#[path = "scenes/live.rs"]
+mod live;
 #[path = "scenes/plans.rs"]
 mod plans;
 #[path = "scenes/scene.rs"]

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::fault::Mutes;
 use super::fine::{Fine, may_be_fine};
+use super::hands::{Touch as HandTouch, grips};
 use super::inside::{self, Inside};
 use super::ledger::Ledger;
 use super::{Island, OnFault, Script, State, Stream};
@@ -40,11 +41,17 @@ impl Island {
         (steps, times): (usize, u32),
         options: Options,
     ) -> Result<Self, Error> {
+        if options.ledger && timeline.hands().next().is_some() {
+            return Err(Error::Refused {
+                module: "ledger".to_owned(),
+                message: "what a real hand gives is not counted: no ledger is kept".to_owned(),
+            });
+        }
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
         let mut body = start(&network, &scheme, timeline, &timeline.drives);
         let mut bodies = join(bodies, &network, timeline, &mut body)?;
-        let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline.rate);
+        let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline);
         let (scripts, voices) = hands(&network, timeline)?;
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts);
@@ -60,6 +67,7 @@ impl Island {
         let ledger = options
             .ledger
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
+        let grips = grips(&timeline.drives);
         let state = State {
             frame: 0,
             voices,
@@ -75,6 +83,7 @@ impl Island {
             unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,
+            touches: vec![HandTouch::default(); grips.len()],
             ledger,
             mutes: Mutes::new(&scheme),
             body,
@@ -87,6 +96,7 @@ impl Island {
             ergons,
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
+            grips,
             n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
         };
@@ -149,7 +159,7 @@ fn fine(
     network: &Network,
     bodies: &mut [inside::Playing],
     steps: usize,
-    rate: Rate,
+    timeline: &Timeline,
 ) -> Option<Fine> {
     if steps < 2 {
         return None;
@@ -161,7 +171,9 @@ fn fine(
     for modal in bodies.iter_mut().filter_map(inside::Playing::modal_mut) {
         modal.divide(steps);
     }
-    Some(Fine::new(contacts, network, scheme, bodies, steps, rate))
+    Some(Fine::new(
+        contacts, network, scheme, bodies, steps, timeline,
+    ))
 }
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.

@@ -12,6 +12,7 @@ use crate::kernel;
 use crate::network::{Contact, MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
+use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
 /// A point that contacts touch.
@@ -67,12 +68,17 @@ impl Fine {
         scheme: &Scheme,
         bodies: &[Playing],
         steps: usize,
-        rate: Rate,
+        timeline: &Timeline,
     ) -> Self {
+        let rate = timeline.rate;
         let mut mats: Vec<usize> = contacts.iter().flat_map(|run| [run.a, run.b]).collect();
         mats.sort_unstable();
         mats.dedup();
-        let joint = |&mat: &usize| joint(mat, network, scheme, bodies, steps, rate);
+        let is_held = |mat: usize| {
+            let mut drives = timeline.drives.iter();
+            drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
+        };
+        let joint = |&mat: &usize| joint(mat, is_held(mat), network, scheme, bodies, steps, rate);
         let joints: Vec<Joint> = mats.iter().map(joint).collect();
         let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
         let ends = contacts.iter().map(|run| (at(run.a), at(run.b))).collect();
@@ -182,7 +188,10 @@ impl Fine {
                         self.later[at] += later;
                     }
                 }
-                (None, None) => {}
+                // It moves as it is told, and a hand that holds it feels what it is told by.
+                (None, None) => {
+                    body.push(joint.mat, given.iter().sum::<f64>() * script.rate.hertz())
+                }
             }
         }
     }
@@ -234,6 +243,7 @@ pub(crate) fn may_be_fine(run: &Run) -> bool {
 
 fn joint(
     mat: usize,
+    is_held: bool,
     network: &Network,
     scheme: &Scheme,
     bodies: &[Playing],
@@ -246,7 +256,7 @@ fn joint(
     });
     let mats = network.mats();
     let cell = match mats.kind[mat] {
-        _ if port.is_some() || scheme.w[mat] == 0.0 => None,
+        _ if port.is_some() || is_held || scheme.w[mat] == 0.0 => None,
         MatKind::Cel => Some(Cell::new(mats.m[mat], mats.k[mat], mats.z[mat])),
         _ => Some(Cell::new(mats.m[mat], 0.0, 0.0)),
     };

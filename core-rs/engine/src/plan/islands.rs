@@ -41,7 +41,7 @@ pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
             forest.join(key.struck, mat);
         }
     }
-    let (moved, heard) = (moved(network, timeline), Heard::new(network));
+    let (moved, heard) = (moved(network, timeline), Heard::new(network, timeline));
     let mut index = vec![u32::MAX; n];
     let mut found: Vec<Island> = Vec::new();
     for (mat, &is_moved) in moved.iter().enumerate() {
@@ -91,14 +91,14 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
     is_free
 }
 
-/// What outputs listen to.
+/// What outputs listen to, and hands feel.
 struct Heard {
     mats: Vec<bool>,
     links: Vec<bool>,
 }
 
 impl Heard {
-    fn new(network: &Network) -> Self {
+    fn new(network: &Network, timeline: &Timeline) -> Self {
         let mut heard = Self {
             mats: vec![false; network.n_mat()],
             links: vec![false; network.n_lia()],
@@ -110,6 +110,16 @@ impl Heard {
                 }
                 Term::Force { first, len, .. } => heard.links[first..first + len].fill(true),
             }
+        }
+        // What a hand feels is as good as heard.
+        let mut is_held = vec![false; network.n_mat()];
+        let hands = timeline
+            .drives
+            .iter()
+            .filter(|drive| drive.hand().is_some());
+        hands.for_each(|hand| is_held[hand.mat] = true);
+        for (link, a, b) in ends(network) {
+            heard.links[link] |= is_held[a] || is_held[b];
         }
         heard
     }

@@ -84,6 +84,13 @@ pub(super) fn pilot(
         });
     }
     let island = first(assemble)?;
+    if island.isle.timeline.hands().next().is_some() {
+        // Nobody knows beforehand what a hand will do: nothing is left out.
+        return Ok(Found {
+            island,
+            error: None,
+        });
+    }
     let times = island.isle.times;
     let n_frames = length(&island.isle)?;
     if n_frames == 0 {

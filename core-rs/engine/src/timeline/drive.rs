@@ -1,5 +1,6 @@
 //! Imposed positions and forces: ENX and ENF.
 
+use super::hand::Hand;
 use crate::gesture::placed::Placed;
 use crate::state::{Body, Target};
 
@@ -29,6 +30,8 @@ pub enum Source {
     Constant(f64),
     /// A placed take: before it its first value, after it its last.
     Take(Placed),
+    /// A real hand.
+    Hand(Hand),
 }
 
 impl Drive {
@@ -37,6 +40,27 @@ impl Drive {
         match &self.source {
             Source::Constant(value) => *value,
             Source::Take(path) => path.at(n as f64 / rate).0,
+            Source::Hand(hand) => hand.at(n),
+        }
+    }
+
+    /// The hand that it is.
+    pub(crate) fn hand(&self) -> Option<&Hand> {
+        match &self.source {
+            Source::Hand(hand) => Some(hand),
+            _ => None,
+        }
+    }
+
+    /// The same at `times` the rate.
+    pub(super) fn faster(&self, times: u32) -> Self {
+        let source = match &self.source {
+            Source::Hand(hand) => Source::Hand(hand.faster(times)),
+            other => other.clone(),
+        };
+        Self {
+            source,
+            ..self.clone()
         }
     }
 
@@ -45,9 +69,14 @@ impl Drive {
         match self.kind {
             DriveKind::Force => body.push(self.mat, self.value(n, rate)),
             DriveKind::Position => {
+                let x = match &self.source {
+                    // Held until the next tick, which comes at the beginning of a frame.
+                    Source::Hand(_) => body.x[self.mat],
+                    _ => self.value(n + 1, rate),
+                };
                 targets.push(Target {
                     mat: self.mat,
-                    x: self.value(n + 1, rate),
+                    x,
                     was: 0.0,
                 });
             }

@@ -1,0 +1,196 @@
+//! Real hands: positions in, forces out, by ticks.
+
+use std::sync::Arc;
+
+use ergon_engine::cell::Cell;
+use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::plan::{Budget, Plan};
+use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::timeline::{DriveKind, Source, Timeline};
+use ergon_engine::units::Rate;
+
+use super::scene::options;
+
+const RATE: f64 = 44_100.0;
+const KEY: usize = 0;
+
+/// A key that strikes a chain of twelve masses, which is heard at its far end.
+fn scene(side: Side) -> Network {
+    let mut network = Network::new();
+    network.part("key", None);
+    let tie = Tie::Physical { k: 60.0, z: 1.2 };
+    network.cel("m", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
+    network.part("string", None);
+    for i in 0..12 {
+        let (k, z) = if i == 0 || i == 11 {
+            (4e3, 2e-3)
+        } else {
+            (0.0, 0.0)
+        };
+        let tie = Tie::Physical { k, z };
+        network
+            .cel(&format!("s{i}"), 2e-3, tie, 0.0, 0.0, 0.0)
+            .unwrap();
+    }
+    for i in 1..12 {
+        network.spring("l", i, i + 1, 2e4, 5e-3, 0.0).unwrap();
+    }
+    let but = But {
+        k: 4e3,
+        z: 0.1,
+        gap: 1e-3,
+        side,
+        contact: Contact::Plain,
+        clamp: false,
+        exponent: 1.0,
+        restitution: 1.0,
+        steps: 2,
+    };
+    network.but("b", KEY, 4, but).unwrap();
+    let point = |first, len, weight| Term::Position { first, len, weight };
+    network.listen("out", vec![point(9, 1, 1.0)]).unwrap();
+    network
+}
+
+fn plain() -> Options {
+    Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    }
+}
+
+fn rate() -> Rate {
+    Rate::new(RATE).unwrap()
+}
+
+/// Up and down five times in a second, 3 mm either way.
+fn wave(n: usize, per_second: f64) -> Vec<f64> {
+    (0..n)
+        .map(|k| {
+            3e-3 * ergon_engine::maths::sin(
+                2.0 * std::f64::consts::PI * 5.0 * k as f64 / per_second,
+            )
+        })
+        .collect()
+}
+
+fn planned(network: &Arc<Network>, timeline: &Timeline, budget: &Budget) -> Simulation {
+    let plan = Plan::new(network.clone(), timeline, budget, None).unwrap();
+    Simulation::planned(Arc::new(plan), plain()).unwrap()
+}
+
+/// Played tick by tick as from a device, and rendered from what was recorded: the same samples and forces,
+/// for every size of blocks and every plan.
+#[test]
+fn a_recording_renders_to_what_was_played() {
+    let network = Arc::new(scene(Side::Below));
+    let every = 44;
+    let ticks = wave(500, RATE / f64::from(every));
+    for budget in [
+        Budget::default(),
+        Budget::Error(-80.0),
+        Budget::Method(ergon_engine::plan::Method::Ca),
+    ] {
+        let mut open = Timeline::new(rate());
+        open.hand(&network, KEY, every, &[]).unwrap();
+        let mut live = planned(&network, &open, &budget);
+        let (mut played, mut felt) = (Vec::new(), Vec::new());
+        for &x in &ticks {
+            live.hold(0, x, None);
+            let mut out = vec![0.0; every as usize];
+            live.process(&mut out).unwrap();
+            played.extend(out);
+            felt.push(live.felt(0));
+        }
+        assert!(felt.iter().any(|f| *f < -0.1), "the hand feels the string");
+        assert!(played.iter().any(|x| x.abs() > 1e-5), "the string is heard");
+        let mut known = Timeline::new(rate());
+        known.hand(&network, KEY, every, &ticks).unwrap();
+        for block in [1, 44, 997] {
+            let mut again = planned(&network, &known, &budget);
+            let mut out = vec![0.0; played.len()];
+            out.chunks_mut(block)
+                .for_each(|out| again.process(out).unwrap());
+            assert!(out == played, "{budget:?}, blocks of {block}");
+            assert_eq!(again.felt(0).to_bits(), felt[felt.len() - 1].to_bits());
+        }
+    }
+}
+
+/// A key of one process beside a scene in another, a frame a tick: bit for bit the key in the scene.
+#[test]
+fn a_key_apart_is_the_key_in_the_scene() {
+    let network = Arc::new(scene(Side::Below));
+    let push = 2.0;
+    // The whole, pushed by a constant force for as long as it takes to strike.
+    let n_frames = 4_000;
+    let mut one = Timeline::new(rate());
+    one.drive(KEY, DriveKind::Force, Source::Constant(push), true)
+        .unwrap();
+    let mut whole = Simulation::new(network.clone(), &one, plain()).unwrap();
+    // The scene without the key, and the key alone.
+    let mut open = Timeline::new(rate());
+    open.hand(&network, KEY, 1, &[]).unwrap();
+    let mut apart = Simulation::new(network.clone(), &open, plain()).unwrap();
+    let ratios = Cell::new(0.4, 60.0, 1.2).ratios(rate());
+    let w = rate().step() * rate().step() / 0.4;
+    let (mut x, mut d) = (
+        0.0_f64,
+        Cell::new(0.4, 60.0, 1.2).last_step(0.0, 0.0, 0.0, rate()) - 0.5 * w * push,
+    );
+    let mut touched = false;
+    for n in 0..n_frames {
+        apart.hold(0, x, Some(d));
+        let (mut a, mut b) = ([0.0], [0.0]);
+        whole.process(&mut a).unwrap();
+        apart.process(&mut b).unwrap();
+        let felt = apart.felt(0);
+        touched |= felt != 0.0;
+        d += (push + felt) * w - ratios.kappa * x - ratios.zeta * d;
+        x += d;
+        assert_eq!(a[0].to_bits(), b[0].to_bits(), "sound at {n}");
+        assert_eq!(whole.positions()[KEY].to_bits(), x.to_bits(), "key at {n}");
+    }
+    assert!(touched);
+}
+
+/// A force at n moves the key at n + 1, its reaction is there at n + 1, the struck mass moves at n + 2.
+#[test]
+fn structural_latency_is_one_sample() {
+    let network = Arc::new(scene(Side::Below));
+    let mut open = Timeline::new(rate());
+    open.hand(&network, KEY, 1, &[]).unwrap();
+    let mut scene = Simulation::new(network, &open, plain()).unwrap();
+    let mut x = vec![0.0; 1];
+    scene.process(&mut x).unwrap();
+    assert_eq!(scene.felt(0), 0.0);
+    // Frame 1: the hand is at 2 mm, a millimetre inside.
+    scene.hold(0, 2e-3, None);
+    scene.process(&mut x).unwrap();
+    assert!(scene.felt(0) < 0.0, "felt in the same frame");
+    assert!(
+        scene.positions()[4] > 0.0,
+        "frame 2: the struck mass has moved"
+    );
+}
+
+/// Two hands and a spring between them, heard by nobody: each feels the other.
+#[test]
+fn hands_feel_each_other() {
+    let mut network = Network::new();
+    network.part("keys", None);
+    let tie = Tie::Physical { k: 60.0, z: 1.2 };
+    network.cel("a", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
+    network.cel("b", 0.4, tie, 0.0, 0.0, 0.0).unwrap();
+    network.spring("r", 0, 1, 120.0, 0.0, 0.0).unwrap();
+    let network = Arc::new(network);
+    let mut timeline = Timeline::new(rate());
+    for mat in [0, 1] {
+        timeline.hand(&network, mat, 44, &[]).unwrap();
+    }
+    let mut duet = planned(&network, &timeline, &Budget::default());
+    duet.hold(0, 10e-3, None);
+    duet.skip(44).unwrap();
+    assert!((duet.felt(1) - 1.2).abs() < 1e-12, "{}", duet.felt(1));
+    assert!((duet.felt(0) + 1.2).abs() < 1e-12);
+}
