@@ -110,6 +110,17 @@ impl Simulation {
         self.0.asked().into_pyarray(py)
     }
 
+    /// Say where a real hand is from the next tick on [m].
+    #[pyo3(signature = (hand, x, step=None))]
+    fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
+        self.0.hold(hand, x, step);
+    }
+
+    /// Mean force of the scene on a real hand over the last whole tick [N].
+    fn felt(&self, hand: usize) -> f64 {
+        self.0.felt(hand)
+    }
+
     fn snapshot(&self) -> Snapshot {
         Snapshot(self.0.snapshot())
     }

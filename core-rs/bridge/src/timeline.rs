@@ -7,6 +7,7 @@ use ergon_engine::gesture::script::Gesture;
 use ergon_engine::gesture::written::{Manner, Way, Written};
 use ergon_engine::network;
 use ergon_engine::timeline::{self, Rain, Source};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, hertz, refused, word};
@@ -201,6 +202,29 @@ impl Timeline {
         self.inner
             .drive(mat, kind, source, own)
             .map_err(|error| refused("drive", error))
+    }
+
+    /// A real hand moves a MAT, in ticks of `every` frames; `positions` [m] at each, if they are known.
+    #[pyo3(signature = (mat, every, *, way="line", positions=None))]
+    fn hand(
+        &mut self,
+        mat: usize,
+        every: u32,
+        way: &str,
+        positions: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<usize> {
+        self.there("hand", mat)?;
+        let way = word("way", way, &words::HAND_WAYS)?;
+        let positions = positions.as_ref().map(|x| x.as_slice()).transpose()?;
+        self.inner
+            .hand(
+                &self.network,
+                mat,
+                every,
+                way,
+                positions.unwrap_or_default(),
+            )
+            .map_err(|error| refused("hand", error))
     }
 }
 

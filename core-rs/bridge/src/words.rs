@@ -7,7 +7,7 @@ use ergon_engine::gesture::written::Way;
 use ergon_engine::network::{Contact, Side};
 use ergon_engine::plan::Method;
 use ergon_engine::simulation::OnFault;
-use ergon_engine::timeline::DriveKind;
+use ergon_engine::timeline::{DriveKind, HandWay};
 
 /// A table of words.
 pub(crate) type Words<T, const N: usize> = [(&'static str, T); N];
@@ -36,6 +36,7 @@ pub(crate) const WAYS: Words<Way, 4> = [
 pub(crate) const TOUCHES: Words<Touch, 2> = [("open", Touch::Open), ("tracked", Touch::Tracked)];
 pub(crate) const ERGONS: Words<Ergons, 2> =
     [("event", Ergons::Event), ("particle", Ergons::Particle)];
+pub(crate) const HAND_WAYS: Words<HandWay, 2> = [("hold", HandWay::Hold), ("line", HandWay::Line)];
 pub(crate) const DRIVES: Words<DriveKind, 2> = [
     ("position", DriveKind::Position),
     ("force", DriveKind::Force),

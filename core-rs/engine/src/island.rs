@@ -118,7 +118,7 @@ impl Island {
         for (open, gate) in state.gates.iter_mut().zip(&script.gates) {
             *open = gate.open(n);
         }
-        hands::arrive(&script.grips, &state.touches, n, &mut state.body);
+        hands::arrive(&script.grips, &mut state.touches, n, &mut state.body);
         kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws);
         state.targets.clear();
         for drive in &script.drives {

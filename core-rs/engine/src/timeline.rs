@@ -17,7 +17,7 @@ use crate::units::Rate;
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
 pub(crate) use gate::Gate;
-pub use hand::Hand;
+pub use hand::{Hand, HandWay};
 pub(crate) use push::{Push, pushes};
 
 /// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.

@@ -319,6 +319,19 @@ class Timeline:
     ) -> None:
         """ENX / ENF: a constant, or a take from `at` [s] (before it its first value, after it its
         last). `own`: as a module of the MAT's own part, which a free key feels too."""
+    def hand(
+        self,
+        mat: int,
+        every: int,
+        *,
+        way: Literal["hold", "line"] = "line",
+        positions: _Floats | None = None,
+    ) -> int:
+        """A real hand moves a MAT, in ticks of `every` frames; returns its index.
+
+        `positions` (n_ticks,) [m]: what stands in for it, or was recorded of it. `way`: how it goes
+        from one tick to the next.
+        """
 
 # --- what is computed ---------------------------------------------------------------------------
 
@@ -432,6 +445,10 @@ class Simulation:
         """Backward differences now (n_mat,) [m/s]."""
     def asked(self) -> _Floats:
         """Where each key's gesture wants it now, NaN when none runs (n_keys,) [m]."""
+    def hold(self, hand: int, x: float, step: float | None = None) -> None:
+        """Say where a real hand is from the next tick on [m], and by what step it came there."""
+    def felt(self, hand: int) -> float:
+        """Mean force of the scene on a real hand over the last whole tick [N]."""
     def snapshot(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
     def energy(self) -> Energy:

@@ -1,7 +1,7 @@
 //! Real hands in an island: positions that come in by ticks, forces that go back.
 
 use crate::state::Body;
-use crate::timeline::{Drive, Hand};
+use crate::timeline::{Drive, Hand, HandWay};
 
 /// A hand, and the MAT that it moves.
 #[derive(Clone, Debug)]
@@ -15,6 +15,9 @@ pub(super) struct Grip {
 pub(super) struct Touch {
     /// Where it is said to be from the next tick on, and by what step it comes there, where that is known [m].
     given: Option<(f64, Option<f64>)>,
+    /// Where it was at the last tick, and where it goes in this one [m].
+    from: f64,
+    to: f64,
     /// Forces on it so far in this tick [N].
     sum: f64,
     /// Their mean over the last whole tick [N].
@@ -32,16 +35,27 @@ pub(super) fn grips(drives: &[Drive]) -> Vec<Grip> {
     drives.iter().filter_map(grip).collect()
 }
 
-/// Where hands are from frame `n` on, if a tick begins there.
-pub(super) fn arrive(grips: &[Grip], touches: &[Touch], n: u64, body: &mut Body) {
+/// Where hands are at frame `n`, and the step that led there.
+pub(super) fn arrive(grips: &[Grip], touches: &mut [Touch], n: u64, body: &mut Body) {
     for (grip, touch) in grips.iter().zip(touches) {
-        if !n.is_multiple_of(u64::from(grip.hand.every)) {
-            continue;
+        let (x, d) = (&mut body.x[grip.mat], &mut body.d[grip.mat]);
+        let every = u64::from(grip.hand.every);
+        let within = n % every;
+        if within == 0 {
+            let (to, step) = touch.given.unwrap_or_else(|| (grip.hand.at(n), None));
+            let from = if n == 0 { to } else { touch.to };
+            (touch.from, touch.to) = (from, to);
+            if every == 1 || grip.hand.way == HandWay::Hold {
+                *d = step.unwrap_or(to - from);
+                *x = to;
+                continue;
+            }
         }
-        let (x, step) = touch.given.unwrap_or_else(|| (grip.hand.at(n), None));
-        let was = if n == 0 { x } else { body.x[grip.mat] };
-        body.d[grip.mat] = step.unwrap_or(x - was);
-        body.x[grip.mat] = x;
+        if grip.hand.way == HandWay::Line {
+            let way = touch.to - touch.from;
+            *d = way / every as f64;
+            *x = touch.from + way * ((within + 1) as f64 / every as f64);
+        }
     }
 }
 

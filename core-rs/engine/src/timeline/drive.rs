@@ -1,6 +1,6 @@
 //! Imposed positions and forces: ENX and ENF.
 
-use super::hand::Hand;
+use super::hand::{Hand, HandWay};
 use crate::gesture::placed::Placed;
 use crate::state::{Body, Target};
 
@@ -70,8 +70,11 @@ impl Drive {
             DriveKind::Force => body.push(self.mat, self.value(n, rate)),
             DriveKind::Position => {
                 let x = match &self.source {
-                    // Held until the next tick, which comes at the beginning of a frame.
-                    Source::Hand(_) => body.x[self.mat],
+                    // As far as is known: where it really is next comes at the beginning of a frame.
+                    Source::Hand(Hand { way, .. }) => match way {
+                        HandWay::Hold => body.x[self.mat],
+                        HandWay::Line => body.x[self.mat] + body.d[self.mat],
+                    },
                     _ => self.value(n + 1, rate),
                 };
                 targets.push(Target {

@@ -1,4 +1,4 @@
-//! A real hand on a key: its position is held for a tick, and the mean force of the tick goes back to it.
+//! A real hand on a key: where it is comes in by ticks, and the mean force of a tick goes back to it.
 //!
 //! One scheme for a key that is played, for what stands in for it and for what was recorded of it: positions come in at
 //! frames 0, R, 2R …, and what the links pull with is averaged over the R frames between.
@@ -11,6 +11,16 @@ use crate::network::Network;
 /// Most frames of a tick: at 192 kHz still faster than a hand.
 const TICK_MAX: u32 = 4_096;
 
+/// How a hand goes from where it was at one tick to where it is at the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HandWay {
+    /// At once, and stays: it answers soonest.
+    Hold,
+    /// Evenly over the tick: nothing rings at the rate of the ticks.
+    #[default]
+    Line,
+}
+
 /// A hand on a MAT.
 #[derive(Clone, Debug)]
 pub struct Hand {
@@ -18,6 +28,8 @@ pub struct Hand {
     pub(crate) index: usize,
     /// Frames of a tick.
     pub(crate) every: u32,
+    /// How it goes from one tick to the next.
+    pub(crate) way: HandWay,
     /// Where it is at each tick, if nobody says otherwise [m]; after the last it stays there.
     pub(crate) positions: Arc<[f64]>,
 }
@@ -49,6 +61,7 @@ impl Timeline {
         network: &Network,
         mat: usize,
         every: u32,
+        way: HandWay,
         positions: &[f64],
     ) -> Result<usize, StrikeError> {
         super::movable(network, mat)?;
@@ -71,6 +84,7 @@ impl Timeline {
         let hand = Hand {
             index,
             every,
+            way,
             positions,
         };
         self.drive(mat, DriveKind::Position, Source::Hand(hand), false)?;

@@ -6,7 +6,7 @@ use ergon_engine::cell::Cell;
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
-use ergon_engine::timeline::{DriveKind, Source, Timeline};
+use ergon_engine::timeline::{DriveKind, HandWay, Source, Timeline};
 use ergon_engine::units::Rate;
 
 use super::scene::options;
@@ -92,7 +92,7 @@ fn a_recording_renders_to_what_was_played() {
         Budget::Method(ergon_engine::plan::Method::Ca),
     ] {
         let mut open = Timeline::new(rate());
-        open.hand(&network, KEY, every, &[]).unwrap();
+        open.hand(&network, KEY, every, HandWay::Line, &[]).unwrap();
         let mut live = planned(&network, &open, &budget);
         let (mut played, mut felt) = (Vec::new(), Vec::new());
         for &x in &ticks {
@@ -105,7 +105,9 @@ fn a_recording_renders_to_what_was_played() {
         assert!(felt.iter().any(|f| *f < -0.1), "the hand feels the string");
         assert!(played.iter().any(|x| x.abs() > 1e-5), "the string is heard");
         let mut known = Timeline::new(rate());
-        known.hand(&network, KEY, every, &ticks).unwrap();
+        known
+            .hand(&network, KEY, every, HandWay::Line, &ticks)
+            .unwrap();
         for block in [1, 44, 997] {
             let mut again = planned(&network, &known, &budget);
             let mut out = vec![0.0; played.len()];
@@ -130,7 +132,7 @@ fn a_key_apart_is_the_key_in_the_scene() {
     let mut whole = Simulation::new(network.clone(), &one, plain()).unwrap();
     // The scene without the key, and the key alone.
     let mut open = Timeline::new(rate());
-    open.hand(&network, KEY, 1, &[]).unwrap();
+    open.hand(&network, KEY, 1, HandWay::Line, &[]).unwrap();
     let mut apart = Simulation::new(network.clone(), &open, plain()).unwrap();
     let ratios = Cell::new(0.4, 60.0, 1.2).ratios(rate());
     let w = rate().step() * rate().step() / 0.4;
@@ -159,7 +161,7 @@ fn a_key_apart_is_the_key_in_the_scene() {
 fn structural_latency_is_one_sample() {
     let network = Arc::new(scene(Side::Below));
     let mut open = Timeline::new(rate());
-    open.hand(&network, KEY, 1, &[]).unwrap();
+    open.hand(&network, KEY, 1, HandWay::Line, &[]).unwrap();
     let mut scene = Simulation::new(network, &open, plain()).unwrap();
     let mut x = vec![0.0; 1];
     scene.process(&mut x).unwrap();
@@ -186,7 +188,9 @@ fn hands_feel_each_other() {
     let network = Arc::new(network);
     let mut timeline = Timeline::new(rate());
     for mat in [0, 1] {
-        timeline.hand(&network, mat, 44, &[]).unwrap();
+        timeline
+            .hand(&network, mat, 44, HandWay::Hold, &[])
+            .unwrap();
     }
     let mut duet = planned(&network, &timeline, &Budget::default());
     duet.hold(0, 10e-3, None);
