@@ -205,7 +205,7 @@ PLAYED = "keys: {k: {M: 400g, K: 60N/m}}\nplayers: {p: {key: k}}\ngestures: {g: 
         (PLAYED + _NOTHING + "accuracy: {error: -60dB, method: ca}\n", "E111", "method"),
         (PLAYED + _NOTHING + "accuracy: {upto: 5kHz}\n", "E103", "cents"),
         (PLAYED + _NOTHING + "accuracy: {error: 60dB}\n", "E2", "error"),
-        (PLAYED.replace("{key: k}", "{key: k, hand: live, standin: g}"), "N401", "virtual"),
+        (PLAYED.replace("{key: k}", "{key: k, hand: live, standin: g}"), "N401", "ergon duet"),
     ],
 )
 def test_what_cannot_be_is_said_by_name(text: str, code: str, says: str):

@@ -190,11 +190,12 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
 
 
 def player(values: Values) -> Player:
-    """A player; a live one plays its stand-in, which a note says."""
+    """A player; a note says what plays for a live one."""
     v = values
     if v["hand"] == "live":
         what = f"its stand-in {v['standin']}" if v["standin"] else "its part"
-        message = f"{v.context.of('')}: a live hand plays {what} as a virtual hand for now"
+        who = v.context.of("")
+        message = f"{who}: {what} plays where no hand is; `ergon duet` puts one there"
         v.error("N401", message, "hand")
     own = v.context
     return Player(own.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)

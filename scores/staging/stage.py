@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING, Literal
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
@@ -12,6 +13,7 @@ from ergon.scores.clock.positions import Position
 from ergon.scores.reading.piece import Manner, Piece, Play, Player
 from ergon.scores.staging.hands import Hands, Sources, StagedGesture, Takes
 from ergon.scores.staging.listening import Listening, listen
+from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, make
 from ergon.scores.staging.striking import Striking
@@ -19,6 +21,9 @@ from ergon.scores.staging.travel import check_travel
 from ergon.scores.text.errors import Collector, Diagnostic
 from ergon.scores.text.lasting import lasting
 from ergon.scores.text.values import Place
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.live import Real
 
 _WHEN_DIVERGED = "a smaller K or law, a weaker strike or a higher rate keeps it finite"
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
@@ -46,6 +51,7 @@ class Stage:
     sources: Sources
     diagnostics: list[Diagnostic]
     plan: _core.Plan | None = None
+    live: tuple[LiveHand, ...] = ()
 
     @property
     def rate(self) -> float:
@@ -84,19 +90,25 @@ class Ready:
     n_frames: int
     hands: Hands
     collector: Collector
+    live: tuple[LiveHand, ...]
 
 
 @lasting
-def prepare(piece: Piece) -> Ready:
-    """What is and what will happen in a piece. Raises StageError with every mistake found."""
+def prepare(piece: Piece, real: Real | None = None) -> Ready:
+    """What is and what will happen in a piece. Raises StageError with every mistake found.
+
+    `real`: players whose hands are real, and where each was at every tick, if that is known.
+    """
     collector = Collector()
+    real = stand_ins(piece) | dict(real or {})
     assembly = Assembly(seed=piece.seed)
     try:
         couplings = _network(piece, assembly)
         listening = listen(piece, assembly)
         timeline = _core.Timeline(assembly.network, piece.rate)
         hands = Hands(piece, timeline, Takes(piece, collector), collector)
-        end = _play(piece, assembly, hands, couplings)
+        live = tuple(join(piece, real, assembly, timeline, collector))
+        end = max(_play(piece, assembly, hands, couplings, real), _length(piece, live))
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         n_frames = _frames(piece, end, collector)
@@ -104,7 +116,7 @@ def prepare(piece: Piece) -> Ready:
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    return Ready(assembly.network, timeline, listening, n_frames, hands, collector)
+    return Ready(assembly.network, timeline, listening, n_frames, hands, collector, live)
 
 
 @lasting
@@ -117,15 +129,19 @@ def stage(
     planned: bool = False,
     pins: Pins | None = None,
     threads: int = 1,
+    real: Real | None = None,
+    on_fault: Literal["stop", "mute"] = "stop",
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
     A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
-    earlier plan. Raises StageError with every mistake that the engine finds.
+    earlier plan, `real` the players whose hands are real, with what is known of them. A part that
+    leaves all bounds ends the run, or is muted alone. Raises StageError with every mistake that
+    the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
-    ready = prepare(piece)
+    ready = prepare(piece, real)
     plan = None
     try:
         if planned:
@@ -134,7 +150,13 @@ def stage(
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
         simulation = _core.Simulation(
-            ready.network, ready.timeline, plan=plan, ledger=ledger, record=record, threads=threads
+            ready.network,
+            ready.timeline,
+            plan=plan,
+            ledger=ledger,
+            record=record,
+            on_fault=on_fault,
+            threads=threads,
         )
     except _core.EngineError as error:
         raise _refused(piece, ready.collector, error) from error
@@ -148,6 +170,7 @@ def stage(
         ready.hands.sources,
         ready.collector.finish(),
         plan,
+        ready.live,
     )
 
 
@@ -181,15 +204,25 @@ def _network(piece: Piece, assembly: Assembly) -> list[int]:
     return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
 
 
-def _play(piece: Piece, assembly: Assembly, hands: Hands, couplings: Sequence[int]) -> float:
-    """Put everything that happens on the timeline; returns when the last of it ends [s]."""
+def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
+    """When the last of what real hands are known to do ends [s]."""
+    return max((hand.every * len(hand.standin) / piece.rate for hand in live), default=0.0)
+
+
+def _play(
+    piece: Piece, assembly: Assembly, hands: Hands, couplings: Sequence[int], real: Real
+) -> float:
+    """Put everything virtual that happens on the timeline; returns when the last of it ends [s]."""
     tempo, timeline = piece.tempo_map, hands.timeline
+    held = {piece.players[name].key for name in real}
     for name, key in piece.keys.items():
-        hands.key(name, assembly.mats[name, key.struck])
+        if name not in held:
+            hands.key(name, assembly.mats[name, key.struck])
     _drives(piece, assembly, hands)
     for play, starts in zip(piece.parts, piece.starts, strict=True):
-        hands.play(play, starts)
-    written = {play.player for play in piece.parts}
+        if piece.players[play.player].key not in held:
+            hands.play(play, starts)
+    written = {*real, *(play.player for play in piece.parts)}
     for player in piece.players.values():
         if player.hand == "live" and player.standin and player.name not in written:
             hands.standin(player)

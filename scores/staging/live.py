@@ -1,0 +1,139 @@
+"""Keys in real hands: their ticks, what stands in for them, and what was recorded of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.scores.reading.piece import Key, Piece, Player
+from ergon.scores.staging.hands import Hands, Takes
+from ergon.scores.text.errors import Collector, quote
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    # Players whose hands are real: where each was at every tick (n_ticks,) [m], if that is known.
+    Real = Mapping[str, NDArray[np.float64] | None]
+
+# A device is asked so often unless its player says otherwise [Hz].
+TICK = 1000.0
+_BLOCK = 4096  # frames
+
+
+@dataclass(frozen=True, slots=True)
+class LiveHand:
+    """A real hand on a key. `standin` (n_ticks,) [m] is what plays while nobody is there."""
+
+    player: str
+    key: str
+    index: int  # among the hands of the engine
+    every: int  # frames of a tick
+    reach: float
+    standin: NDArray[np.float64]
+
+
+def stand_ins(piece: Piece) -> dict[str, None]:
+    """Live players whose take moves their key as it was captured: alone on it, with no part."""
+    written = {play.player for play in piece.parts}
+    keys = [player.key for player in piece.players.values()]
+    return {
+        player.name: None
+        for player in piece.players.values()
+        if player.hand == "live"
+        and player.standin in piece.takes
+        and player.name not in written
+        and keys.count(player.key) == 1
+    }
+
+
+def join(
+    piece: Piece,
+    real: Real,
+    assembly: Assembly,
+    timeline: _core.Timeline,
+    collector: Collector,
+) -> Iterator[LiveHand]:
+    """Put every real hand on its key."""
+    every = _every(piece, real, collector)
+    for name, known in real.items():
+        player = piece.players[name]
+        key = piece.keys[player.key]
+        if not _is_alone(piece, player, real, collector):
+            continue
+        positions = standin(piece, player, every, collector) if known is None else known
+        index = timeline.hand(
+            assembly.mats[key.name, key.struck], every, positions=positions * key.reach
+        )
+        yield LiveHand(name, key.name, index, every, key.reach, positions)
+
+
+def _every(piece: Piece, real: Real, collector: Collector) -> int:
+    """Frames of a tick: all hands share one."""
+    ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real}
+    if len(ticks) > 1:
+        player = [*ticks.values()][-1]
+        message = f"{quote(player.name)}: all live hands share one tick"
+        collector.error("E308", message, player.place)
+    return max(1, round(piece.rate / next(iter(ticks), TICK)))
+
+
+def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) -> bool:
+    for other in piece.players.values():
+        plays = any(play.player == other.name for play in piece.parts)
+        if other is player or other.key != player.key or not (plays or other.name in real):
+            continue
+        message = (
+            f"{quote(other.name)} plays {quote(player.key)} too, which is in the real hand of "
+            f"{quote(player.name)}: a key in a hand goes where the hand goes"
+        )
+        collector.error("E308", message, other.place)
+        return False
+    return True
+
+
+def standin(piece: Piece, player: Player, every: int, collector: Collector) -> NDArray[np.float64]:
+    """Where the player's part, or its stand-in, takes the key by itself, at every tick [m]."""
+    import numpy as np
+
+    key = piece.keys[player.key]
+    alone = _alone(piece, player)
+    assembly = Assembly(seed=piece.seed)
+    for add in (assembly.part, assembly.joins):
+        add(key.name, key.modules, ca_rate=None, reach=1.0)
+    struck = assembly.mats[key.name, key.struck]
+    assembly.network.listen("key", positions=[(struck, 1, 1.0)])
+    timeline = _core.Timeline(assembly.network, piece.rate)
+    hands = Hands(alone, timeline, Takes(alone, collector), collector)
+    hands.key(key.name, struck)
+    for play, starts in zip(alone.parts, alone.starts, strict=True):
+        hands.play(play, starts)
+    if not alone.parts and player.standin:
+        hands.standin(player)
+    end = max((gesture.stop for gesture in hands.gestures), default=0.0)
+    n_frames = (int(end * piece.rate) // every + 2) * every
+    path = np.zeros((n_frames, 1))
+    simulation = _core.Simulation(assembly.network, timeline)
+    for at in range(0, n_frames, _BLOCK):
+        simulation.process(path[at : at + _BLOCK])
+    return np.ascontiguousarray(path[::every, 0])
+
+
+def _alone(piece: Piece, player: Player) -> Piece:
+    """The piece with nothing in it but one player's part, on a key without a lever."""
+    mine = [
+        pair
+        for pair in zip(piece.parts, piece.starts, strict=True)
+        if pair[0].player == player.name
+    ]
+    key: Key = replace(piece.keys[player.key], reach=1.0)
+    return replace(
+        piece,
+        keys={key.name: key},
+        players={player.name: player},
+        parts=tuple(play for play, _ in mine),
+        starts=tuple(starts for _, starts in mine),
+    )
