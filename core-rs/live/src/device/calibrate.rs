@@ -1,0 +1,271 @@
+//! What one device is beside what its kind promises: found once, kept as plain data, applied on every exchange.
+//!
+//! The classic accident is a motor wired the other way round: every force then pushes further what it should bring
+//! back. So before a device plays first, [`direction`] asks it.
+
+use std::time::{Duration, Instant};
+
+use super::{Device, Gone, LastResort, MAX_AXES, Sample, Spec, Stats};
+use crate::safety::{Guarded, Limits, SafeForce};
+
+/// One axis as it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// 1 where a positive force moves it towards positive positions as the device gives them; -1 where not.
+    pub sign: f64,
+    /// The position, as the device gives it, that is to be 0.
+    pub offset: f64,
+    /// From the device's metres to true ones; below zero the axis is turned round.
+    pub gain: f64,
+    /// Least and greatest position, true [m or rad].
+    pub range: [f64; 2],
+    /// Greatest force [N or N·m].
+    pub force_max: f64,
+}
+
+impl Axis {
+    /// An axis that is what the device says.
+    pub fn plain(spec: &Spec) -> Self {
+        Self {
+            sign: 1.0,
+            offset: 0.0,
+            gain: 1.0,
+            range: spec.pos_range,
+            force_max: spec.force_max_peak,
+        }
+    }
+
+    /// With its ends where the device gives `ends`, truly `apart` from each other, and its zero in the middle.
+    #[must_use]
+    pub fn between(self, ends: [f64; 2], apart: f64) -> Self {
+        Self {
+            offset: 0.5 * (ends[0] + ends[1]),
+            gain: apart / (ends[1] - ends[0]),
+            range: [-0.5 * apart.abs(), 0.5 * apart.abs()],
+            ..self
+        }
+    }
+
+    fn position(&self, raw: f64) -> f64 {
+        (raw - self.offset) * self.gain
+    }
+}
+
+/// A device whose axes are as they were found.
+pub struct Calibrated<D> {
+    device: D,
+    axes: Vec<Axis>,
+    spec: Spec,
+    gains: [f64; MAX_AXES],
+}
+
+impl<D: Device> Calibrated<D> {
+    /// Apply what was found; axes that are missing are plain.
+    pub fn new(device: D, mut axes: Vec<Axis>) -> Self {
+        let mut spec = device.spec().clone();
+        axes.resize(spec.dof.min(MAX_AXES), Axis::plain(&spec));
+        let mut gains = [1.0; MAX_AXES];
+        for (gain, axis) in gains.iter_mut().zip(&axes) {
+            *gain = axis.sign.signum() * axis.gain.signum();
+        }
+        let least = |of: fn(&Axis) -> f64| axes.iter().map(of).fold(f64::INFINITY, f64::min);
+        spec.force_max_peak = spec.force_max_peak.min(least(|axis| axis.force_max.abs()));
+        spec.force_max_continuous = spec.force_max_continuous.min(spec.force_max_peak);
+        spec.pos_range = [least(|axis| axis.range[0]), -least(|axis| -axis.range[1])];
+        Self {
+            device,
+            axes,
+            spec,
+            gains,
+        }
+    }
+}
+
+impl<D: Device> Device for Calibrated<D> {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        self.device.send(&force.turned(&self.gains))
+    }
+
+    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+        let fresh = self.device.receive(into, deadline)?;
+        for (position, axis) in into.position.iter_mut().zip(&self.axes) {
+            *position = axis.position(*position);
+        }
+        Ok(fresh)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        self.device.in_lockstep()
+    }
+
+    fn zero(&mut self) {
+        self.device.zero();
+    }
+
+    fn stats(&self) -> Stats {
+        self.device.stats()
+    }
+
+    fn last_resort(&self) -> Option<LastResort> {
+        self.device.last_resort()
+    }
+}
+
+/// A small push to one side and to the other, growing from nothing: friction is met gently.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// How strong at its end [N or N·m].
+    pub force: f64,
+    /// How long at most, and how long it rests afterwards at least [s].
+    pub length: f64,
+    /// It ends as soon as the axis has moved so far [m or rad].
+    pub enough: f64,
+}
+
+impl Pulse {
+    /// A fifth of the force for an eighth of a second, or over ten steps of the sensor.
+    pub fn of(spec: &Spec) -> Self {
+        let range = spec.pos_range[1] - spec.pos_range[0];
+        Self {
+            force: 0.2 * spec.force_max_peak,
+            length: 0.125,
+            enough: (10.0 * spec.pos_lsb).max(0.01 * range),
+        }
+    }
+}
+
+/// A direction that could not be found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unsure {
+    /// It did not move.
+    #[error("the axis did not move: does its motor have power, and a finger that lets it go?")]
+    Still,
+    /// It went the same way both times.
+    #[error("the axis went one way, whichever way it was pushed: let it go")]
+    OneWay,
+    /// The device went away.
+    #[error(transparent)]
+    Gone(#[from] Gone),
+}
+
+/// Which way an axis goes when it is pushed: 1 or -1, for [`Axis::sign`]. Exchanges every `period` [s].
+///
+/// # Errors
+/// [`Unsure`] where it does not move both ways.
+pub fn direction<D: Device>(
+    device: &mut D,
+    axis: usize,
+    pulse: Pulse,
+    period: f64,
+) -> Result<f64, Unsure> {
+    let limits = Limits {
+        force: pulse.force,
+        slew: f64::INFINITY,
+        ramp: 0.0,
+        fade: 0.0,
+        ..Limits::of(device.spec())
+    };
+    let step = 3.0 * device.spec().pos_lsb;
+    let mut pace = Pace::new(Guarded::new(device, limits, period), period);
+    pace.at_rest(axis, pulse.length)?;
+    let mut moved = [0.0; 2];
+    for (moved, side) in moved.iter_mut().zip([1.0, -1.0]) {
+        let start = pace.sample.position[axis];
+        let ticks = pace.ticks(pulse.length);
+        for tick in 1..=ticks {
+            pace.tick(axis, side * pulse.force * (tick as f64 / ticks as f64))?;
+            *moved = pace.sample.position[axis] - start;
+            if moved.abs() >= pulse.enough {
+                break;
+            }
+        }
+        pace.at_rest(axis, pulse.length)?;
+    }
+    let [there, back] = moved;
+    if there.abs() <= step || back.abs() <= step {
+        return Err(Unsure::Still);
+    }
+    if there * back > 0.0 {
+        return Err(Unsure::OneWay);
+    }
+    Ok(there.signum())
+}
+
+/// Least and greatest position of every axis while a player moves it, without any force, for so long [s].
+///
+/// # Errors
+/// [`Gone`] when the device goes away.
+pub fn ends<D: Device>(
+    device: &mut D,
+    length: f64,
+    period: f64,
+) -> Result<[[f64; 2]; MAX_AXES], Gone> {
+    let limits = Limits::of(device.spec());
+    let mut pace = Pace::new(Guarded::new(device, limits, period), period);
+    let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
+    for _ in 0..pace.ticks(length).max(1) {
+        pace.tick(0, 0.0)?;
+        for (ends, x) in ends.iter_mut().zip(pace.sample.position) {
+            *ends = [ends[0].min(x), ends[1].max(x)];
+        }
+    }
+    Ok(ends)
+}
+
+/// Exchanges at even times.
+struct Pace<D: Device> {
+    guarded: Guarded<D>,
+    period: f64,
+    next: Instant,
+    sample: Sample,
+}
+
+impl<D: Device> Pace<D> {
+    fn new(guarded: Guarded<D>, period: f64) -> Self {
+        Self {
+            guarded,
+            period,
+            next: Instant::now(),
+            sample: Sample::default(),
+        }
+    }
+
+    fn ticks(&self, length: f64) -> usize {
+        (length / self.period).ceil() as usize
+    }
+
+    fn tick(&mut self, axis: usize, force: f64) -> Result<(), Gone> {
+        let mut forces = [0.0; MAX_AXES];
+        forces[axis] = force;
+        self.guarded.send(&forces)?;
+        self.next += Duration::from_secs_f64(self.period);
+        self.guarded.receive(&mut self.sample, self.next)?;
+        // A device in the host's own time answers at once and needs no waiting.
+        if !self.guarded.in_lockstep() {
+            crate::realtime::sleep_until(self.next);
+        }
+        Ok(())
+    }
+
+    /// Without force until it moves no more, for `length` [s] at least and a few times that at most.
+    fn at_rest(&mut self, axis: usize, length: f64) -> Result<(), Gone> {
+        let still = self.guarded.spec().pos_lsb.max(1e-6);
+        for _ in 0..8 {
+            let start = self.sample.position[axis];
+            for _ in 0..self.ticks(length) {
+                self.tick(axis, 0.0)?;
+            }
+            if (self.sample.position[axis] - start).abs() <= still {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

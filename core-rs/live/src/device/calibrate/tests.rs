@@ -1,0 +1,94 @@
+use super::*;
+use crate::device::Emulated;
+use crate::emulate::{Hand, Key, Keys};
+
+const PERIOD: f64 = 1e-3;
+
+fn device(hand: Hand) -> Emulated {
+    let key = Key::default();
+    let keys = Keys::new(1, key, 1.0 / PERIOD, vec![hand]).unwrap();
+    Emulated::new(keys, key)
+}
+
+/// A motor wired the other way round, its sensor in other metres and from another zero.
+fn odd(device: Emulated) -> Calibrated<Emulated> {
+    let axis = Axis {
+        sign: -1.0,
+        offset: 0.01,
+        gain: 2.0,
+        ..Axis::plain(device.spec())
+    };
+    Calibrated::new(device, vec![axis])
+}
+
+#[test]
+fn a_pulse_tells_the_direction() {
+    let mut straight = device(Hand::Resting);
+    let pulse = Pulse::of(straight.spec());
+    assert_eq!(direction(&mut straight, 0, pulse, PERIOD), Ok(1.0));
+    let mut wired = odd(device(Hand::Resting));
+    assert_eq!(direction(&mut wired, 0, pulse, PERIOD), Ok(-1.0));
+    // Applied, what was found makes it right.
+    let found = Axis {
+        sign: -1.0,
+        ..Axis::plain(wired.spec())
+    };
+    let mut right = Calibrated::new(wired, vec![found]);
+    assert_eq!(direction(&mut right, 0, pulse, PERIOD), Ok(1.0));
+}
+
+#[test]
+fn a_pulse_is_small() {
+    let mut straight = device(Hand::Resting);
+    let pulse = Pulse::of(straight.spec());
+    direction(&mut straight, 0, pulse, PERIOD).unwrap();
+    let range = ends(&mut straight, 0.1, PERIOD).unwrap()[0];
+    let travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
+    assert!(range[1] - range[0] < 1e-6, "at rest: {range:?}");
+    assert!(range[0].abs() < 0.1 * travel, "{range:?}");
+}
+
+#[test]
+fn an_axis_that_is_held_is_not_guessed() {
+    let held = Hand::Going {
+        path: vec![0.0; 100_000],
+        stiffness: 5e4,
+        damping: 20.0,
+    };
+    let mut held = device(held);
+    let sensor = Spec {
+        pos_lsb: 1e-3,
+        ..held.spec().clone()
+    };
+    let pulse = Pulse::of(&sensor);
+    let mut coarse = Calibrated::new(&mut held, vec![]);
+    coarse.spec.pos_lsb = 1e-3;
+    assert_eq!(direction(&mut coarse, 0, pulse, PERIOD), Err(Unsure::Still));
+}
+
+#[test]
+fn ends_give_zero_and_gain() {
+    let path = (0..200).map(|i| if i < 100 { 0.01 } else { -0.03 });
+    let hand = Hand::Going {
+        path: path.collect(),
+        stiffness: 2000.0,
+        damping: 40.0,
+    };
+    let mut device = device(hand);
+    let ends = ends(&mut device, 0.2, PERIOD).unwrap()[0];
+    assert!(
+        (ends[0] + 0.03).abs() < 2e-3 && (ends[1] - 0.01).abs() < 2e-3,
+        "{ends:?}"
+    );
+    // The ruler says it was 80 mm: the device's metres are halves.
+    let axis = Axis::plain(device.spec()).between(ends, 0.08);
+    let mut right = Calibrated::new(device, vec![axis]);
+    let mut sample = Sample::default();
+    right.receive(&mut sample, Instant::now()).unwrap();
+    assert!(
+        (sample.position[0] + 0.04).abs() < 4e-3,
+        "{}",
+        sample.position[0]
+    );
+    assert!((right.spec().pos_range[1] - 0.04).abs() < 1e-12);
+}

@@ -1,0 +1,108 @@
+//! Keys in this process: a device without a wire, always in lockstep.
+
+use std::time::Instant;
+
+use super::{Device, DeviceError, Gone, Sample, Spec, Stats, Unit, Url};
+use crate::device::MAX_AXES;
+use crate::emulate::{Hand, Key, Keys};
+use crate::safety::SafeForce;
+
+/// A tick of 44 samples at 44.1 kHz.
+const RATE: f64 = 44_100.0 / 44.0;
+/// Greatest force [N].
+const FORCE_MAX: f64 = 20.0;
+
+/// Keys that are stepped once for every force sent.
+pub struct Emulated {
+    keys: Keys,
+    spec: Spec,
+    stats: Stats,
+    answered: bool,
+}
+
+impl Emulated {
+    pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
+        let usual = Key::default();
+        let key = Key {
+            mass: url.number("mass", usual.mass)?,
+            stiffness: url.number("stiffness", usual.stiffness)?,
+            damping: url.number("damping", usual.damping)?,
+            ..usual
+        };
+        let (n, rate) = (url.number("axes", 1.0)? as usize, url.number("rate", RATE)?);
+        let hands = vec![Hand::Resting; n.min(MAX_AXES)];
+        let keys = Keys::new(n, key, rate, hands).map_err(|error| url.closed(error))?;
+        Ok(Self::new(keys, key))
+    }
+
+    /// Keys with the hands that are on them.
+    pub fn new(keys: Keys, key: Key) -> Self {
+        let spec = Spec {
+            dof: keys.n(),
+            unit: Unit::Metre,
+            pos_lsb: 0.0,
+            pos_range: key.range,
+            force_max_continuous: FORCE_MAX,
+            force_max_peak: FORCE_MAX,
+            force_lsb: 0.0,
+            rate_nominal: Some(keys.rate().hertz()),
+            loop_delay_s: Some(0.0),
+            inertia: Some(key.mass),
+            damping: Some(key.damping),
+            touch_gated: false,
+            can_lockstep: true,
+            can_wide: true,
+        };
+        Self {
+            keys,
+            spec,
+            stats: Stats::default(),
+            answered: false,
+        }
+    }
+
+    /// The keys.
+    pub fn keys(&self) -> &Keys {
+        &self.keys
+    }
+}
+
+impl Device for Emulated {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        let mut forces = [0.0; MAX_AXES];
+        forces[..force.newtons().len()].copy_from_slice(force.newtons());
+        self.keys.step(&forces);
+        self.stats.sent += 1;
+        self.answered = false;
+        Ok(())
+    }
+
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        into.fresh = !self.answered;
+        self.stats.received += u64::from(into.fresh);
+        self.answered = true;
+        into.position = *self.keys.positions();
+        for axis in 0..self.keys.n() {
+            into.touch[axis] = self.keys.touched(axis);
+            into.force_enabled[axis] = true;
+        }
+        into.seq = self.keys.periods() as u32;
+        into.t_dev_us = Some(self.keys.t_us());
+        Ok(into.fresh)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        true
+    }
+
+    /// Nothing pushes while nothing is sent.
+    fn zero(&mut self) {}
+
+    fn stats(&self) -> Stats {
+        self.stats
+    }
+}

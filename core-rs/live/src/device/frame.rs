@@ -1,0 +1,244 @@
+//! The open frame (docs/open-frame.md) on a serial port or in datagrams.
+
+use std::time::Instant;
+
+use super::port::Port;
+use super::stats::{Drift, Sent};
+use super::wire::Inbox;
+use super::wire::frame::{self as wire, flag, status};
+use super::{
+    ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
+    MAX_AXES, Sample, Spec, Stats, Unit, Url,
+};
+use crate::safety::SafeForce;
+
+/// USB boards ignore it.
+const BAUD: u32 = 1_000_000;
+
+pub(super) struct Frame {
+    port: Port,
+    spec: Spec,
+    lockstep: bool,
+    wide: bool,
+    inbox: Inbox<512>,
+    sent: Sent,
+    last: Option<wire::Reply>,
+    /// Number of the latest request.
+    latest: u16,
+    drift: Drift,
+    stats: Stats,
+    /// The first position is still to be taken.
+    new: bool,
+}
+
+/// What a device says of itself.
+fn spec(who: &wire::Who) -> Option<Spec> {
+    let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] = who.numbers.map(f64::from);
+    let known = |number: f64| (number.is_finite() && number > 0.0).then_some(number);
+    let sound = known(peak).is_some() && low < high && low.is_finite() && high.is_finite();
+    sound.then(|| Spec {
+        dof: who.n,
+        unit: if who.traits & 1 == 0 {
+            Unit::Metre
+        } else {
+            Unit::Radian
+        },
+        pos_lsb: known(pos_lsb).unwrap_or(wire::POS_LSB),
+        pos_range: [low, high],
+        force_max_continuous: known(continuous).unwrap_or(peak).min(peak),
+        force_max_peak: peak,
+        force_lsb: peak / wire::FORCE_STEPS,
+        rate_nominal: known(rate),
+        loop_delay_s: None,
+        inertia: known(inertia),
+        damping: known(damping),
+        touch_gated: who.traits & 2 != 0,
+        can_lockstep: who.traits & 4 != 0,
+        can_wide: who.traits & 8 != 0,
+    })
+}
+
+impl Frame {
+    pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
+        let mut port = match url.kind {
+            Kind::FrameUdp => Port::udp(url)?,
+            _ => Port::serial(url, url.number("baud", f64::from(BAUD))? as u32)?,
+        };
+        let who = ask(&mut port).map_err(|gone| url.closed(gone))?;
+        let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
+        let spec = spec(&who).ok_or_else(|| url.cannot("it says impossible things of itself"))?;
+        if url.lockstep && !spec.can_lockstep {
+            return Err(url.cannot("its clock is its own; lockstep is for emulators"));
+        }
+        if url.wide && !spec.can_wide {
+            return Err(url.cannot("its forces and positions are integers; it knows no wide frame"));
+        }
+        let mut this = Self {
+            port,
+            spec,
+            lockstep: url.lockstep,
+            wide: url.wide,
+            inbox: Inbox::new(),
+            sent: Sent::default(),
+            last: None,
+            latest: 0,
+            drift: Drift::default(),
+            stats: Stats::default(),
+            new: true,
+        };
+        // Where it is before the first force: X(0).
+        let patience = Instant::now() + FIRST_REPLY;
+        while this.last.is_none() && Instant::now() < patience {
+            this.put([0.0; MAX_AXES], flag::ASK)
+                .and_then(|()| this.take(Instant::now() + ASK_AGAIN))
+                .map_err(|gone| url.closed(gone))?;
+        }
+        match this.last {
+            Some(_) => Ok(this),
+            None => Err(url.no_answer("device of the open frame")),
+        }
+    }
+
+    fn put(&mut self, force: [f64; MAX_AXES], flags: u8) -> Result<(), Gone> {
+        let now = Instant::now();
+        self.latest = self.sent.number(now, &mut self.stats);
+        let (bytes, len) = self.packet(self.latest, force, flags);
+        self.port.write(&bytes[..len])
+    }
+
+    fn packet(&self, seq: u16, force: [f64; MAX_AXES], flags: u8) -> ([u8; wire::LONGEST], usize) {
+        let request = wire::Request {
+            seq,
+            n: self.spec.dof,
+            wide: self.wide,
+            flags,
+            force,
+        };
+        let mut bytes = [0; wire::LONGEST];
+        let len = request.write(self.spec.force_max_peak, &mut bytes);
+        (bytes, len)
+    }
+
+    /// Take all replies that are there, or the first that comes until the deadline. Numbers out of order are passed
+    /// over: a datagram may overtake another.
+    fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
+        let (mut bytes, mut fresh) = ([0; 512], false);
+        loop {
+            let until = if fresh { Instant::now() } else { deadline };
+            let n = self.port.read(&mut bytes, until)?;
+            let now = Instant::now();
+            if n == 0 {
+                if fresh || now >= deadline {
+                    return Ok(fresh);
+                }
+                continue;
+            }
+            let Self {
+                inbox,
+                sent,
+                last,
+                drift,
+                stats,
+                spec,
+                ..
+            } = self;
+            inbox.feed(&bytes[..n], wire::Reply::parse, |reply| {
+                let newer = |last: &wire::Reply| reply.seq.wrapping_sub(last.seq) < 0x8000;
+                if reply.n == spec.dof
+                    && sent.answered(reply.seq, now, stats)
+                    && last.as_ref().is_none_or(newer)
+                {
+                    stats.drift_ppm = drift.add(now, reply.t_us).or(stats.drift_ppm);
+                    (*last, fresh) = (Some(reply), true);
+                }
+            });
+            stats.garbage = inbox.garbage;
+            if fresh && last.as_ref().is_some_and(|last| last.seq == self.latest) {
+                return Ok(true);
+            }
+        }
+    }
+}
+
+/// Ask who is there until somebody says so.
+fn ask(port: &mut Port) -> Result<Option<wire::Who>, Gone> {
+    let patience = Instant::now() + FIRST_REPLY;
+    let mut inbox = Inbox::<512>::new();
+    let (mut bytes, mut packet, mut who) = ([0; 512], [0; wire::LONGEST], None);
+    let mut seq = 0;
+    while who.is_none() && Instant::now() < patience {
+        let request = wire::Request {
+            seq,
+            ..wire::Request::default()
+        };
+        let len = request.write(1.0, &mut packet);
+        port.write(&packet[..len])?;
+        seq = seq.wrapping_add(1);
+        let until = Instant::now() + ASK_AGAIN;
+        while who.is_none() && Instant::now() < until {
+            let n = port.read(&mut bytes, until)?;
+            inbox.feed(&bytes[..n], wire::Who::parse, |found| who = Some(found));
+        }
+    }
+    Ok(who)
+}
+
+impl Device for Frame {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        let mut forces = [0.0; MAX_AXES];
+        forces[..force.newtons().len()].copy_from_slice(force.newtons());
+        self.put(forces, flag::ENABLE)
+    }
+
+    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+        let latest =
+            |last: &Option<wire::Reply>, seq| last.as_ref().is_some_and(|last| last.seq == seq);
+        if self.lockstep {
+            let patience = Instant::now() + LOCKSTEP_PATIENCE;
+            into.fresh = self.new || !latest(&self.last, self.latest);
+            while !latest(&self.last, self.latest) {
+                if !self.take(patience)? {
+                    return Err(Gone::Silent);
+                }
+            }
+        } else {
+            into.fresh = self.new || self.take(deadline)?;
+        }
+        self.new = false;
+        if let Some(reply) = &self.last {
+            into.position = reply.position;
+            into.touch = [reply.status & status::TOUCHED != 0; MAX_AXES];
+            into.force_enabled = [reply.status & status::ENABLED != 0; MAX_AXES];
+            into.seq = u32::from(reply.seq);
+            into.t_dev_us = Some(reply.t_us);
+        }
+        Ok(into.fresh)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        self.lockstep
+    }
+
+    fn zero(&mut self) {
+        let _ = self.put([0.0; MAX_AXES], 0);
+    }
+
+    fn stats(&self) -> Stats {
+        self.stats
+    }
+
+    fn last_resort(&self) -> Option<LastResort> {
+        // Narrow, for then it is short; a device takes either.
+        let request = wire::Request {
+            n: self.spec.dof,
+            ..wire::Request::default()
+        };
+        let mut bytes = [0; wire::LONGEST];
+        let len = request.write(1.0, &mut bytes);
+        Some(LastResort::new(self.port.raw(), &bytes[..len]))
+    }
+}

@@ -1,0 +1,225 @@
+//! Serial ports and sockets, read without allocation and with a deadline.
+
+use std::net::{SocketAddr, ToSocketAddrs, UdpSocket};
+use std::time::{Duration, Instant};
+
+use super::{DeviceError, Gone, Url};
+
+/// Where packets go.
+#[derive(Debug)]
+pub(super) enum Port {
+    /// A serial line: bytes, in pieces of any size.
+    #[cfg(unix)]
+    Serial(std::os::fd::OwnedFd),
+    #[cfg(not(unix))]
+    Serial(Box<dyn serialport::SerialPort>),
+    /// Datagrams from and to one address.
+    Udp(UdpSocket),
+}
+
+impl Port {
+    pub(super) fn serial(url: &Url, baud: u32) -> Result<Self, DeviceError> {
+        let builder = serialport::new(url.target.as_str(), baud);
+        #[cfg(unix)]
+        {
+            use std::os::fd::{FromRawFd, IntoRawFd, OwnedFd};
+            let port = serialport::TTYPort::open(&builder).map_err(|error| url.closed(error))?;
+            // SAFETY: into_raw_fd gives up the descriptor, which is open.
+            let fd = unsafe { OwnedFd::from_raw_fd(port.into_raw_fd()) };
+            unix::prepare(&fd);
+            Ok(Self::Serial(fd))
+        }
+        #[cfg(not(unix))]
+        {
+            let port = builder.timeout(Duration::from_millis(1)).open();
+            Ok(Self::Serial(port.map_err(|error| url.closed(error))?))
+        }
+    }
+
+    /// One other end; nobody else is heard.
+    pub(super) fn udp(url: &Url) -> Result<Self, DeviceError> {
+        let closed = |error: std::io::Error| url.closed(error);
+        let mut found = url.target.to_socket_addrs().map_err(closed)?;
+        let peer = found.next().ok_or_else(|| url.closed("no such address"))?;
+        if peer.ip().is_multicast() || matches!(peer, SocketAddr::V4(at) if at.ip().is_broadcast())
+        {
+            return Err(url.cannot("a device has an address of its own"));
+        }
+        let here = match (peer.ip().is_loopback(), peer.is_ipv4()) {
+            (true, true) => "127.0.0.1:0",
+            (true, false) => "[::1]:0",
+            (false, true) => "0.0.0.0:0",
+            (false, false) => "[::]:0",
+        };
+        let socket = UdpSocket::bind(here).map_err(closed)?;
+        socket.connect(peer).map_err(closed)?;
+        socket.set_nonblocking(true).map_err(closed)?;
+        Ok(Self::Udp(socket))
+    }
+
+    /// Send a packet; one that finds no room is dropped, as on any wire.
+    pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
+        match self {
+            #[cfg(unix)]
+            Self::Serial(fd) => unix::write(fd, packet),
+            #[cfg(not(unix))]
+            Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(forgiven),
+            Self::Udp(socket) => socket.send(packet).map(drop).or_else(forgiven),
+        }
+    }
+
+    /// Read what is there, waiting until `deadline` for something; returns how many bytes.
+    pub(super) fn read(&mut self, into: &mut [u8], deadline: Instant) -> Result<usize, Gone> {
+        loop {
+            let got = match self {
+                #[cfg(unix)]
+                Self::Serial(fd) => unix::read(fd, into)?,
+                #[cfg(not(unix))]
+                Self::Serial(port) => std::io::Read::read(port, into).or_else(nothing)?,
+                Self::Udp(socket) => socket.recv(into).or_else(nothing)?,
+            };
+            let left = deadline.saturating_duration_since(Instant::now());
+            if got > 0 || left.is_zero() {
+                return Ok(got);
+            }
+            self.wait(left)?;
+        }
+    }
+
+    #[cfg(unix)]
+    fn wait(&self, left: Duration) -> Result<(), Gone> {
+        unix::wait(self.raw(), left)
+    }
+
+    #[cfg(not(unix))]
+    #[allow(clippy::unnecessary_wraps)]
+    fn wait(&self, left: Duration) -> Result<(), Gone> {
+        std::thread::sleep(left.min(Duration::from_micros(200)));
+        Ok(())
+    }
+
+    /// The descriptor that a signal handler may write to.
+    #[cfg(unix)]
+    pub(super) fn raw(&self) -> i32 {
+        use std::os::fd::AsRawFd;
+        match self {
+            Self::Serial(fd) => fd.as_raw_fd(),
+            Self::Udp(socket) => socket.as_raw_fd(),
+        }
+    }
+
+    #[cfg(not(unix))]
+    pub(super) fn raw(&self) -> i32 {
+        -1
+    }
+}
+
+fn gone(error: &std::io::Error) -> Option<Gone> {
+    use std::io::ErrorKind::{ConnectionRefused, Interrupted, TimedOut, WouldBlock};
+    match error.kind() {
+        // Nobody listens at a datagram's address: a device that is silent, and may come back.
+        WouldBlock | TimedOut | Interrupted | ConnectionRefused => None,
+        _ => Some(error.raw_os_error().map_or(Gone::Closed, Gone::System)),
+    }
+}
+
+fn forgiven(error: std::io::Error) -> Result<(), Gone> {
+    gone(&error).map_or(Ok(()), Err)
+}
+
+fn nothing(error: std::io::Error) -> Result<usize, Gone> {
+    gone(&error).map_or(Ok(0), Err)
+}
+
+#[cfg(unix)]
+mod unix {
+    use std::io::Error;
+    use std::os::fd::{AsRawFd, OwnedFd};
+    use std::time::Duration;
+
+    use super::Gone;
+
+    /// Never block in a read, and have an FTDI chip hand on every byte at once: by itself it waits 16 ms.
+    pub(super) fn prepare(fd: &OwnedFd) {
+        // SAFETY: the descriptor is open; no pointers are passed.
+        unsafe {
+            let flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
+            libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, flags | libc::O_NONBLOCK);
+        }
+        #[cfg(target_os = "linux")]
+        low_latency(fd);
+    }
+
+    /// Ports that know no such thing (CDC-ACM, pty) refuse, and are right to.
+    #[cfg(target_os = "linux")]
+    fn low_latency(fd: &OwnedFd) {
+        const ASYNC_LOW_LATENCY: i32 = 1 << 13;
+        /// linux/serial.h
+        #[repr(C)]
+        struct SerialStruct {
+            before: [i32; 4],
+            flags: i32,
+            after: [u64; 16],
+        }
+        // SAFETY: the kernel reads and writes a serial_struct (72 bytes), for which there is room.
+        unsafe {
+            let mut serial: SerialStruct = std::mem::zeroed();
+            if libc::ioctl(fd.as_raw_fd(), libc::TIOCGSERIAL, &raw mut serial) == 0 {
+                serial.flags |= ASYNC_LOW_LATENCY;
+                libc::ioctl(fd.as_raw_fd(), libc::TIOCSSERIAL, &raw const serial);
+            }
+        }
+    }
+
+    pub(super) fn write(fd: &OwnedFd, packet: &[u8]) -> Result<(), Gone> {
+        // SAFETY: the descriptor is open and the slice valid. A packet is far shorter than a port's buffer.
+        let put = unsafe { libc::write(fd.as_raw_fd(), packet.as_ptr().cast(), packet.len()) };
+        if put < 0 { failed() } else { Ok(()) }
+    }
+
+    pub(super) fn read(fd: &OwnedFd, into: &mut [u8]) -> Result<usize, Gone> {
+        // SAFETY: the descriptor is open and the slice valid.
+        let got = unsafe { libc::read(fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        match usize::try_from(got) {
+            Ok(got) => Ok(got),
+            Err(_) => failed().map(|()| 0),
+        }
+    }
+
+    fn failed() -> Result<(), Gone> {
+        match Error::last_os_error().raw_os_error() {
+            Some(libc::EAGAIN | libc::EINTR) => Ok(()),
+            // What a port that was pulled out, or a pty whose program ended, gives.
+            Some(libc::EIO | libc::ENXIO | libc::ENODEV) => Err(Gone::Closed),
+            number => Err(Gone::System(number.unwrap_or(0))),
+        }
+    }
+
+    /// Wait for something to read.
+    pub(super) fn wait(fd: i32, left: Duration) -> Result<(), Gone> {
+        let mut poll = libc::pollfd {
+            fd,
+            events: libc::POLLIN,
+            revents: 0,
+        };
+        #[cfg(target_os = "linux")]
+        // SAFETY: one pollfd and a timespec, both locals.
+        unsafe {
+            let left = libc::timespec {
+                tv_sec: left.as_secs().min(3600) as libc::time_t,
+                tv_nsec: libc::c_long::from(left.subsec_nanos() as i32),
+            };
+            libc::ppoll(&raw mut poll, 1, &raw const left, std::ptr::null());
+        }
+        #[cfg(not(target_os = "linux"))]
+        // SAFETY: one pollfd, a local.
+        unsafe {
+            libc::poll(&raw mut poll, 1, (left.as_millis().min(1000) as i32).max(1));
+        }
+        if poll.revents & libc::POLLIN == 0 && poll.revents & (libc::POLLHUP | libc::POLLNVAL) != 0
+        {
+            return Err(Gone::Closed);
+        }
+        Ok(())
+    }
+}

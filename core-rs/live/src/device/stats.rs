@@ -1,0 +1,165 @@
+//! What a device's wire did: counted always, judged by nobody here.
+
+use std::time::{Duration, Instant};
+
+/// Durations in powers of two of a microsecond.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Histogram {
+    /// How many took at least 2^i µs and less than 2^(i+1); the first also less than 1 µs.
+    pub counts: [u64; 24],
+    /// The longest.
+    pub longest: Duration,
+}
+
+impl Histogram {
+    fn add(&mut self, took: Duration) {
+        let us = u64::try_from(took.as_micros()).unwrap_or(u64::MAX).max(1);
+        let bin = (us.ilog2() as usize).min(self.counts.len() - 1);
+        self.counts[bin] += 1;
+        self.longest = self.longest.max(took);
+    }
+
+    /// How many there are.
+    pub fn total(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+
+    /// No more than this was taken by `part` (0 to 1) of them; to a factor of two.
+    pub fn within(&self, part: f64) -> Duration {
+        let wanted = (self.total() as f64 * part).ceil() as u64;
+        let mut seen = 0;
+        for (bin, count) in self.counts.iter().enumerate() {
+            seen += count;
+            if seen >= wanted {
+                return Duration::from_micros(2 << bin).min(self.longest);
+            }
+        }
+        self.longest
+    }
+}
+
+/// What a device's wire did so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Packets sent.
+    pub sent: u64,
+    /// Replies that came whole.
+    pub received: u64,
+    /// Requests that a later one's reply overtook.
+    pub lost: u64,
+    /// Bytes that belonged to no packet.
+    pub garbage: u64,
+    /// From a force sent to its reply; true for protocols that echo a number, else from the latest force.
+    pub round_trip: Histogram,
+    /// How much faster the device's clock goes than ours [1e-6], once a second has passed.
+    pub drift_ppm: Option<f64>,
+}
+
+impl Stats {
+    /// A reply took so long.
+    pub(super) fn timed(&mut self, took: Duration) {
+        self.round_trip.add(took);
+    }
+}
+
+/// The device's clock beside ours.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Drift {
+    first: Option<(Instant, u32)>,
+    elapsed_us: u64,
+}
+
+impl Drift {
+    /// Take a reading; returns the drift so far.
+    pub(super) fn add(&mut self, now: Instant, t_us: u32) -> Option<f64> {
+        let Some((start, before)) = self.first else {
+            self.first = Some((now, t_us));
+            return None;
+        };
+        // The clock wraps every 71 minutes: only differences count.
+        self.elapsed_us += u64::from(t_us.wrapping_sub(before));
+        self.first = Some((start, t_us));
+        let ours = now.duration_since(start).as_secs_f64() * 1e6;
+        (ours >= 1e6).then(|| (self.elapsed_us as f64 / ours - 1.0) * 1e6)
+    }
+}
+
+/// When the latest requests were sent, by their number.
+#[derive(Clone, Debug)]
+pub(super) struct Sent {
+    at: [Option<Instant>; 256],
+    next: u16,
+}
+
+impl Default for Sent {
+    fn default() -> Self {
+        Self {
+            at: [None; 256],
+            next: 0,
+        }
+    }
+}
+
+impl Sent {
+    /// The number of the request that is sent now.
+    pub(super) fn number(&mut self, now: Instant, stats: &mut Stats) -> u16 {
+        let number = self.next;
+        let slot = &mut self.at[usize::from(number % 256)];
+        stats.lost += u64::from(slot.is_some());
+        *slot = Some(now);
+        stats.sent += 1;
+        self.next = number.wrapping_add(1);
+        number
+    }
+
+    /// The reply to a request has come; says whether it is one of the latest and not one again.
+    pub(super) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
+        let age = self.next.wrapping_sub(number);
+        if age == 0 || age > 256 {
+            return false;
+        }
+        let Some(at) = self.at[usize::from(number % 256)].take() else {
+            return false;
+        };
+        stats.received += 1;
+        stats.timed(now.duration_since(at));
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_replies_and_what_was_lost() {
+        let (mut sent, mut stats) = (Sent::default(), Stats::default());
+        let start = Instant::now();
+        for i in 0..1000_u64 {
+            let now = start + Duration::from_millis(i);
+            let number = sent.number(now, &mut stats);
+            let reply = now + Duration::from_micros(100);
+            if i % 10 != 0 {
+                assert!(sent.answered(number, reply, &mut stats));
+                assert!(!sent.answered(number, reply, &mut stats), "one again");
+            }
+        }
+        assert_eq!((stats.sent, stats.received), (1000, 900));
+        // What was lost is known once its place is taken anew.
+        assert_eq!(stats.lost, (0..744).filter(|i| i % 10 == 0).count() as u64);
+        assert_eq!(stats.round_trip.total(), 900);
+        assert_eq!(stats.round_trip.within(0.5), Duration::from_micros(100));
+    }
+
+    #[test]
+    fn drift_outlives_the_clocks_wrap() {
+        let (mut drift, start) = (Drift::default(), Instant::now());
+        let mut last = None;
+        for ms in 0..5000_u64 {
+            let ours = start + Duration::from_millis(ms);
+            let theirs = (u64::from(u32::MAX) - 1_000_000 + ms * 1000 + ms / 10) as u32;
+            last = drift.add(ours, theirs);
+        }
+        assert!((last.unwrap() - 100.0).abs() < 1.0, "{last:?}");
+    }
+}

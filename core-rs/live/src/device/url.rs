@@ -1,0 +1,204 @@
+//! How a device is written: `kind:where?option&option=value#axis`.
+
+use std::fmt;
+
+use super::DeviceError;
+
+/// The protocols.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Two motor faders on a serial port.
+    FireFader,
+    /// The open frame (docs/open-frame.md) on a serial port.
+    Frame,
+    /// The open frame in datagrams.
+    FrameUdp,
+    /// Haply's Inverse Service, a WebSocket.
+    Haply,
+    /// An emulated device in this process.
+    Emul,
+}
+
+const KINDS: [(&str, Kind); 5] = [
+    ("firefader", Kind::FireFader),
+    ("frame", Kind::Frame),
+    ("frame+udp", Kind::FrameUdp),
+    ("haply", Kind::Haply),
+    ("emul", Kind::Emul),
+];
+
+/// Options, and whether each takes a value.
+const FLAGS: [&str; 2] = ["lockstep", "wide"];
+const VALUES: [&str; 7] = ["id", "baud", "axes", "rate", "mass", "stiffness", "damping"];
+
+/// A device as it is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Url {
+    /// The protocol.
+    pub kind: Kind,
+    /// A path, an address or nothing.
+    pub target: String,
+    /// Whether every reply is waited for.
+    pub lockstep: bool,
+    /// Whether forces and positions travel whole.
+    pub wide: bool,
+    /// The axis that is meant, where the device has several.
+    pub axis: Option<usize>,
+    values: Vec<(String, String)>,
+    text: String,
+}
+
+/// What is wrong with a device as it is written.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum UrlError {
+    /// No such protocol.
+    #[error("'{0}' is no kind of device: there are firefader, frame, frame+udp, haply and emul")]
+    Kind(String),
+    /// A protocol that is known to exist, and not spoken here.
+    #[error("'{0}' is not spoken yet: its kinematics are the host's, and none could be tried")]
+    NotSpoken(String),
+    /// Something is missing or not understood.
+    #[error("'{text}': {what}")]
+    Bad {
+        /// As written.
+        text: String,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+impl Url {
+    /// Read a device as it is written.
+    ///
+    /// # Errors
+    /// [`UrlError`] names what is not understood.
+    pub fn parse(text: &str) -> Result<Self, UrlError> {
+        let bad = |what: String| UrlError::Bad {
+            text: text.to_owned(),
+            what,
+        };
+        let (name, rest) = text
+            .split_once(':')
+            .ok_or_else(|| bad("a kind of device and a colon come first".to_owned()))?;
+        if name == "hapi" {
+            return Err(UrlError::NotSpoken(name.to_owned()));
+        }
+        let kind = KINDS.iter().find(|known| known.0 == name);
+        let kind = kind.ok_or_else(|| UrlError::Kind(name.to_owned()))?.1;
+        let (rest, axis) = match rest.rsplit_once('#') {
+            None => (rest, None),
+            Some((rest, axis)) => {
+                let axis = axis.parse();
+                let axis = axis.map_err(|_| bad("after # stands the number of an axis".into()))?;
+                (rest, Some(axis))
+            }
+        };
+        let (target, options) = rest.split_once('?').unwrap_or((rest, ""));
+        let target = target.strip_prefix("//").unwrap_or(target);
+        if target.is_empty() != (kind == Kind::Emul) {
+            return Err(bad(match kind {
+                Kind::Emul => "an emulated device is nowhere: emul:".to_owned(),
+                _ => "a path or an address comes after the colon".to_owned(),
+            }));
+        }
+        let mut url = Self {
+            kind,
+            target: target.to_owned(),
+            lockstep: false,
+            wide: false,
+            axis,
+            values: Vec::new(),
+            text: text.to_owned(),
+        };
+        for option in options.split('&').filter(|option| !option.is_empty()) {
+            match option.split_once('=') {
+                None if option == FLAGS[0] => url.lockstep = true,
+                None if option == FLAGS[1] => url.wide = true,
+                Some((key, value)) if VALUES.contains(&key) => {
+                    url.values.push((key.to_owned(), value.to_owned()));
+                }
+                _ => return Err(bad(format!("there is no option '{option}'"))),
+            }
+        }
+        Ok(url)
+    }
+
+    /// An option's text.
+    pub(crate) fn text(&self, key: &str) -> Option<&str> {
+        let found = self.values.iter().find(|(known, _)| known == key);
+        found.map(|(_, value)| value.as_str())
+    }
+
+    /// An option's number.
+    pub(crate) fn number(&self, key: &str, default: f64) -> Result<f64, DeviceError> {
+        let Some(text) = self.text(key) else {
+            return Ok(default);
+        };
+        let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+        number.ok_or_else(|| self.closed(format!("{key} is a number, not '{text}'")))
+    }
+
+    pub(super) fn closed(&self, reason: impl fmt::Display) -> DeviceError {
+        DeviceError::Closed {
+            url: self.text.clone(),
+            reason: reason.to_string(),
+        }
+    }
+
+    pub(super) fn no_answer(&self, kind: &'static str) -> DeviceError {
+        DeviceError::NoAnswer {
+            url: self.text.clone(),
+            kind,
+        }
+    }
+
+    pub(super) fn cannot(&self, what: &'static str) -> DeviceError {
+        DeviceError::Cannot {
+            url: self.text.clone(),
+            what,
+        }
+    }
+}
+
+impl fmt::Display for Url {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        to.write_str(&self.text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_kinds_places_options_and_axes() {
+        let url = Url::parse("firefader:/dev/ttyACM0#1").unwrap();
+        assert_eq!((url.kind, url.axis), (Kind::FireFader, Some(1)));
+        assert_eq!(url.target, "/dev/ttyACM0");
+        let url = Url::parse("frame+udp://127.0.0.1:9999?lockstep&wide").unwrap();
+        assert_eq!(url.target, "127.0.0.1:9999");
+        assert!(url.lockstep && url.wide);
+        let url = Url::parse("haply:ws://127.0.0.1:10001?id=A14#2").unwrap();
+        assert_eq!(url.target, "ws://127.0.0.1:10001");
+        assert_eq!((url.text("id"), url.axis), (Some("A14"), Some(2)));
+        let url = Url::parse("emul:?mass=0.1").unwrap();
+        assert_eq!(url.number("mass", 1.0).unwrap(), 0.1);
+    }
+
+    #[test]
+    fn names_what_it_does_not_know() {
+        for (text, word) in [
+            ("hapi:/dev/ttyACM1", "not spoken yet"),
+            ("falcon:usb", "no kind of device"),
+            ("/dev/ttyACM0", "colon"),
+            ("firefader:", "a path"),
+            ("emul:here", "nowhere"),
+            ("emul:?masss=1", "masss"),
+            ("frame:/dev/x?mass", "'mass'"),
+            ("frame:/dev/x#one", "number of an axis"),
+        ] {
+            let said = Url::parse(text).unwrap_err().to_string();
+            assert!(said.contains(word), "{text}: {said}");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! FireFader (Berdahl and Kontogeorgakopoulos): two faders, a byte for each quantity.
+//!
+//! host → device `7F fA fB`, device → host `FF posA posB analog1 analog2 capA capB`. The first byte of each occurs
+//! nowhere else.
+
+use super::Found;
+
+/// Force of byte 127 [N], with 12 V.
+pub const FORCE_MAX: f64 = 1.56;
+/// A force byte's step [N].
+pub const FORCE_LSB: f64 = FORCE_MAX / 127.0;
+/// A position byte's step [m].
+pub const POS_LSB: f64 = 0.000_39;
+/// Position byte in the middle.
+const MIDDLE: f64 = 128.0;
+/// A finger is on it above this.
+pub const CAP_TOUCHED: u8 = 30;
+
+const TO_DEVICE: u8 = 0x7F;
+const TO_HOST: u8 = 0xFF;
+/// Length of a reply.
+pub const REPLY: usize = 7;
+
+/// The packet of two forces [N].
+pub fn request(force: [f64; 2]) -> [u8; 3] {
+    // `as` makes a NaN 0. 127 is the first byte's.
+    let byte = |f: f64| ((f / FORCE_LSB).round().clamp(-127.0, 126.0) as i8).cast_unsigned();
+    [TO_DEVICE, byte(force[0]), byte(force[1])]
+}
+
+/// The forces [N] of a packet.
+pub fn parse_request(bytes: &[u8]) -> Found<[f64; 2]> {
+    let force = |byte: u8| f64::from(byte.cast_signed()) * FORCE_LSB;
+    match *bytes {
+        [] | [TO_DEVICE] => Found::Short,
+        // A first byte where data stands: that packet was cut.
+        [TO_DEVICE, TO_DEVICE, ..] => Found::Garbage(1),
+        [TO_DEVICE, _] => Found::Short,
+        [TO_DEVICE, _, TO_DEVICE, ..] => Found::Garbage(2),
+        [TO_DEVICE, a, b, ..] => Found::Whole([force(a), force(b)], 3),
+        _ => Found::Garbage(1),
+    }
+}
+
+/// What the faders say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reply {
+    /// 0 to 254, 128 in the middle.
+    pub position: [u8; 2],
+    /// Two free inputs.
+    pub analog: [u8; 2],
+    /// How much finger.
+    pub cap: [u8; 2],
+}
+
+impl Reply {
+    /// Position of a fader [m].
+    pub fn metres(&self, axis: usize) -> f64 {
+        (f64::from(self.position[axis]) - MIDDLE) * POS_LSB
+    }
+
+    /// The bytes; data never looks like a first byte.
+    pub fn bytes(&self) -> [u8; REPLY] {
+        let (p, a, c) = (self.position, self.analog, self.cap);
+        let [p0, p1, a0, a1, c0, c1] =
+            [p[0], p[1], a[0], a[1], c[0], c[1]].map(|byte| byte.min(TO_HOST - 1));
+        [TO_HOST, p0, p1, a0, a1, c0, c1]
+    }
+}
+
+/// The position byte of a fader at x [m].
+pub fn position_byte(x: f64) -> u8 {
+    (x / POS_LSB + MIDDLE).round().clamp(0.0, 254.0) as u8
+}
+
+/// A reply.
+pub fn parse_reply(bytes: &[u8]) -> Found<Reply> {
+    if bytes.first() != Some(&TO_HOST) {
+        let next = bytes.iter().position(|&byte| byte == TO_HOST);
+        return match (bytes.is_empty(), next) {
+            (true, _) => Found::Short,
+            (false, next) => Found::Garbage(next.unwrap_or(bytes.len())),
+        };
+    }
+    let data = &bytes[1..bytes.len().min(REPLY)];
+    if let Some(cut) = data.iter().position(|&byte| byte == TO_HOST) {
+        return Found::Garbage(1 + cut);
+    }
+    match *data {
+        [a, b, c, d, e, f] => Found::Whole(
+            Reply {
+                position: [a, b],
+                analog: [c, d],
+                cap: [e, f],
+            },
+            REPLY,
+        ),
+        _ => Found::Short,
+    }
+}

@@ -1,0 +1,74 @@
+//! Haply's Inverse Service: JSON in a WebSocket, one device of those it names. It allocates.
+
+use serde_json::{Value, json};
+
+/// Longest message that is read.
+pub const LONGEST: usize = 64 * 1024;
+
+/// What the service says of one device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Its name.
+    pub id: String,
+    /// Where its cursor is [m].
+    pub position: [f64; 3],
+}
+
+/// The command that sets a device's force [N].
+pub fn command(id: &str, force: [f64; 3]) -> String {
+    let [x, y, z] = force.map(|force| if force.is_finite() { force } else { 0.0 });
+    json!({"inverse3": [{"device_id": id, "commands": {
+        "set_cursor_force": {"vector": {"x": x, "y": y, "z": z}, "execute": true}}}]})
+    .to_string()
+}
+
+/// The state of device `id`, or of the first; `None` where the message tells of none.
+pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
+    let message = within(text)?;
+    let devices = message.get("inverse3")?.as_array()?;
+    let device = devices.iter().find(|device| {
+        let name = device.get("device_id").and_then(Value::as_str);
+        name.is_some() && id.is_none_or(|id| name == Some(id))
+    })?;
+    Some(State {
+        id: device.get("device_id")?.as_str()?.to_owned(),
+        position: vector(device.get("state")?.get("cursor_position")?)?,
+    })
+}
+
+/// The message that tells where a device is, as the service writes it.
+pub fn state(id: &str, position: [f64; 3], force: [f64; 3]) -> String {
+    let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
+    json!({"session_id": 1, "inverse3": [{"device_id": id, "state": {
+        "cursor_position": vector(position), "current_cursor_force": vector(force)}}]})
+    .to_string()
+}
+
+/// The force [N] that a command sets for device `id`; `None` where it sets none.
+pub fn parse_command(text: &str, id: &str) -> Option<[f64; 3]> {
+    let message = within(text)?;
+    let devices = message.get("inverse3")?.as_array()?;
+    let device = devices
+        .iter()
+        .find(|device| device.get("device_id").and_then(Value::as_str) == Some(id))?;
+    vector(
+        device
+            .get("commands")?
+            .get("set_cursor_force")?
+            .get("vector")?,
+    )
+}
+
+fn within(text: &str) -> Option<Value> {
+    (text.len() <= LONGEST)
+        .then(|| serde_json::from_str(text).ok())
+        .flatten()
+}
+
+fn vector(value: &Value) -> Option<[f64; 3]> {
+    let mut vector = [0.0; 3];
+    for (number, axis) in vector.iter_mut().zip(["x", "y", "z"]) {
+        *number = value.get(axis)?.as_f64().filter(|x: &f64| x.is_finite())?;
+    }
+    Some(vector)
+}

@@ -1,0 +1,255 @@
+//! Bytes as the protocols have them, and what is made of bytes that none has.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::device::MAX_AXES;
+
+#[test]
+fn firefader_forces_are_bytes() {
+    assert_eq!(firefader::request([0.0, 0.0]), [0x7F, 0, 0]);
+    // 0.78 N is half of 1.56 N: 63.5 rounds away from zero.
+    assert_eq!(firefader::request([0.78, -0.78]), [0x7F, 64, 0xC0]);
+    // 127 is the first byte; -127 the last of the other side.
+    assert_eq!(firefader::request([9.0, -9.0]), [0x7F, 126, 0x81]);
+    assert_eq!(firefader::request([f64::NAN, 0.0]), [0x7F, 0, 0]);
+    assert_eq!(
+        firefader::parse_request(&[0x7F, 64, 0xC0]),
+        Found::Whole([64.0 * 1.56 / 127.0, -64.0 * 1.56 / 127.0], 3)
+    );
+}
+
+#[test]
+fn firefader_positions_are_bytes() {
+    let bytes = [0xFF, 128, 0, 1, 2, 31, 30];
+    let Found::Whole(reply, 7) = firefader::parse_reply(&bytes) else {
+        panic!("{bytes:?}");
+    };
+    assert_eq!(reply.metres(0), 0.0);
+    assert!((reply.metres(1) + 0.04992).abs() < 1e-15);
+    assert_eq!((reply.analog, reply.cap), ([1, 2], [31, 30]));
+    assert_eq!(reply.bytes(), bytes);
+    assert_eq!(firefader::position_byte(0.0039), 138);
+    assert_eq!(firefader::position_byte(1.0), 254);
+    assert_eq!(firefader::position_byte(-1.0), 0);
+}
+
+#[test]
+fn firefader_finds_the_next_packet() {
+    let mut inbox = Inbox::<64>::new();
+    let mut seen = Vec::new();
+    // The end of a packet, one that is cut by the next, and one in two pieces.
+    for bytes in [
+        &[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..],
+        &[2, 3, 4, 5],
+        &[0xFF, 7],
+    ] {
+        inbox.feed(bytes, firefader::parse_reply, |reply| seen.push(reply));
+    }
+    assert_eq!(seen.len(), 1);
+    assert_eq!(seen[0].position, [130, 1]);
+    assert_eq!(inbox.garbage, 5);
+}
+
+#[test]
+fn frame_check_sum_is_the_known_one() {
+    // The check value of CRC-16/CCITT-FALSE.
+    assert_eq!(frame::crc(b"123456789"), 0x29B1);
+}
+
+fn forces(n: usize) -> frame::Request {
+    let mut force = [0.0; MAX_AXES];
+    for (axis, force) in force[..n].iter_mut().enumerate() {
+        *force = axis as f64 - 1.0;
+    }
+    frame::Request {
+        seq: 0x0102,
+        n,
+        wide: false,
+        flags: frame::flag::ENABLE,
+        force,
+    }
+}
+
+#[test]
+fn frame_bytes_are_those_of_the_table() {
+    let mut bytes = [0; frame::LONGEST];
+    let len = forces(2).write(2.0, &mut bytes);
+    // -1 N of 2 N is -16384 steps (-16383.5 rounds away from zero), 0xC000.
+    let body = [0x02, 0x01, 2, 0x00, 0xC0, 0, 0, 1];
+    let crc = frame::crc(&body).to_le_bytes();
+    let mut wanted = vec![0xA5, 0x5A];
+    wanted.extend(body);
+    wanted.extend(crc);
+    assert_eq!(&bytes[..len], &wanted[..]);
+    // Twelve keys are 32 bytes there, 60 back.
+    assert_eq!(forces(12).write(2.0, &mut bytes), 32);
+    let reply = frame::Reply {
+        seq: 7,
+        t_us: 1_000_000,
+        n: 12,
+        ..frame::Reply::default()
+    };
+    assert_eq!(reply.write(&mut bytes), 60);
+}
+
+#[test]
+fn frame_positions_are_tens_of_nanometres() {
+    let mut bytes = [0; frame::LONGEST];
+    let mut reply = frame::Reply {
+        n: 1,
+        ..frame::Reply::default()
+    };
+    reply.position[0] = -0.001;
+    let len = reply.write(&mut bytes);
+    assert_eq!(bytes[9..13], (-100_000_i32).to_le_bytes());
+    let Found::Whole(back, whole) = frame::Reply::parse(&bytes[..len]) else {
+        panic!("{bytes:?}");
+    };
+    assert_eq!(whole, len);
+    assert!((back.position[0] + 0.001).abs() < 1e-18);
+}
+
+#[test]
+fn haply_messages_are_the_services() {
+    let text = r#"{"session_id":1,"inverse3":[{"device_id":"A14","state":{"cursor_position":
+        {"x":0.01,"y":-0.02,"z":0.15},"cursor_velocity":{"x":0,"y":0,"z":0}},"status":{"power":true}}]}"#;
+    let state = haply::parse_state(text, None).unwrap();
+    assert_eq!(
+        (state.id.as_str(), state.position),
+        ("A14", [0.01, -0.02, 0.15])
+    );
+    assert_eq!(haply::parse_state(text, Some("B2")), None);
+    let command = haply::command("A14", [0.5, f64::NAN, -1.0]);
+    assert_eq!(
+        command,
+        r#"{"inverse3":[{"commands":{"set_cursor_force":{"execute":true,"vector":{"x":0.5,"y":0.0,"z":-1.0}}},"device_id":"A14"}]}"#
+    );
+    assert_eq!(
+        haply::parse_command(&command, "A14"),
+        Some([0.5, 0.0, -1.0])
+    );
+    let told = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3]);
+    let heard = haply::parse_state(&told, Some("A14")).unwrap();
+    assert_eq!(heard.position, [0.1, 0.2, 0.3]);
+}
+
+/// Random packets with random bytes between them: every packet is found, whatever the pieces they come in.
+fn feeds<T: PartialEq + std::fmt::Debug>(
+    packets: &[(Vec<u8>, T)],
+    noise: &[Vec<u8>],
+    piece: usize,
+    parse: impl Fn(&[u8]) -> Found<T> + Copy,
+) {
+    let mut bytes = Vec::new();
+    for (i, (packet, _)) in packets.iter().enumerate() {
+        bytes.extend(noise.get(i).into_iter().flatten());
+        bytes.extend(packet);
+    }
+    let (mut inbox, mut seen) = (Inbox::<512>::new(), Vec::new());
+    for piece in bytes.chunks(piece) {
+        inbox.feed(piece, parse, |packet| seen.push(packet));
+    }
+    let wanted: Vec<&T> = packets.iter().map(|(_, packet)| packet).collect();
+    assert_eq!(seen.iter().collect::<Vec<_>>(), wanted);
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_taken(bytes in prop::collection::vec(any::<u8>(), 0..600), piece in 1_usize..80) {
+        let mut firefader_in = Inbox::<64>::new();
+        let mut frame_in = Inbox::<512>::new();
+        let mut who_in = Inbox::<512>::new();
+        for piece in bytes.chunks(piece) {
+            firefader_in.feed(piece, firefader::parse_reply, |reply| {
+                assert!((0..2).all(|axis| reply.metres(axis).abs() < 0.05));
+            });
+            firefader_in.feed(piece, firefader::parse_request, |force| {
+                assert!(force.iter().all(|force| force.abs() <= 1.58));
+            });
+            frame_in.feed(piece, frame::Reply::parse, |reply| {
+                assert!(reply.position.iter().all(|x| x.is_finite()));
+            });
+            frame_in.feed(piece, |bytes| frame::Request::parse(bytes, 2.0), |_| ());
+            who_in.feed(piece, frame::Who::parse, |_| ());
+        }
+        let text = String::from_utf8_lossy(&bytes);
+        haply::parse_state(&text, None);
+        haply::parse_command(&text, "A14");
+    }
+
+    #[test]
+    fn firefader_replies_are_found_again(
+        data in prop::collection::vec(prop::array::uniform6(0_u8..255), 1..8),
+        noise in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..9), 0..8),
+        piece in 1_usize..20,
+    ) {
+        let packets: Vec<_> = data
+            .iter()
+            .map(|&[a, b, c, d, e, f]| {
+                let reply = firefader::Reply { position: [a, b], analog: [c, d], cap: [e, f] };
+                (reply.bytes().to_vec(), reply)
+            })
+            .collect();
+        // Noise with seven bytes that look like a reply is one: FireFader has no check sum.
+        let noise: Vec<Vec<u8>> = noise
+            .into_iter()
+            .map(|noise| noise.into_iter().filter(|&byte| byte != 0xFF).collect())
+            .collect();
+        feeds(&packets, &noise, piece, firefader::parse_reply);
+    }
+
+    #[test]
+    fn frames_are_found_again(
+        positions in prop::collection::vec(
+            (prop::collection::vec(-1.0..1.0_f64, 1..MAX_AXES), any::<bool>(), any::<u8>()), 1..6),
+        noise in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..9), 0..6),
+        piece in 1_usize..200,
+    ) {
+        let packets: Vec<_> = positions
+            .into_iter()
+            .enumerate()
+            .map(|(i, (positions, wide, status))| {
+                let mut position = [0.0; MAX_AXES];
+                for (to, from) in position.iter_mut().zip(&positions) {
+                    // What a narrow frame can hold.
+                    *to = if wide { *from } else { (from / frame::POS_LSB).round() * frame::POS_LSB };
+                }
+                let n = positions.len();
+                let reply = frame::Reply { seq: i as u16, t_us: 9, n, wide, status, position };
+                let mut bytes = [0; frame::LONGEST];
+                let len = reply.write(&mut bytes);
+                (bytes[..len].to_vec(), reply)
+            })
+            .collect();
+        // A lone first byte may hide what follows until the room is full; noise without one hides nothing.
+        let noise: Vec<Vec<u8>> = noise
+            .into_iter()
+            .map(|noise| noise.into_iter().filter(|&byte| byte != 0xA5).collect())
+            .collect();
+        feeds(&packets, &noise, piece, frame::Reply::parse);
+    }
+
+    #[test]
+    fn a_frame_with_a_wrong_bit_is_none(bit in 0_usize..(16 * 8), seq in any::<u16>()) {
+        let mut bytes = [0; frame::LONGEST];
+        let mut request = forces(3);
+        request.seq = seq;
+        let len = request.write(2.0, &mut bytes);
+        prop_assert_eq!(len, 14);
+        let bit = bit % (len * 8);
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        let whole = matches!(frame::Request::parse(&bytes[..len], 2.0), Found::Whole(..));
+        prop_assert!(!whole);
+    }
+
+    #[test]
+    fn a_wide_frame_that_is_no_number_is_none(axis in 0_usize..3, infinite in any::<bool>()) {
+        let mut request = forces(3);
+        request.wide = true;
+        request.force[axis] = if infinite { f64::INFINITY } else { f64::NAN };
+        let mut bytes = [0; frame::LONGEST];
+        let len = request.write(2.0, &mut bytes);
+        prop_assert_eq!(frame::Request::parse(&bytes[..len], 2.0), Found::Garbage(len));
+    }
+}

@@ -1,0 +1,21 @@
+//! Devices that are not there: the same bytes, from a process of their own.
+//!
+//! A key here is a CEL by the engine's own numbers, and a hand that pulls it along a written path. Two clocks: by the
+//! wall, as a board's firmware goes, or in lockstep, where every packet is one period and nobody is late.
+
+pub mod hand;
+pub mod key;
+
+pub use hand::Hand;
+pub use key::{Key, Keys};
+
+/// A device that cannot be emulated so.
+#[derive(Debug, thiserror::Error)]
+pub enum EmulateError {
+    /// A number that is none for this.
+    #[error("{0}")]
+    Refused(&'static str),
+    /// The system gives no port.
+    #[error("no port: {0}")]
+    Port(#[from] std::io::Error),
+}

@@ -1,0 +1,154 @@
+//! Keys: masses tied to the ground by a spring and a damper, one step a period.
+
+use ergon_engine::cell::Cell;
+use ergon_engine::units::Rate;
+
+use super::EmulateError;
+use super::hand::Hand;
+use crate::device::MAX_AXES;
+
+/// What a key is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Key {
+    /// Moving mass [kg].
+    pub mass: f64,
+    /// Spring to the ground [N/m].
+    pub stiffness: f64,
+    /// Damper to the ground [N·s/m].
+    pub damping: f64,
+    /// Where it ends on either side [m].
+    pub range: [f64; 2],
+}
+
+impl Default for Key {
+    /// A light fader: friction and no spring.
+    fn default() -> Self {
+        Self {
+            mass: 0.05,
+            stiffness: 0.0,
+            damping: 1.0,
+            range: [-0.05, 0.05],
+        }
+    }
+}
+
+/// A device's keys and the hands on them.
+#[derive(Clone, Debug)]
+pub struct Keys {
+    rate: Rate,
+    range: [f64; 2],
+    w: f64,
+    kappa: f64,
+    zeta: f64,
+    n: usize,
+    x: [f64; MAX_AXES],
+    d: [f64; MAX_AXES],
+    hands: Vec<Hand>,
+    periods: u64,
+    hash: u64,
+}
+
+impl Keys {
+    /// `n` like keys, stepped `rate` times a second; hands that are missing are free fingers.
+    ///
+    /// # Errors
+    /// Where no such key or rate can be.
+    pub fn new(n: usize, key: Key, rate: f64, mut hands: Vec<Hand>) -> Result<Self, EmulateError> {
+        let refused = |why| Err(EmulateError::Refused(why));
+        if n == 0 || n > MAX_AXES {
+            return refused("a device has 1 to 16 keys");
+        }
+        let Ok(rate) = Rate::new(rate) else {
+            return refused("a rate is a positive number of periods a second");
+        };
+        let good = |x: f64| x.is_finite() && x >= 0.0;
+        if !(key.mass.is_finite() && key.mass > 0.0) || !good(key.stiffness) || !good(key.damping) {
+            return refused(
+                "a key has a mass above zero, a stiffness and a damping of at least zero",
+            );
+        }
+        let cell = Cell::new(key.mass, key.stiffness, key.damping);
+        if cell.frequency() > 0.5 * rate.hertz() {
+            return refused("this key is faster than half its rate");
+        }
+        let ratios = cell.ratios(rate);
+        hands.resize(n, Hand::Free);
+        Ok(Self {
+            rate,
+            range: key.range,
+            w: rate.step() * rate.step() / key.mass,
+            kappa: ratios.kappa,
+            zeta: ratios.zeta,
+            n,
+            x: [0.0; MAX_AXES],
+            d: [0.0; MAX_AXES],
+            hands,
+            periods: 0,
+            hash: 0xcbf2_9ce4_8422_2325,
+        })
+    }
+
+    /// One period under forces [N]   (n)
+    ///
+    /// By the operations, in the order, of a MAT in the engine: without a hand a key is where that CEL would be, to
+    /// the last bit.
+    pub fn step(&mut self, force: &[f64; MAX_AXES]) {
+        for (axis, hand) in self.hands.iter().enumerate() {
+            let (x, d) = (self.x[axis], self.d[axis]);
+            let pull = hand.pull(self.periods, x, d, self.rate);
+            let force = pull.map_or(force[axis], |pull| force[axis] + pull);
+            let step = force * self.w - self.kappa * x - self.zeta * d;
+            self.d[axis] += step;
+            self.x[axis] += self.d[axis];
+            let [low, high] = self.range;
+            if self.x[axis] < low || self.x[axis] > high {
+                self.x[axis] = self.x[axis].clamp(low, high);
+                self.d[axis] = 0.0;
+            }
+        }
+        self.periods += 1;
+        for x in &self.x[..self.n] {
+            for byte in x.to_bits().to_le_bytes() {
+                self.hash = (self.hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+            }
+        }
+    }
+
+    /// How many keys.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Where they are [m]   (16, those there are first)
+    pub fn positions(&self) -> &[f64; MAX_AXES] {
+        &self.x
+    }
+
+    /// Whether a finger is on a key.
+    pub fn touched(&self, axis: usize) -> bool {
+        self.hands[axis].touches(self.periods)
+    }
+
+    /// Periods so far.
+    pub fn periods(&self) -> u64 {
+        self.periods
+    }
+
+    /// Periods in a second.
+    pub fn rate(&self) -> Rate {
+        self.rate
+    }
+
+    /// The keys' own time [µs], wrapping.
+    pub fn t_us(&self) -> u32 {
+        (self.periods as f64 * self.rate.step() * 1e6) as u64 as u32
+    }
+
+    /// Hash of all positions so far (FNV-1a): the same path, the same number.
+    pub fn hash(&self) -> u64 {
+        self.hash
+    }
+}
+
+#[cfg(test)]
+mod tests;

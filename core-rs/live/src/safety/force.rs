@@ -1,0 +1,48 @@
+//! Forces that have passed every stage.
+
+use crate::device::MAX_AXES;
+
+/// Forces that may be sent to a device: zero, or made by the stages of this module and by nothing else.
+///
+/// ```compile_fail
+/// let force = ergon_live::safety::SafeForce { newtons: [1.0; 16], n: 1 };
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SafeForce {
+    newtons: [f64; MAX_AXES],
+    n: usize,
+}
+
+impl SafeForce {
+    /// No force on any of `n` axes.
+    pub fn zero(n: usize) -> Self {
+        Self {
+            newtons: [0.0; MAX_AXES],
+            n: n.min(MAX_AXES),
+        }
+    }
+
+    pub(super) fn new(newtons: [f64; MAX_AXES], n: usize) -> Self {
+        Self { newtons, n }
+    }
+
+    /// Forces [N] or [N·m]   (n_axes)
+    pub fn newtons(&self) -> &[f64] {
+        &self.newtons[..self.n]
+    }
+
+    /// The same forces for a device whose motors pull the other way or less strongly: every gain counts at most as 1.
+    #[must_use]
+    pub fn turned(&self, gains: &[f64; MAX_AXES]) -> Self {
+        let mut turned = *self;
+        for (force, gain) in turned.newtons.iter_mut().zip(gains) {
+            // A gain of 1 changes no bit, and one that is no number lets nothing through.
+            *force *= if gain.is_nan() {
+                0.0
+            } else {
+                gain.clamp(-1.0, 1.0)
+            };
+        }
+        turned
+    }
+}

@@ -1,0 +1,149 @@
+//! Zero forces from where nothing else can run: a panic, a signal, a fault.
+
+#[cfg(not(unix))]
+pub(super) use elsewhere::{Armed, arm};
+#[cfg(unix)]
+pub(super) use unix::{Armed, arm};
+
+/// Where there are no file descriptors, a device's own watchdog is the last resort.
+#[cfg(not(unix))]
+mod elsewhere {
+    use crate::device::LastResort;
+
+    pub(in crate::safety) struct Armed;
+
+    pub(in crate::safety) fn arm(_: LastResort) -> Option<Armed> {
+        None
+    }
+}
+
+#[cfg(unix)]
+mod unix {
+    use std::sync::atomic::{AtomicI32, AtomicU8, AtomicUsize, Ordering};
+    use std::sync::{Once, OnceLock};
+
+    use super::super::FAREWELLS;
+    use crate::device::LastResort;
+
+    /// Devices open at once, at most, that are zeroed.
+    const SLOTS: usize = 16;
+    /// Ends of a program, and faults of it. What each did before it does after us.
+    const SIGNALS: [i32; 9] = [
+        libc::SIGINT,
+        libc::SIGTERM,
+        libc::SIGHUP,
+        libc::SIGQUIT,
+        libc::SIGABRT,
+        libc::SIGSEGV,
+        libc::SIGBUS,
+        libc::SIGILL,
+        libc::SIGFPE,
+    ];
+
+    const FREE: i32 = -1;
+    const TAKEN: i32 = -2;
+
+    struct Slot {
+        fd: AtomicI32,
+        len: AtomicUsize,
+        bytes: [AtomicU8; 64],
+    }
+
+    static ARMED: [Slot; SLOTS] = [const {
+        Slot {
+            fd: AtomicI32::new(FREE),
+            len: AtomicUsize::new(0),
+            bytes: [const { AtomicU8::new(0) }; 64],
+        }
+    }; SLOTS];
+
+    static BEFORE: [OnceLock<libc::sigaction>; SIGNALS.len()] =
+        [const { OnceLock::new() }; SIGNALS.len()];
+
+    /// A device that is zeroed, as long as this lives.
+    pub(in crate::safety) struct Armed(usize);
+
+    impl Drop for Armed {
+        fn drop(&mut self) {
+            ARMED[self.0].fd.store(FREE, Ordering::Release);
+        }
+    }
+
+    /// Have a device zeroed when the program panics or is ended.
+    pub(in crate::safety) fn arm(resort: LastResort) -> Option<Armed> {
+        static HOOKS: Once = Once::new();
+        HOOKS.call_once(|| {
+            let before = std::panic::take_hook();
+            std::panic::set_hook(Box::new(move |info| {
+                zero_all();
+                before(info);
+            }));
+            for (signal, before) in SIGNALS.into_iter().zip(&BEFORE) {
+                watch(signal, before);
+            }
+        });
+        let claim = |slot: &Slot| {
+            let taken = slot
+                .fd
+                .compare_exchange(FREE, TAKEN, Ordering::AcqRel, Ordering::Relaxed);
+            taken.is_ok()
+        };
+        let index = ARMED.iter().position(claim)?;
+        let slot = &ARMED[index];
+        for (to, from) in slot.bytes.iter().zip(resort.bytes) {
+            to.store(from, Ordering::Relaxed);
+        }
+        slot.len.store(resort.len, Ordering::Relaxed);
+        slot.fd.store(resort.fd, Ordering::Release);
+        Some(Armed(index))
+    }
+
+    /// Only what a signal handler may do: loads and write(2).
+    fn zero_all() {
+        for _ in 0..FAREWELLS {
+            for slot in &ARMED {
+                let fd = slot.fd.load(Ordering::Acquire);
+                if fd < 0 {
+                    continue;
+                }
+                let mut bytes = [0_u8; 64];
+                for (to, from) in bytes.iter_mut().zip(&slot.bytes) {
+                    *to = from.load(Ordering::Relaxed);
+                }
+                let len = slot.len.load(Ordering::Relaxed).min(bytes.len());
+                // SAFETY: `bytes` holds `len` bytes; a descriptor closed meanwhile makes the call fail.
+                unsafe { libc::write(fd, bytes.as_ptr().cast(), len) };
+            }
+        }
+    }
+
+    extern "C" fn on_signal(signal: i32) {
+        zero_all();
+        let known = SIGNALS.iter().position(|&known| known == signal);
+        if let Some(before) = known.and_then(|index| BEFORE[index].get()) {
+            // A fault happens again when we return, another signal is raised again: then the former handler has it.
+            // SAFETY: `before` is what sigaction gave; both calls are allowed in a handler.
+            unsafe {
+                libc::sigaction(signal, before, std::ptr::null_mut());
+                libc::raise(signal);
+            }
+        }
+    }
+
+    fn watch(signal: i32, before: &OnceLock<libc::sigaction>) {
+        // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
+        unsafe {
+            let mut old: libc::sigaction = std::mem::zeroed();
+            libc::sigaction(signal, std::ptr::null(), &raw mut old);
+            if old.sa_sigaction == libc::SIG_IGN {
+                return;
+            }
+            let _ = before.set(old);
+            let mut new: libc::sigaction = std::mem::zeroed();
+            new.sa_sigaction = on_signal as *const () as usize;
+            libc::sigemptyset(&raw mut new.sa_mask);
+            new.sa_flags = libc::SA_ONSTACK;
+            libc::sigaction(signal, &raw const new, std::ptr::null_mut());
+        }
+    }
+}

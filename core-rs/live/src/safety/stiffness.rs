@@ -1,0 +1,92 @@
+//! How stiff a coupling a sampled key bears.
+//!
+//! A position is held for a tick and its force is late, which a virtual spring turns into energy; only the damping
+//! of the key itself takes it away. What counts is the stiffness that the key sees of everything behind it.
+
+/// Greatest stable stiffness [N/m] of a key with `damping` [N·s/m], by ticks of `period` [s] and forces `delay` ticks
+/// late: 2b/(T(1+2d)), whatever the mass of a light key.
+pub fn limit(damping: f64, period: f64, delay: u32) -> f64 {
+    2.0 * damping / (period * (1.0 + 2.0 * f64::from(delay)))
+}
+
+/// Whether a spring `k` [N/m] gives no energy to a key with `damping`, whatever else it touches: b > kT(½ + d).
+pub fn passive(damping: f64, k: f64, period: f64, delay: u32) -> bool {
+    damping > k * period * (0.5 + f64::from(delay))
+}
+
+/// The factor that a coupling's forces need to stay below the limit: 1 where it does, else less.
+pub fn scale(k: f64, limit: f64) -> f64 {
+    if k > limit { limit / k } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+
+    /// Spectral radius of mass 50 g, damper b and spring k whose position is held over T and late by d ticks.
+    fn radius(b: f64, k: f64, period: f64, delay: usize) -> f64 {
+        let m = 0.05;
+        // Exact for a force that is held: v decays by e^{-bT/m}.
+        let decay = libm::exp(-b * period / m);
+        let slide = (1.0 - decay) * m / b;
+        let n = 2 + delay;
+        let mut a = DMatrix::<f64>::zeros(n, n);
+        (a[(0, 0)], a[(0, 1)]) = (1.0, slide);
+        a[(1, 1)] = decay;
+        // State: x, v, then x of 1, 2, … ticks ago. The force is -k times the oldest.
+        let late = if delay == 0 { 0 } else { 1 + delay };
+        a[(0, late)] -= k * (period - slide) / b;
+        a[(1, late)] -= k * (1.0 - decay) / b;
+        for i in 0..delay {
+            a[(2 + i, if i == 0 { 0 } else { 1 + i })] = 1.0;
+        }
+        let roots = a.complex_eigenvalues();
+        roots.iter().map(|root| root.norm()).fold(0.0, f64::max)
+    }
+
+    /// Greatest k whose loop is stable, by bisection.
+    fn numerically(b: f64, period: f64, delay: usize) -> f64 {
+        let (mut low, mut high) = (0.1, 1e7);
+        for _ in 0..60 {
+            let middle = libm::sqrt(low * high);
+            if radius(b, middle, period, delay) < 1.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        low
+    }
+
+    #[test]
+    fn the_formula_is_the_sampled_loops() {
+        // Damping, rate, delay, and what a simulation of such a loop with 50 g still bore.
+        for (b, rate, delay, known) in [
+            (0.3, 1e3, 0, 645.0),
+            (0.3, 1e3, 1, 208.0),
+            (0.3, 1e3, 2, 124.0),
+            (1.0, 1e3, 1, 686.0),
+            (3.0, 1e3, 2, 1245.0),
+            (0.3, 1e4, 1, 2074.0),
+            (1.0, 44_100.0, 1, 30_078.0),
+        ] {
+            let (said, found) = (
+                limit(b, 1.0 / rate, delay),
+                numerically(b, 1.0 / rate, delay as usize),
+            );
+            let text = format!("b {b}, {rate} Hz, delay {delay}: said {said}, found {found}");
+            assert!(said <= found && said > 0.88 * found, "{text}");
+            assert!((found / known - 1.0).abs() < 0.1, "{text}, known {known}");
+            assert!(passive(b, 0.999 * said, 1.0 / rate, delay), "{text}");
+            assert!(!passive(b, 1.001 * said, 1.0 / rate, delay), "{text}");
+        }
+    }
+
+    #[test]
+    fn scales_only_what_is_too_stiff() {
+        assert_eq!(scale(100.0, 200.0), 1.0);
+        assert_eq!(scale(400.0, 200.0), 0.5);
+    }
+}

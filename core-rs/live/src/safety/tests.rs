@@ -1,0 +1,368 @@
+//! Each stage alone, the stages together, and that nothing else reaches a motor.
+
+use std::time::Instant;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::device::{MAX_AXES, Unit};
+
+const PERIOD: f64 = 1e-3;
+
+/// A device that is where it is told to be, and keeps what it was sent.
+struct Bench {
+    spec: Spec,
+    position: Option<f64>,
+    sent: Vec<f64>,
+    zeroed: usize,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self {
+            spec: Spec {
+                dof: 1,
+                unit: Unit::Metre,
+                pos_lsb: 1e-6,
+                pos_range: [-0.05, 0.05],
+                force_max_continuous: 1.0,
+                force_max_peak: 2.0,
+                force_lsb: 0.0,
+                rate_nominal: None,
+                loop_delay_s: None,
+                inertia: None,
+                damping: None,
+                touch_gated: false,
+                can_lockstep: true,
+                can_wide: true,
+            },
+            position: Some(0.0),
+            sent: Vec::new(),
+            zeroed: 0,
+        }
+    }
+}
+
+impl Device for Bench {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        self.sent.extend(force.newtons());
+        Ok(())
+    }
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        into.position[0] = self.position.unwrap_or(into.position[0]);
+        Ok(self.position.is_some())
+    }
+    fn in_lockstep(&self) -> bool {
+        true
+    }
+    fn zero(&mut self) {
+        self.zeroed += 1;
+    }
+}
+
+/// Limits in which nothing acts, for one stage to be set.
+fn open() -> Limits {
+    Limits {
+        force: f64::INFINITY,
+        slew: f64::INFINITY,
+        ramp: 0.0,
+        velocity: f64::INFINITY,
+        velocity_over: 5e-3,
+        stale: 0.02,
+        hold: 0.1,
+        fade: 0.0,
+        energy: f64::INFINITY,
+        power: 0.0,
+        heat: 1e6,
+    }
+}
+
+/// The force sent for every tick's wish and place; no place: the device says nothing.
+fn play(
+    guarded: &mut Guarded<&mut Bench>,
+    ticks: impl IntoIterator<Item = (f64, Option<f64>)>,
+) -> Vec<f64> {
+    let mut sample = Sample::default();
+    let mut sent = Vec::new();
+    for (wish, place) in ticks {
+        guarded.device.position = place;
+        guarded.receive(&mut sample, Instant::now()).unwrap();
+        sent.push(guarded.send(&[wish]).unwrap().newtons()[0]);
+    }
+    sent
+}
+
+fn still(wish: f64, n: usize) -> impl Iterator<Item = (f64, Option<f64>)> {
+    std::iter::repeat_n((wish, Some(0.0)), n)
+}
+
+#[test]
+fn what_is_safe_is_sent_to_the_last_bit() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        ramp: 0.0,
+        ..Limits::of(&bench.spec)
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    let wishes: Vec<f64> = (0..3000)
+        .map(|i| 0.7 * libm::sin(0.01 * f64::from(i)))
+        .collect();
+    let ticks = wishes.iter().map(|&wish| (wish, Some(0.0)));
+    assert_eq!(play(&mut guarded, ticks), wishes);
+    let counts = *guarded.counts();
+    assert_eq!(
+        counts,
+        Counts {
+            ticks: 3000,
+            ..Counts::default()
+        }
+    );
+    drop(guarded);
+    assert_eq!(bench.sent, wishes);
+    assert_eq!(bench.zeroed, 3, "sent on parting");
+}
+
+#[test]
+fn a_force_that_is_no_number_trips() {
+    let mut bench = Bench::new();
+    let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
+    let mut ticks: Vec<_> = still(0.5, 300).collect();
+    ticks[100].0 = f64::NAN;
+    ticks[101].0 = f64::NEG_INFINITY;
+    let sent = play(&mut guarded, ticks);
+    assert_eq!(sent[99], 0.5);
+    assert!(sent[100..200].iter().all(|&force| force == 0.0));
+    assert_eq!(sent[205..], [0.5; 95]);
+    let counts = guarded.counts();
+    assert_eq!((counts.not_finite, counts.trips_not_finite), (2, 1));
+    assert!((100..=102).contains(&counts.tripped), "{}", counts.tripped);
+}
+
+#[test]
+fn force_is_the_least_of_the_players_and_the_devices() {
+    let mut bench = Bench::new();
+    let sent = play(
+        &mut Guarded::new(&mut bench, open(), PERIOD),
+        still(-9.0, 1),
+    );
+    assert_eq!(sent, [-2.0]);
+    let gentle = Limits {
+        force: 0.25,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, gentle, PERIOD);
+    assert_eq!(play(&mut guarded, still(9.0, 2)), [0.25, 0.25]);
+    assert_eq!(guarded.counts().clamped, 2);
+}
+
+#[test]
+fn a_hot_motor_gets_what_it_bears() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        heat: 0.1,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    let sent = play(&mut guarded, still(2.0, 2000));
+    assert_eq!(sent[0], 2.0);
+    // At twice the force it heats four times: 1 of 4 after -ln(3/4) of its time.
+    let first = sent.iter().position(|&force| force == 1.0).unwrap();
+    assert!((27..=31).contains(&first), "{first}");
+    let mean = sent[1000..].iter().map(|f| f * f).sum::<f64>() / 1000.0;
+    assert!((mean - 1.0).abs() < 0.05, "{mean}");
+    assert!(guarded.counts().hot > 500);
+}
+
+#[test]
+fn force_grows_no_faster_than_it_may() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        slew: 0.1,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    let sent = play(&mut guarded, still(1.0, 12));
+    for (i, force) in sent[..10].iter().enumerate() {
+        assert!((force - 0.1 * (i + 1) as f64).abs() < 1e-12, "{sent:?}");
+    }
+    assert_eq!(sent[10..], [1.0, 1.0]);
+    assert!((9..=10).contains(&guarded.counts().slewed));
+}
+
+#[test]
+fn it_starts_over_two_seconds() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        ramp: 2.0,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    let sent = play(&mut guarded, still(1.0, 2500));
+    for at in [0, 499, 999, 1500] {
+        assert!(
+            (sent[at] - (at + 1) as f64 / 2000.0).abs() < 1e-9,
+            "{at}: {}",
+            sent[at]
+        );
+    }
+    assert_eq!(sent[2001..], [1.0; 499]);
+}
+
+#[test]
+fn a_key_that_flies_trips() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        velocity: 1.0,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    // 0.5 m/s, then 4 m/s, then still.
+    let ticks = (0..400).map(|i| {
+        let x = match i {
+            0..100 => 0.5e-3 * f64::from(i),
+            100..110 => 0.05 + 4e-3 * f64::from(i - 100),
+            _ => 0.09,
+        };
+        (0.5, Some(x))
+    });
+    let sent = play(&mut guarded, ticks);
+    assert_eq!(sent[..101], [0.5; 101]);
+    assert!(sent[105..200].iter().all(|&force| force == 0.0));
+    assert_eq!(sent[250..], [0.5; 150]);
+    assert_eq!(guarded.counts().trips_speed, 1);
+}
+
+#[test]
+fn nobody_pushes_what_nobody_sees() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        fade: 0.1,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    // Before the first position, 50 ticks without one in the middle.
+    let ticks = (0..500).map(|i| {
+        let place = !(0..5).contains(&i) && !(200..250).contains(&i);
+        (1.0, place.then_some(0.0))
+    });
+    let sent = play(&mut guarded, ticks);
+    assert_eq!(sent[..5], [0.0; 5], "no position yet");
+    assert!(sent[6] > 0.0 && sent[6] < sent[50], "fades in");
+    assert_eq!(sent[215], 1.0, "20 ms are no matter");
+    assert!(sent[221..250].iter().all(|&force| force == 0.0));
+    assert!(
+        sent[300] > 0.4 && sent[300] < 0.6,
+        "fades in again: {}",
+        sent[300]
+    );
+    assert_eq!(sent[360], 1.0);
+    assert!(guarded.counts().stale > 30);
+}
+
+/// A key with a spring too stiff for its rate, by the host: without the observer it swings ever further.
+fn runaway(energy: f64) -> (f64, Counts) {
+    let mut bench = Bench::new();
+    bench.spec.force_max_peak = 1e9;
+    bench.spec.force_max_continuous = 1e9;
+    let limits = Limits {
+        energy,
+        power: 1e-3,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    let (m, b, k) = (0.05, 0.1, 2000.0);
+    let (mut x, mut v, mut worst) = (1e-3, 0.0, 0.0_f64);
+    let mut sample = Sample::default();
+    for _ in 0..1500 {
+        guarded.device.position = Some(x);
+        guarded.receive(&mut sample, Instant::now()).unwrap();
+        let force = guarded.send(&[-k * x]).unwrap().newtons()[0];
+        for _ in 0..20 {
+            v += (force - b * v) / m * (PERIOD / 20.0);
+            x += v * (PERIOD / 20.0);
+        }
+        worst = worst.max(x.abs());
+    }
+    (worst, *guarded.counts())
+}
+
+#[test]
+fn energy_that_comes_from_nowhere_is_kept_back() {
+    let (free, _) = runaway(f64::INFINITY);
+    let (watched, counts) = runaway(2e-3);
+    assert!(free > 1.0, "it does run away: {free}");
+    assert!(watched < 5e-3, "{watched}");
+    assert!(counts.energy > 0);
+}
+
+#[test]
+fn a_coupling_is_scaled() {
+    let mut bench = Bench::new();
+    let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
+    guarded.scale(0, stiffness::scale(400.0, stiffness::limit(0.3, PERIOD, 1)));
+    assert_eq!(play(&mut guarded, still(1.0, 2)), [0.5, 0.5]);
+    assert_eq!(guarded.counts().stiff, 2);
+}
+
+#[test]
+fn a_player_stops_it() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        ramp: 0.1,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    assert_eq!(play(&mut guarded, still(1.0, 200))[150], 1.0);
+    guarded.stop(true);
+    assert_eq!(play(&mut guarded, still(1.0, 50)), [0.0; 50]);
+    guarded.stop(false);
+    let sent = play(&mut guarded, still(1.0, 120));
+    assert!(
+        sent[0] < 0.02 && sent[119] == 1.0,
+        "as at the start: {}",
+        sent[0]
+    );
+    assert_eq!(guarded.counts().stopped, 50);
+}
+
+#[test]
+fn a_panic_sends_zero_forces() {
+    let mut bench = Bench::new();
+    let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+        let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
+        guarded.send(&[1.0]).unwrap();
+        panic!("physics failed");
+    }));
+    assert!(panicked.is_err());
+    assert_eq!(bench.zeroed, 3);
+}
+
+#[test]
+fn a_turned_force_is_never_greater() {
+    let force = SafeForce::new([1.0; MAX_AXES], 3);
+    let mut gains = [1.0; MAX_AXES];
+    (gains[0], gains[1], gains[2]) = (-1.0, 5.0, f64::NAN);
+    assert_eq!(force.turned(&gains).newtons(), [-1.0, 1.0, 0.0]);
+}
+
+proptest! {
+    /// Whatever is asked and seen: forces stay finite, within the limit, and change no faster than they may while
+    /// nothing trips.
+    #[test]
+    fn no_wish_is_dangerous(
+        wishes in prop::collection::vec(prop_oneof![
+            4 => -5.0..5.0_f64, 1 => any::<f64>()], 1..300),
+        places in prop::collection::vec(prop::option::weighted(0.9, -0.05..0.05_f64), 300),
+    ) {
+        let mut bench = Bench::new();
+        let limits = Limits::of(&bench.spec);
+        let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+        let ticks = wishes.iter().copied().zip(places);
+        for force in play(&mut guarded, ticks) {
+            prop_assert!(force.is_finite() && force.abs() <= 2.0);
+        }
+    }
+}
