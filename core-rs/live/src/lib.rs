@@ -6,4 +6,8 @@
 pub mod device;
 pub mod emulate;
 pub mod realtime;
+<<<<<<< HEAD
 pub mod safety;
+=======
+pub mod recording;
+>>>>>>> c76eabf4f31a34cc513ac8c8d1af58aa0e8f15b4
