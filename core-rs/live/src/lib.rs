@@ -3,4 +3,5 @@
 //! Adds clocks and wires to the engine, no physics: what it plays equals what a render writes, sample for sample,
 //! wherever nobody's real hand is in it.
 
+pub mod audio;
 pub mod realtime;
