@@ -154,3 +154,58 @@ impl Filter {
             .map_err(|error| format!("the rate converter failed: {error}"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ergon_engine::maths::sin;
+    use std::f64::consts::TAU;
+
+    /// A second of sines at `from` as it comes out at `to`, two channels.
+    fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
+        let (mut feed, drain) = ring::ring(2, 4096);
+        let (converter, mut outer) = between(drain, from, to, 256)
+            .map_err(|(_, error)| error)
+            .expect("there is a way");
+        let sound: Vec<f32> = (0..from)
+            .flat_map(|n| {
+                let x = sin(TAU * pitch * f64::from(n) / f64::from(from)) as f32;
+                [x, -x]
+            })
+            .collect();
+        let mut left = &sound[..];
+        let (mut all, mut out) = (Vec::new(), [0.0; 512]);
+        while !outer.ended() {
+            let taken = feed.push(left);
+            left = &left[2 * taken..];
+            if left.is_empty() {
+                feed.close();
+            }
+            match outer.take(&mut out) {
+                0 => std::thread::sleep(NAP),
+                frames => all.extend_from_slice(&out[..2 * frames]),
+            }
+        }
+        let inner = converter.stop().expect("the drain comes back");
+        assert!(inner.ended());
+        assert_eq!(inner.shared().played(), from.into());
+        all
+    }
+
+    #[test]
+    fn a_second_stays_a_second_and_a_sine_the_same_sine() {
+        for (from, to) in [(44_100, 48_000), (48_000, 44_100), (96_000, 48_000)] {
+            for pitch in [440.0, 10_000.0] {
+                let got = converted(from, to, pitch);
+                assert_eq!(got.len(), 2 * to as usize, "{from} to {to}");
+                // Where it begins and ends, the filter sees the silence beside it.
+                for n in 1000..to as usize - 1000 {
+                    let x = sin(TAU * pitch * n as f64 / f64::from(to)) as f32;
+                    let (left, right) = (got[2 * n], got[2 * n + 1]);
+                    assert!((left - x).abs() < 2e-4, "{from} to {to}, {pitch} Hz, {n}");
+                    assert_eq!(left, -right);
+                }
+            }
+        }
+    }
+}

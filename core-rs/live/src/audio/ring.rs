@@ -228,13 +228,12 @@ impl Drain {
         let whole = out.len() - out.len() % self.channels;
         let (out, rest) = out.split_at_mut(whole);
         rest.fill(0.0);
-        let panicked = self.shared.panicked();
+        let panicked = self.panicked();
         if panicked && self.shape.ask_hush() {
             self.throw_away();
             out.fill(0.0);
             return;
         }
-        self.may_be_released(panicked);
         let closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();
         if self.phase != Phase::Playing
@@ -261,12 +260,11 @@ impl Drain {
 
     /// Hand out what waits, at most `out`, for a taker without a clock; returns the frames.
     pub fn take(&mut self, out: &mut [f32]) -> usize {
-        let panicked = self.shared.panicked();
+        let panicked = self.panicked();
         if panicked && self.shape.ask_hush() {
             self.throw_away();
             return 0;
         }
-        self.may_be_released(panicked);
         let ended = self.ended();
         let frames = self.waiting().min(out.len() / self.channels);
         if frames == 0 {
@@ -292,11 +290,16 @@ impl Drain {
         }
     }
 
-    fn may_be_released(&mut self, panicked: bool) {
-        if !panicked && self.shape.end_hush() {
+    /// Whether silence is asked for, or was, and is still to be reached.
+    fn panicked(&mut self) -> bool {
+        if self.shared.panicked() || self.shape.is_falling_silent() {
+            return true;
+        }
+        if self.shape.end_hush() {
             self.phase = Phase::Waiting;
             self.shape.begin_anew();
         }
+        false
     }
 
     fn without(&mut self, silent: &mut [f32], ended: bool, panicked: bool) {

@@ -93,6 +93,11 @@ impl Shape {
         *self.hushing.get_or_insert(self.hush) == 0
     }
 
+    /// Whether silence was asked for and is not reached.
+    pub(super) fn is_falling_silent(&self) -> bool {
+        self.hushing.is_some_and(|left| left > 0)
+    }
+
     /// Silence is no longer asked for; returns whether it was.
     pub(super) fn end_hush(&mut self) -> bool {
         self.hushing.take().is_some()

@@ -49,7 +49,8 @@ impl Wire {
             version: protocol::MAX_VERSION,
             supports_shm: false,
             supports_memfd: false,
-            cookie: cookie.unwrap_or_default(),
+            // Of this length even where there is none, or the server hangs up.
+            cookie: cookie.unwrap_or_else(|| vec![0; 256]),
         }))?;
         wire.version = wire.version.min(auth.version);
         let mut props = protocol::Props::new();
