@@ -3,6 +3,7 @@
 //! A function here does three things: check shapes, let go of the GIL, call the engine. Anything
 //! longer belongs in `ergon-engine`.
 
+mod audio;
 mod chance;
 mod error;
 mod frames;
@@ -25,6 +26,8 @@ use pyo3::prelude::*;
 /// The compiled core of ergon.
 #[pymodule(gil_used = false)]
 mod _core {
+    #[pymodule_export]
+    use super::audio::{AudioOut, JackCapture, play_frames, survey_audio};
     #[pymodule_export]
     use super::chance::Chance;
     #[pymodule_export]

@@ -40,6 +40,11 @@ pub fn ask(priority: i32) -> Granted {
     }
 }
 
+/// Ask for real-time scheduling of this thread and for nothing else; returns the priority really granted.
+pub fn scheduled_at(priority: i32) -> Option<i32> {
+    fifo(priority)
+}
+
 #[cfg(target_os = "linux")]
 fn fifo(priority: i32) -> Option<i32> {
     // SAFETY: zero is a valid sched_param; both calls write into locals that outlive them.
@@ -47,10 +52,26 @@ fn fifo(priority: i32) -> Option<i32> {
         let mut param: libc::sched_param = std::mem::zeroed();
         param.sched_priority = priority;
         libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &raw const param);
+    }
+    self::priority()
+}
+
+/// The real-time priority that this thread runs at; `None`: scheduled like any other.
+#[cfg(target_os = "linux")]
+pub fn priority() -> Option<i32> {
+    // SAFETY: zero is a valid sched_param; the call writes into locals that outlive it.
+    unsafe {
+        let mut param: libc::sched_param = std::mem::zeroed();
         let mut policy = 0;
         libc::pthread_getschedparam(libc::pthread_self(), &raw mut policy, &raw mut param);
         (policy == libc::SCHED_FIFO).then_some(param.sched_priority)
     }
+}
+
+/// The real-time priority that this thread runs at; `None`: scheduled like any other.
+#[cfg(not(target_os = "linux"))]
+pub fn priority() -> Option<i32> {
+    None
 }
 
 #[cfg(not(target_os = "linux"))]

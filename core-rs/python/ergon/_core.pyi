@@ -552,3 +552,57 @@ def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32
 
 def single(frames: _Floats, gain: float) -> NDArray[np.float32]:
     """frames · gain in single precision."""
+
+# --- sound cards ----------------------------------------------------------------------------------
+
+@final
+class AudioOut:
+    """An output: `auto`, `jack[:PORTS]`, `pulse[:SINK]`, `file:PATH`, `null`, `null:fast`."""
+
+    def __new__(cls, spec: str, rate: int, n_channels: int, capacity: int = 4096) -> Self:
+        """`capacity` frames of ring. Raises EngineError with what is not there."""
+    room: int
+    def set_prefill(self, n_frames: int) -> None:
+        """Begin when so many frames wait, and begin again so after an underrun."""
+    def push(self, frames: NDArray[np.float32]) -> int:
+        """Give frames, (n_frames, n_channels), without waiting; how many were taken."""
+    def play(self, frames: NDArray[np.float32]) -> None:
+        """Give all frames, (n_frames, n_channels), waiting for room."""
+    def finish(self, limit: float) -> bool:
+        """No more will come: wait until all was heard; False when `limit` [s] came first."""
+    def close(self) -> None:
+        """Stop; a file is finished and gets its name. Raises EngineError when it could not be."""
+    def panic(self) -> None:
+        """Silence within 5 ms, until `release`."""
+    def release(self) -> None:
+        """Sound again, faded in."""
+    info: tuple[str, str, int, int, float, str]
+    """(backend, device, rate [Hz], block [frames], latency [s], the whole as a sentence)."""
+    events: list[tuple[float, int, str]]
+    """What happened: (when [s], frame, sentence) each."""
+    alive: bool
+    freewheeling: bool
+    underruns: int
+    missing: int  # frames of silence that underruns put in
+    played: int  # frames of the score that went to the card
+    discarded: int  # frames that a panic threw away
+    xruns: int  # late cycles that the server told of
+
+@final
+class JackCapture:
+    """A JACK client that records what another one sends, at most `n_frames` frames."""
+
+    def __new__(cls, name: str, n_channels: int, n_frames: int) -> Self: ...
+    recorded: int
+    def connect(self, source: str, limit: float) -> bool:
+        """Connect to the outputs of a client, waiting up to `limit` [s]; whether all are."""
+    def freewheel(self, on: bool) -> bool:
+        """Let the server run as fast as its clients do, or by its clock again."""
+    def finish(self) -> NDArray[np.float32]:
+        """End; the frames, (n_frames, n_channels)."""
+
+def play_frames(frames: NDArray[np.float32], rate: int, spec: str = "auto") -> str:
+    """Play frames, (n_frames, n_channels), at `rate` [Hz] to their end; says where."""
+
+def survey_audio() -> list[tuple[str, bool, str]]:
+    """(backend, whether it is there, what it is or why not) each; starts no server."""

@@ -1,0 +1,299 @@
+//! Sound cards: frames to be heard, and a recorder of what a JACK client sends.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use ergon_live::audio::{self, AudioError, Feed, Info, Output, Spec};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::error::said;
+use crate::frames::rows;
+
+/// How often a wait looks whether Ctrl-C was pressed.
+const LOOK: Duration = Duration::from_millis(50);
+const NAP: Duration = Duration::from_micros(500);
+
+fn failed(error: AudioError) -> PyErr {
+    said(error)
+}
+
+/// An output for frames of float32.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct AudioOut {
+    /// Only ever reached by who holds the object alone; the lock is for the type.
+    feed: Mutex<Feed>,
+    output: Output,
+    n_channels: usize,
+}
+
+#[pymethods]
+impl AudioOut {
+    #[new]
+    #[pyo3(signature = (spec, rate, n_channels, capacity = 4096))]
+    fn new(
+        py: Python<'_>,
+        spec: &str,
+        rate: u32,
+        n_channels: usize,
+        capacity: usize,
+    ) -> PyResult<Self> {
+        let spec: Spec = spec.parse().map_err(failed)?;
+        if !(1..=audio::CHANNELS_MAX).contains(&n_channels) || rate == 0 {
+            let most = audio::CHANNELS_MAX;
+            return Err(said(format!(
+                "an output has 1 to {most} channels and a rate above 0"
+            )));
+        }
+        py.detach(|| {
+            let (feed, drain) = audio::ring(n_channels, capacity);
+            let output = audio::open(&spec, rate, n_channels, drain)?;
+            Ok(Self {
+                feed: Mutex::new(feed),
+                output,
+                n_channels,
+            })
+        })
+        .map_err(failed)
+    }
+
+    /// Frames that the ring takes now.
+    #[getter]
+    fn room(&mut self) -> usize {
+        self.feed().room()
+    }
+
+    /// Begin when so many frames wait, and begin again so after an underrun.
+    fn set_prefill(&mut self, n_frames: usize) {
+        self.feed().set_prefill(n_frames);
+    }
+
+    /// Give frames, (n_frames, n_channels), without waiting; how many were taken.
+    fn push(&mut self, frames: PyReadonlyArray2<'_, f32>) -> PyResult<usize> {
+        let frames = rows(&frames, "frames", self.n_channels)?;
+        Ok(self.feed().push(frames))
+    }
+
+    /// Give all frames, (n_frames, n_channels), waiting for room.
+    fn play(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
+        let mut frames = rows(&frames, "frames", self.n_channels)?;
+        while !frames.is_empty() {
+            let feed = self.feed();
+            frames = py.detach(|| pushed(feed, frames));
+            py.check_signals()?;
+        }
+        Ok(())
+    }
+
+    /// No more will come: wait until all was heard; false when `limit` [s] came first.
+    fn finish(&mut self, py: Python<'_>, limit: f64) -> PyResult<bool> {
+        self.feed().close();
+        let until = Instant::now() + Duration::from_secs_f64(limit.clamp(0.0, 1e6));
+        loop {
+            let output = &self.output;
+            if py.detach(|| output.wait(LOOK)) {
+                return Ok(true);
+            }
+            py.check_signals()?;
+            if Instant::now() >= until {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Stop; a file is finished and gets its name.
+    fn close(&mut self, py: Python<'_>) -> PyResult<()> {
+        let output = &mut self.output;
+        py.detach(|| output.close()).map_err(failed)
+    }
+
+    /// Silence within 5 ms, until `release`.
+    fn panic(&self) {
+        self.output.shared().panic();
+    }
+
+    /// Sound again.
+    fn release(&self) {
+        self.output.shared().release();
+    }
+
+    /// (backend, device, rate [Hz], block [frames], latency [s], the whole as a sentence).
+    #[getter]
+    fn info(&self) -> (String, String, u32, u32, f64, String) {
+        let Info {
+            backend,
+            device,
+            rate,
+            block,
+            latency_s,
+            sentence,
+            ..
+        } = self.output.info();
+        (backend, device, rate, block, latency_s, sentence)
+    }
+
+    /// What happened: (when [s], frame, sentence) each.
+    #[getter]
+    fn events(&self) -> Vec<(f64, u64, String)> {
+        let events = self.output.events().into_iter();
+        events
+            .map(|event| (event.at, event.frame, event.sentence))
+            .collect()
+    }
+
+    /// Whether something takes the frames.
+    #[getter]
+    fn alive(&self) -> bool {
+        self.output.shared().alive()
+    }
+
+    /// Whether the server runs as fast as it is fed.
+    #[getter]
+    fn freewheeling(&self) -> bool {
+        self.output.shared().freewheeling()
+    }
+
+    /// How often the ring went empty.
+    #[getter]
+    fn underruns(&self) -> u64 {
+        self.output.shared().underruns()
+    }
+
+    /// Frames of silence that this put in.
+    #[getter]
+    fn missing(&self) -> u64 {
+        self.output.shared().missing()
+    }
+
+    /// Frames that were given to the card.
+    #[getter]
+    fn played(&self) -> u64 {
+        self.output.shared().played()
+    }
+
+    /// Frames that a panic threw away.
+    #[getter]
+    fn discarded(&self) -> u64 {
+        self.output.shared().discarded()
+    }
+
+    /// Late cycles that the server told of.
+    #[getter]
+    fn xruns(&self) -> u64 {
+        self.output.shared().xruns()
+    }
+}
+
+impl AudioOut {
+    fn feed(&mut self) -> &mut Feed {
+        let feed = self.feed.get_mut();
+        feed.unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Push for a while; returns what is left.
+fn pushed<'a>(feed: &mut Feed, mut frames: &'a [f32]) -> &'a [f32] {
+    let until = Instant::now() + LOOK;
+    while !frames.is_empty() && Instant::now() < until {
+        match feed.push(frames) {
+            0 => std::thread::sleep(NAP),
+            taken => frames = &frames[taken * feed.channels()..],
+        }
+    }
+    frames
+}
+
+/// Play frames, (n_frames, n_channels), on what `spec` names and wait until they were heard; says where.
+#[pyfunction]
+#[pyo3(signature = (frames, rate, spec = "auto"))]
+pub(crate) fn play_frames(
+    py: Python<'_>,
+    frames: PyReadonlyArray2<'_, f32>,
+    rate: u32,
+    spec: &str,
+) -> PyResult<String> {
+    let [n_frames, n_channels] = [frames.shape()[0], frames.shape()[1]];
+    let mut out = AudioOut::new(py, spec, rate, n_channels, rate.max(4096) as usize / 2)?;
+    out.play(py, frames)?;
+    let seconds = n_frames as f64 / f64::from(rate);
+    let heard = out.finish(py, seconds + 10.0)?;
+    let sentence = out.output.info().sentence;
+    out.close(py)?;
+    if heard {
+        Ok(sentence)
+    } else {
+        Err(said(format!("{sentence}: it did not take all frames")))
+    }
+}
+
+/// What there is to play on: (backend, whether it is there, what it is or why not) each. Starts no server.
+#[pyfunction]
+pub(crate) fn survey_audio(py: Python<'_>) -> Vec<(String, bool, String)> {
+    let found = py.detach(audio::survey).into_iter();
+    found
+        .map(|(backend, found)| match found {
+            Ok(what) => (backend, true, what),
+            Err(why) => (backend, false, why),
+        })
+        .collect()
+}
+
+/// A JACK client that records what another one sends.
+#[pyclass(module = "ergon._core")]
+pub(crate) struct JackCapture {
+    capture: Option<audio::Capture>,
+    n_channels: usize,
+}
+
+#[pymethods]
+impl JackCapture {
+    /// Records at most `n_frames` frames.
+    #[new]
+    fn new(py: Python<'_>, name: &str, n_channels: usize, n_frames: usize) -> PyResult<Self> {
+        let capture = py
+            .detach(|| audio::Capture::open(name, n_channels, n_frames))
+            .map_err(failed)?;
+        Ok(Self {
+            capture: Some(capture),
+            n_channels,
+        })
+    }
+
+    /// Connect to the outputs of client `source`, waiting for them up to `limit` [s]; whether all are.
+    fn connect(&self, py: Python<'_>, source: &str, limit: f64) -> PyResult<bool> {
+        let capture = self.open()?;
+        let limit = Duration::from_secs_f64(limit.clamp(0.0, 60.0));
+        Ok(py.detach(|| capture.connect(source, limit)))
+    }
+
+    /// Frames recorded so far.
+    #[getter]
+    fn recorded(&self) -> PyResult<usize> {
+        Ok(self.open()?.recorded())
+    }
+
+    /// Let the server run as fast as its clients do, or by its clock again.
+    fn freewheel(&self, py: Python<'_>, on: bool) -> PyResult<bool> {
+        let capture = self.open()?;
+        Ok(py.detach(|| capture.freewheel(on)))
+    }
+
+    /// End; the frames, (n_frames, n_channels).
+    fn finish<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let capture = self.capture.take();
+        let capture = capture.ok_or_else(|| said("the recording has ended"))?;
+        let samples = py.detach(|| capture.finish());
+        let n_frames = samples.len() / self.n_channels;
+        samples
+            .into_pyarray(py)
+            .reshape([n_frames, self.n_channels])
+    }
+}
+
+impl JackCapture {
+    fn open(&self) -> PyResult<&audio::Capture> {
+        self.capture
+            .as_ref()
+            .ok_or_else(|| said("the recording has ended"))
+    }
+}

@@ -1,0 +1,121 @@
+//! A WAVE file, written as fast as the frames come; it appears under its name when it is whole.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use super::AudioError;
+use super::ring::Drain;
+use super::sink::{Opened, Pump, Sink};
+use super::wave;
+
+const BLOCK: u32 = 1024;
+const NAP: Duration = Duration::from_micros(200);
+
+/// A new file; the frames wait under another name beside it until it is closed.
+pub(super) fn open(path: &Path, rate: u32, channels: usize) -> Result<Opened, AudioError> {
+    let failed = |error| AudioError::File {
+        path: path.to_owned(),
+        error,
+    };
+    if path.exists() {
+        return Err(failed(io::ErrorKind::AlreadyExists.into()));
+    }
+    let mut recording = Recording::begin(path, rate, channels).map_err(failed)?;
+    Ok(Opened {
+        backend: "file",
+        device: path.display().to_string(),
+        rate,
+        block: BLOCK,
+        paced: false,
+        remarks: Vec::new(),
+        start: Box::new(move |drain| {
+            drain.shared().set_timing(BLOCK, 0);
+            let pump = Pump::start("ergon file", drain, move |drain, stop| {
+                recording
+                    .run(drain, stop)
+                    .and_then(|()| recording.end())
+                    .map_err(|error| recording.told(&error))
+            })?;
+            Ok(Box::new(pump) as Box<dyn Sink>)
+        }),
+    })
+}
+
+struct Recording {
+    path: PathBuf,
+    unfinished: PathBuf,
+    to: BufWriter<File>,
+    rate: u32,
+    channels: usize,
+    frames: u64,
+    /// Frames that the header in the file tells of.
+    told: u64,
+}
+
+impl Recording {
+    fn begin(path: &Path, rate: u32, channels: usize) -> io::Result<Self> {
+        let mut name = std::ffi::OsString::from(".");
+        name.push(path.file_name().ok_or(io::ErrorKind::InvalidFilename)?);
+        name.push(format!(".{}.part", std::process::id()));
+        let unfinished = path.with_file_name(name);
+        let mut to = BufWriter::with_capacity(1 << 18, File::create(&unfinished)?);
+        to.write_all(&wave::header(rate, channels, 0))?;
+        Ok(Self {
+            path: path.to_owned(),
+            unfinished,
+            to,
+            rate,
+            channels,
+            frames: 0,
+            told: 0,
+        })
+    }
+
+    fn run(&mut self, drain: &mut Drain, stop: &AtomicBool) -> io::Result<()> {
+        let mut out = vec![0.0; BLOCK as usize * self.channels];
+        loop {
+            // In this order: what was pushed before the end was asked for is written.
+            let last = stop.load(Ordering::Acquire);
+            match drain.take(&mut out) {
+                0 if last => return Ok(()),
+                0 => std::thread::sleep(NAP),
+                frames => self.write(&out[..frames * self.channels], frames)?,
+            }
+        }
+    }
+
+    fn write(&mut self, samples: &[f32], frames: usize) -> io::Result<()> {
+        for sample in samples {
+            self.to.write_all(&sample.to_le_bytes())?;
+        }
+        self.frames += frames as u64;
+        // A performance that is killed leaves a file that can be read up to its last seconds.
+        if self.frames - self.told > 5 * u64::from(self.rate) {
+            self.tell()?;
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self) -> io::Result<()> {
+        let header = wave::header(self.rate, self.channels, self.frames);
+        self.to.seek(SeekFrom::Start(0))?;
+        self.to.write_all(&header)?;
+        self.to.seek(SeekFrom::End(0))?;
+        self.told = self.frames;
+        Ok(())
+    }
+
+    fn end(&mut self) -> io::Result<()> {
+        self.tell()?;
+        self.to.get_ref().sync_all()?;
+        std::fs::rename(&self.unfinished, &self.path)
+    }
+
+    fn told(&self, error: &io::Error) -> String {
+        let (path, unfinished) = (self.path.display(), self.unfinished.display());
+        format!("{path} could not be written ({error}); what there is lies in {unfinished}")
+    }
+}

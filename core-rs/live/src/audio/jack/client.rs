@@ -1,0 +1,336 @@
+//! A client of a JACK server: opened, told of news, closed.
+
+use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_ulong, c_void};
+use std::ptr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use super::api::{self, Api, LatencyRange, RawClient, RawPort};
+use crate::audio::AudioError;
+use crate::audio::shared::Shared;
+use crate::realtime;
+
+/// What the server's own threads tell; atomics only.
+struct News {
+    shared: Arc<Shared>,
+    gone: AtomicBool,
+    rate: AtomicU32,
+    block: AtomicU32,
+}
+
+/// What a process callback does.
+pub(super) trait Process: Send + 'static {
+    /// One cycle of `frames`. No allocation, lock, wait or panic.
+    fn cycle(&mut self, api: &Api, frames: u32);
+}
+
+struct Callback<P> {
+    api: &'static Api,
+    process: P,
+}
+
+/// An open client, closed when dropped.
+pub(super) struct Client {
+    pub(super) api: &'static Api,
+    raw: *mut RawClient,
+    news: Arc<News>,
+    opened_at: u32,
+}
+
+// SAFETY: libjack's functions may be called from any thread; those here that end the client take it whole.
+unsafe impl Send for Client {}
+// SAFETY: as above.
+unsafe impl Sync for Client {}
+
+/// A port of a client of ours; good while that is open.
+#[derive(Clone, Copy)]
+pub(super) struct Port(pub(super) *mut RawPort);
+
+// SAFETY: libjack takes ports from any thread.
+unsafe impl Send for Port {}
+// SAFETY: as above.
+unsafe impl Sync for Port {}
+
+impl Client {
+    /// Connect to the server that runs; starts none.
+    pub(super) fn open(name: &CStr, shared: Arc<Shared>) -> Result<Self, AudioError> {
+        let api = api::api()?;
+        let mut status = 0;
+        // SAFETY: both pointers live through the call; no option that needs a further argument is given.
+        let raw =
+            unsafe { (api.client_open)(name.as_ptr(), api::NO_START_SERVER, &raw mut status) };
+        if raw.is_null() {
+            let why = if status & api::SERVER_FAILED != 0 {
+                "no JACK server runs".into()
+            } else {
+                format!("the JACK server refuses (status {status:#x})")
+            };
+            return Err(AudioError::Unavailable {
+                backend: "jack",
+                why,
+            });
+        }
+        // SAFETY: the client is open.
+        let (rate, block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
+        let news = Arc::new(News {
+            shared,
+            gone: AtomicBool::new(false),
+            rate: AtomicU32::new(rate),
+            block: AtomicU32::new(block),
+        });
+        let client = Self {
+            api,
+            raw,
+            news,
+            opened_at: rate,
+        };
+        client.listen();
+        Ok(client)
+    }
+
+    fn listen(&self) {
+        let arg = Arc::as_ptr(&self.news).cast_mut().cast();
+        // SAFETY: `news` lives in `self`, which closes the client before it drops it.
+        unsafe {
+            (self.api.on_thread)(self.raw, thread, arg);
+            (self.api.on_xrun)(self.raw, xrun, arg);
+            (self.api.on_buffer_size)(self.raw, buffer_size, arg);
+            (self.api.on_sample_rate)(self.raw, sample_rate, arg);
+            (self.api.on_freewheel)(self.raw, freewheel, arg);
+            (self.api.on_shutdown)(self.raw, shutdown, arg);
+        }
+    }
+
+    pub(super) fn shared(&self) -> &Shared {
+        &self.news.shared
+    }
+
+    /// Whether the server is there, at the rate that it had.
+    pub(super) fn alive(&self) -> bool {
+        !self.news.gone.load(Ordering::Acquire) && self.rate() == self.opened_at
+    }
+
+    pub(super) fn rate(&self) -> u32 {
+        self.news.rate.load(Ordering::Acquire)
+    }
+
+    pub(super) fn block(&self) -> u32 {
+        self.news.block.load(Ordering::Acquire)
+    }
+
+    /// The name that the server gave: another where ours was taken.
+    pub(super) fn name(&self) -> String {
+        // SAFETY: the client is open; the name lives as long.
+        unsafe { text((self.api.get_client_name)(self.raw)) }
+    }
+
+    /// Ports named `prefix_1` to `prefix_n`.
+    pub(super) fn ports(
+        &self,
+        prefix: &str,
+        n: usize,
+        direction: c_ulong,
+    ) -> Result<Vec<Port>, AudioError> {
+        let port = |i| {
+            let name = CString::new(format!("{prefix}_{i}")).unwrap_or_default();
+            // SAFETY: the client is open, the strings live through the call.
+            let port = unsafe {
+                (self.api.port_register)(self.raw, name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
+            };
+            if port.is_null() {
+                let why = format!("the JACK server gives no port {prefix}_{i}");
+                return Err(AudioError::Unavailable {
+                    backend: "jack",
+                    why,
+                });
+            }
+            Ok(Port(port))
+        };
+        (1..=n).map(port).collect()
+    }
+
+    pub(super) fn port_name(&self, port: Port) -> String {
+        // SAFETY: the port is one of this open client.
+        unsafe { text((self.api.port_name)(port.0)) }
+    }
+
+    /// Frames from a port of ours to the loudspeaker, as the server tells.
+    pub(super) fn latency(&self, port: Port) -> u32 {
+        let mut range = LatencyRange::default();
+        // SAFETY: the port is one of this open client; the range lives through the call.
+        unsafe {
+            (self.api.port_get_latency_range)(port.0, api::PLAYBACK_LATENCY, &raw mut range);
+        }
+        range.max
+    }
+
+    /// Names of the ports that match a pattern (all where it is empty) and have these properties.
+    pub(super) fn find(&self, pattern: &str, flags: c_ulong) -> Vec<String> {
+        let pattern = CString::new(pattern).unwrap_or_default();
+        let mut names = Vec::new();
+        // SAFETY: the client is open; what comes back is null or a list of strings that a null ends, ours to free.
+        unsafe {
+            let list = (self.api.get_ports)(self.raw, pattern.as_ptr(), api::AUDIO.as_ptr(), flags);
+            let mut at = list;
+            while !at.is_null() && !(*at).is_null() {
+                names.push(text(*at));
+                at = at.add(1);
+            }
+            if !list.is_null() {
+                (self.api.free)(list.cast());
+            }
+        }
+        names
+    }
+
+    /// Connect two ports by name; whether they are connected now.
+    pub(super) fn connect(&self, from: &str, to: &str) -> bool {
+        const EXISTS: c_int = 17;
+        let (Ok(from), Ok(to)) = (CString::new(from), CString::new(to)) else {
+            return false;
+        };
+        // SAFETY: the client is open, the strings live through the call.
+        let done = unsafe { (self.api.connect)(self.raw, from.as_ptr(), to.as_ptr()) };
+        done == 0 || done == EXISTS
+    }
+
+    /// Let the server run as fast as its clients do, or by its clock again.
+    pub(super) fn set_freewheel(&self, on: bool) -> bool {
+        // SAFETY: the client is open.
+        unsafe { (self.api.set_freewheel)(self.raw, on.into()) == 0 }
+    }
+
+    /// Begin: `process` is called for every cycle until the client is closed.
+    pub(super) fn activate<P: Process>(self, process: P) -> Result<Active<P>, (P, AudioError)> {
+        let callback = Box::new(Callback {
+            api: self.api,
+            process,
+        });
+        let callback = Box::into_raw(callback);
+        // SAFETY: the callback is freed only after the client is closed (`Active::close`).
+        let done = unsafe {
+            (self.api.on_process)(self.raw, cycle::<P>, callback.cast());
+            (self.api.activate)(self.raw)
+        };
+        let active = Active {
+            client: Some(self),
+            callback,
+        };
+        if done == 0 {
+            return Ok(active);
+        }
+        let why = "the JACK server does not let it begin".into();
+        let error = AudioError::Unavailable {
+            backend: "jack",
+            why,
+        };
+        Err((active.close(), error))
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        // SAFETY: open, and closed here alone; no callback runs when this returns.
+        unsafe {
+            (self.api.deactivate)(self.raw);
+            (self.api.client_close)(self.raw);
+        }
+    }
+}
+
+/// A client whose callback runs.
+pub(super) struct Active<P: Process> {
+    client: Option<Client>,
+    callback: *mut Callback<P>,
+}
+
+// SAFETY: the callback is `Send`, and touched only by the server's thread until that has ended.
+unsafe impl<P: Process> Send for Active<P> {}
+// SAFETY: by reference, only the client can be reached.
+unsafe impl<P: Process> Sync for Active<P> {}
+
+impl<P: Process> Active<P> {
+    pub(super) fn client(&self) -> &Client {
+        self.client.as_ref().expect("it is open until it is closed")
+    }
+
+    /// End, and give back what processed.
+    pub(super) fn close(mut self) -> P {
+        self.client = None;
+        let callback = std::mem::replace(&mut self.callback, ptr::null_mut());
+        // SAFETY: made by `Box::into_raw`, taken once, and the client that used it is closed.
+        unsafe { Box::from_raw(callback) }.process
+    }
+}
+
+impl<P: Process> Drop for Active<P> {
+    fn drop(&mut self) {
+        self.client = None;
+        if !self.callback.is_null() {
+            // SAFETY: as in `close`.
+            drop(unsafe { Box::from_raw(self.callback) });
+        }
+    }
+}
+
+/// # Safety
+///
+/// Null, or a string that lives through the call.
+unsafe fn text(string: *const c_char) -> String {
+    if string.is_null() {
+        return String::new();
+    }
+    // SAFETY: by contract.
+    unsafe { CStr::from_ptr(string) }
+        .to_string_lossy()
+        .into_owned()
+}
+
+unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
+    // SAFETY: `activate` gave this pointer; only this thread uses what it points to until the client is closed.
+    let callback = unsafe { &mut *arg.cast::<Callback<P>>() };
+    callback.process.cycle(callback.api, frames);
+    0
+}
+
+/// # Safety
+///
+/// `arg` is what `listen` gave.
+unsafe fn news<'a>(arg: *mut c_void) -> &'a News {
+    // SAFETY: by contract; the client, which lives longer than its callbacks, holds it.
+    unsafe { &*arg.cast::<News>() }
+}
+
+unsafe extern "C" fn thread(arg: *mut c_void) {
+    // SAFETY: a callback of `listen`.
+    let news = unsafe { news(arg) };
+    news.shared.set_priority(realtime::priority());
+}
+
+unsafe extern "C" fn xrun(arg: *mut c_void) -> c_int {
+    // SAFETY: a callback of `listen`.
+    unsafe { news(arg) }.shared.add_xruns(1);
+    0
+}
+
+unsafe extern "C" fn buffer_size(frames: u32, arg: *mut c_void) -> c_int {
+    // SAFETY: a callback of `listen`.
+    unsafe { news(arg) }.block.store(frames, Ordering::Release);
+    0
+}
+
+unsafe extern "C" fn sample_rate(rate: u32, arg: *mut c_void) -> c_int {
+    // SAFETY: a callback of `listen`.
+    unsafe { news(arg) }.rate.store(rate, Ordering::Release);
+    0
+}
+
+unsafe extern "C" fn freewheel(on: c_int, arg: *mut c_void) {
+    // SAFETY: a callback of `listen`.
+    unsafe { news(arg) }.shared.set_freewheel(on != 0);
+}
+
+unsafe extern "C" fn shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
+    // SAFETY: a callback of `listen`.
+    unsafe { news(arg) }.gone.store(true, Ordering::Release);
+}

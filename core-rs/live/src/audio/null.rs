@@ -1,0 +1,99 @@
+//! Nowhere: by the clock, as a card would take the frames, or as fast as they come.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::ring::Drain;
+use super::sink::{Opened, PRIORITY, Pump, Sink};
+use crate::realtime;
+
+const BLOCK: u32 = 256;
+/// Later than this the clock is set anew: a suspended machine does not catch up by playing faster.
+const LOST: Duration = Duration::from_millis(200);
+const NAP: Duration = Duration::from_micros(200);
+
+/// A clock that takes frames at `rate`.
+pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
+    let block = block.unwrap_or(BLOCK);
+    Opened {
+        backend: "null",
+        device: "nowhere, by the clock".into(),
+        rate,
+        block,
+        paced: true,
+        remarks: Vec::new(),
+        start: Box::new(move |drain| {
+            drain.shared().set_timing(block, 0);
+            let pump = Pump::start("ergon null", drain, move |drain, stop| {
+                drain
+                    .shared()
+                    .set_priority(realtime::scheduled_at(PRIORITY));
+                by_the_clock(drain, stop, rate, block);
+                Ok(())
+            })?;
+            Ok(Box::new(pump) as Box<dyn Sink>)
+        }),
+    }
+}
+
+/// What takes frames at once.
+pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
+    let block = block.unwrap_or(BLOCK);
+    Opened {
+        backend: "null",
+        device: "nowhere, as fast as it comes".into(),
+        rate,
+        block,
+        paced: false,
+        remarks: Vec::new(),
+        start: Box::new(move |drain| {
+            drain.shared().set_timing(block, 0);
+            let pump = Pump::start("ergon null", drain, move |drain, stop| {
+                let mut out = vec![0.0; block as usize * drain.channels()];
+                while !stop.load(Ordering::Acquire) {
+                    if drain.take(&mut out) == 0 {
+                        std::thread::sleep(NAP);
+                    }
+                }
+                Ok(())
+            })?;
+            Ok(Box::new(pump) as Box<dyn Sink>)
+        }),
+    }
+}
+
+fn by_the_clock(drain: &mut Drain, stop: &AtomicBool, rate: u32, block: u32) {
+    let mut out = vec![0.0; block as usize * drain.channels()];
+    let mut began = Instant::now();
+    let mut frames = 0;
+    while !stop.load(Ordering::Acquire) {
+        frames += u64::from(block);
+        let late = realtime::sleep_until(began + lasting(frames, rate));
+        if late > LOST {
+            drain.shared().add_xruns(1);
+            (began, frames) = (Instant::now(), 0);
+        }
+        drain.fill(&mut out);
+    }
+}
+
+/// How long frames last.
+fn lasting(frames: u64, rate: u32) -> Duration {
+    let (frames, rate) = (u128::from(frames), u128::from(rate.max(1)));
+    Duration::from_nanos(u64::try_from(frames * 1_000_000_000 / rate).unwrap_or(u64::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hours_of_blocks_do_not_drift() {
+        // 256 frames at 44.1 kHz are no whole number of nanoseconds.
+        assert_eq!(
+            lasting(44_100 * 3600 * 10, 44_100),
+            Duration::from_secs(36_000)
+        );
+        assert_eq!(lasting(147, 44_100), Duration::from_nanos(3_333_333));
+    }
+}

@@ -1,0 +1,372 @@
+//! An output that plays: what it says of itself, and the supervisor that finds a server again when it died.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::ring::{CHANNELS_MAX, Drain};
+use super::shared::Shared;
+use super::sink::{Failed, Opened, Sink};
+use super::spec::{Backend, Spec};
+use super::{AudioError, connect, null, rate};
+
+/// How often the supervisor looks.
+const LOOK: Duration = Duration::from_millis(50);
+/// A server that died is looked for after the first, and at most after the second, of these times.
+const RETRY: (Duration, Duration) = (Duration::from_millis(500), Duration::from_secs(2));
+
+/// What an output says of itself.
+#[derive(Clone, Debug)]
+pub struct Info {
+    /// `jack`, `pulse`, `system`, `file` or `null`.
+    pub backend: String,
+    /// What it plays on.
+    pub device: String,
+    /// Rate of the card [Hz].
+    pub rate: u32,
+    /// Rate of the score [Hz]; where the two differ, the sound is converted.
+    pub score_rate: u32,
+    /// Channels of a frame.
+    pub channels: usize,
+    /// Frames that the card asks at a time.
+    pub block: u32,
+    /// From being taken out of the ring to being heard, as far as the server tells [s].
+    pub latency_s: f64,
+    /// Whether a clock takes the frames. If not, feed them as fast as they can be made.
+    pub paced: bool,
+    /// SCHED_FIFO priority of the card's thread; `None`: scheduled like any other.
+    pub priority: Option<i32>,
+    /// All this in words.
+    pub sentence: String,
+}
+
+/// Something that happened to the sound.
+#[derive(Clone, Debug)]
+pub struct Event {
+    /// Since the output was opened [s].
+    pub at: f64,
+    /// Frames of the score that had gone to the card.
+    pub frame: u64,
+    /// What it was.
+    pub sentence: String,
+}
+
+/// An output that plays what is fed, until it is closed or dropped.
+pub struct Output {
+    desk: Arc<Desk>,
+    supervisor: Option<JoinHandle<Option<String>>>,
+}
+
+struct Desk {
+    spec: Spec,
+    score_rate: u32,
+    channels: usize,
+    shared: Arc<Shared>,
+    began: Instant,
+    stop: AtomicBool,
+    said: Mutex<Said>,
+}
+
+struct Said {
+    info: Info,
+    remarks: Vec<String>,
+    events: Vec<Event>,
+}
+
+/// Play on `spec` what comes through `drain`: frames of `channels` at `rate` Hz.
+///
+/// # Errors
+///
+/// A sentence on why the output cannot be had; nothing was started then.
+pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Output, AudioError> {
+    if !(1..=CHANNELS_MAX).contains(&channels) || channels != drain.channels() {
+        return Err(AudioError::Channels {
+            channels,
+            why: format!("an output has 1 to {CHANNELS_MAX}, as many as the ring"),
+        });
+    }
+    let shared = drain.shared().clone();
+    let (opened, found) = connect::connect(spec, rate, channels, &shared)?;
+    let desk = Desk {
+        // A server that dies is looked for again: the one that `auto` found, not whatever is there by then.
+        spec: found,
+        score_rate: rate,
+        channels,
+        shared,
+        began: Instant::now(),
+        stop: AtomicBool::new(false),
+        said: Mutex::new(Said {
+            info: Info::of(&opened, rate, channels),
+            remarks: opened.remarks.clone(),
+            events: Vec::new(),
+        }),
+    };
+    let line = Line::start(opened, rate, drain).map_err(|(_, error)| error)?;
+    desk.playing(&line);
+    let desk = Arc::new(desk);
+    let here = desk.clone();
+    let supervisor = std::thread::Builder::new()
+        .name("ergon supervisor".into())
+        .spawn(move || here.supervise(line))
+        .map_err(AudioError::Thread)?;
+    Ok(Output {
+        desk,
+        supervisor: Some(supervisor),
+    })
+}
+
+impl Output {
+    /// What it is, as it is now.
+    #[must_use]
+    pub fn info(&self) -> Info {
+        let said = self.desk.said();
+        let mut info = said.info.clone();
+        info.priority = self.desk.shared.priority();
+        info.sentence = sentence(&info, &said.remarks);
+        info
+    }
+
+    /// What happened since it was opened.
+    #[must_use]
+    pub fn events(&self) -> Vec<Event> {
+        self.desk.said().events.clone()
+    }
+
+    /// Counts, and the panic switch.
+    #[must_use]
+    pub fn shared(&self) -> &Arc<Shared> {
+        &self.desk.shared
+    }
+
+    /// Wait until the feed is closed and all of it was heard; false when `limit` came first.
+    #[must_use]
+    pub fn wait(&self, limit: Duration) -> bool {
+        let until = Instant::now() + limit;
+        while !self.desk.shared.finished() {
+            if Instant::now() >= until {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let info = self.info();
+        if info.paced {
+            // Out of the ring is not yet out of the card.
+            let block = f64::from(info.block) / f64::from(info.rate);
+            std::thread::sleep(Duration::from_secs_f64(info.latency_s + block));
+        }
+        true
+    }
+
+    /// Stop; a file is finished and gets its name.
+    ///
+    /// # Errors
+    ///
+    /// What went wrong on the way: a file that could not be written.
+    pub fn close(&mut self) -> Result<(), AudioError> {
+        let Some(supervisor) = self.supervisor.take() else {
+            return Ok(());
+        };
+        self.desk.stop.store(true, Ordering::Release);
+        supervisor.thread().unpark();
+        match supervisor.join() {
+            Ok(None) => Ok(()),
+            Ok(Some(sentence)) => Err(AudioError::Broken(sentence)),
+            Err(_) => Err(AudioError::Broken(
+                "the supervisor of the sound failed".into(),
+            )),
+        }
+    }
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        // Who wants to know calls `close`.
+        let _ = self.close();
+    }
+}
+
+impl Info {
+    fn of(opened: &Opened, score_rate: u32, channels: usize) -> Self {
+        Self {
+            backend: opened.backend.into(),
+            device: opened.device.clone(),
+            rate: opened.rate,
+            score_rate,
+            channels,
+            block: opened.block,
+            latency_s: 0.0,
+            paced: opened.paced,
+            priority: None,
+            sentence: String::new(),
+        }
+    }
+}
+
+fn sentence(info: &Info, remarks: &[String]) -> String {
+    let channels = match info.channels {
+        1 => "1 channel".into(),
+        n => format!("{n} channels"),
+    };
+    let mut text = format!(
+        "{} ({}): {channels} at {} Hz, {} frames at a time",
+        info.backend, info.device, info.rate, info.block
+    );
+    if info.latency_s > 0.0 {
+        text += &format!(", {:.1} ms to the card", 1000.0 * info.latency_s);
+    }
+    if info.rate != info.score_rate {
+        text += &format!("; converted from {} Hz", info.score_rate);
+    }
+    for remark in remarks {
+        text += "; ";
+        text += remark;
+    }
+    text
+}
+
+impl Desk {
+    fn said(&self) -> MutexGuard<'_, Said> {
+        self.said.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tell(&self, sentence: String) {
+        let event = Event {
+            at: self.began.elapsed().as_secs_f64(),
+            frame: self.shared.played(),
+            sentence,
+        };
+        self.said().events.push(event);
+    }
+
+    fn playing(&self, line: &Line) {
+        self.shared.set_alive(true);
+        self.look(line);
+    }
+
+    fn look(&self, line: &Line) {
+        let (block, latency) = self.shared.timing();
+        let mut said = self.said();
+        let latency = f64::from(latency) + line.converting() as f64;
+        said.info.latency_s = latency / f64::from(said.info.rate.max(1));
+        said.info.block = block;
+    }
+
+    /// Keep it playing until it is stopped; returns what went wrong with what it wrote.
+    fn supervise(&self, mut line: Line) -> Option<String> {
+        while !self.stop.load(Ordering::Acquire) {
+            std::thread::park_timeout(LOOK);
+            if line.alive() {
+                self.look(&line);
+                continue;
+            }
+            self.shared.set_alive(false);
+            self.shared.set_freewheel(false);
+            let (drain, trouble) = line.stop();
+            let comes_back = matches!(
+                self.spec.backend,
+                Backend::Jack | Backend::Pulse | Backend::System
+            );
+            let why = trouble.clone().unwrap_or_else(|| "it went away".into());
+            self.tell(if comes_back {
+                format!(
+                    "{} is lost ({why}); playing on in silence and looking for it",
+                    self.spec
+                )
+            } else {
+                format!("{} is lost ({why}); playing on in silence", self.spec)
+            });
+            let Some(next) = self.in_silence(drain?, comes_back) else {
+                return trouble.filter(|_| !comes_back);
+            };
+            line = next;
+            self.playing(&line);
+            self.tell(format!("{} is back", self.spec));
+        }
+        self.shared.set_alive(false);
+        line.stop().1
+    }
+
+    /// Take the frames by the clock until the server is back; `None`: stopped before.
+    fn in_silence(&self, drain: Drain, comes_back: bool) -> Option<Line> {
+        let mut line =
+            Line::start(null::open(self.score_rate, None), self.score_rate, drain).ok()?;
+        let mut wait = RETRY.0;
+        let mut next = Instant::now() + wait;
+        while !self.stop.load(Ordering::Acquire) {
+            std::thread::park_timeout(LOOK);
+            if !comes_back || Instant::now() < next {
+                continue;
+            }
+            wait = (wait * 3 / 2).min(RETRY.1);
+            next = Instant::now() + wait;
+            let (rate, channels) = (self.score_rate, self.channels);
+            let Ok((opened, _)) = connect::connect(&self.spec, rate, channels, &self.shared) else {
+                continue;
+            };
+            let (info, remarks) = (
+                Info::of(&opened, self.score_rate, self.channels),
+                opened.remarks.clone(),
+            );
+            let mut drain = line.stop().0?;
+            drain.changed_card();
+            match Line::start(opened, self.score_rate, drain) {
+                Ok(back) => {
+                    let mut said = self.said();
+                    (said.info, said.remarks) = (info, remarks);
+                    return Some(back);
+                }
+                Err((drain, _)) => {
+                    let silence = null::open(self.score_rate, None);
+                    line = Line::start(silence, self.score_rate, drain?).ok()?;
+                }
+            }
+        }
+        line.stop();
+        None
+    }
+}
+
+/// The way from the ring to the card.
+struct Line {
+    sink: Box<dyn Sink>,
+    converter: Option<rate::Converter>,
+}
+
+impl Line {
+    fn start(opened: Opened, score_rate: u32, mut drain: Drain) -> Result<Self, Failed> {
+        drain.set_rate(score_rate);
+        if opened.rate == score_rate {
+            let sink = (opened.start)(drain)?;
+            return Ok(Self {
+                sink,
+                converter: None,
+            });
+        }
+        let (converter, outer) = rate::between(drain, score_rate, opened.rate, opened.block)?;
+        match (opened.start)(outer) {
+            Ok(sink) => Ok(Self {
+                sink,
+                converter: Some(converter),
+            }),
+            Err((_, error)) => Err((converter.stop(), error)),
+        }
+    }
+
+    fn alive(&mut self) -> bool {
+        let converts = self.converter.as_mut().is_none_or(rate::Converter::alive);
+        self.sink.alive() && converts
+    }
+
+    fn converting(&self) -> usize {
+        self.converter.as_ref().map_or(0, |one| one.latency)
+    }
+
+    fn stop(self) -> (Option<Drain>, Option<String>) {
+        let (drain, trouble) = self.sink.stop();
+        match self.converter {
+            Some(converter) => (converter.stop(), trouble),
+            None => (drain, trouble),
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! PulseAudio, and PipeWire where it stands in for it, by their protocol: a stream named `ergon`.
+
+#[cfg(unix)]
+mod stream;
+#[cfg(unix)]
+mod wire;
+
+#[cfg(unix)]
+pub(super) use stream::{open, survey};
+
+#[cfg(not(unix))]
+mod absent {
+    use crate::audio::sink::Opened;
+    use crate::audio::{AudioError, Spec};
+
+    const NOWHERE: AudioError = AudioError::Unavailable {
+        backend: "pulse",
+        why: String::new(),
+    };
+
+    pub(in crate::audio) fn open(_: &Spec, _: usize) -> Result<Opened, AudioError> {
+        Err(NOWHERE)
+    }
+
+    pub(in crate::audio) fn survey() -> Result<String, AudioError> {
+        Err(NOWHERE)
+    }
+}
+#[cfg(not(unix))]
+pub(super) use absent::{open, survey};

@@ -1,0 +1,258 @@
+//! A playback stream: the server asks for bytes, a thread of ours answers.
+
+use std::ffi::{CStr, CString};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime};
+
+use pulseaudio::protocol::{self, ChannelMap, ChannelPosition, Command, Prop, SinkInfo};
+
+use super::wire::Wire;
+use crate::audio::ring::Drain;
+use crate::audio::sink::{Opened, PRIORITY, Pump, Sink};
+use crate::audio::{AudioError, Spec};
+use crate::realtime;
+
+/// What the protocol's channel maps can hold.
+const CHANNELS_MAX: usize = 32;
+/// Below this PulseAudio loses frames now and then; it was exact from here on.
+const BLOCK: u32 = 1024;
+const LOOK: Duration = Duration::from_millis(50);
+const LATENCY_EVERY: Duration = Duration::from_secs(1);
+
+fn missing(why: String) -> AudioError {
+    AudioError::Unavailable {
+        backend: "pulse",
+        why,
+    }
+}
+
+/// A stream on the sink that is named, or on the default one; starts no server.
+pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, AudioError> {
+    if channels > CHANNELS_MAX {
+        let why = "PulseAudio's protocol carries 32 at most: use jack (any number) or file:PATH";
+        return Err(AudioError::Channels {
+            channels,
+            why: why.into(),
+        });
+    }
+    let mut wire = Wire::connect(c"ergon").map_err(missing)?;
+    let sink = find(&mut wire, spec.device.as_deref())?;
+    let block = spec.block.unwrap_or(BLOCK);
+    let rate = sink.sample_spec.sample_rate;
+    let mut remarks = Vec::new();
+    let there = usize::from(sink.sample_spec.channels);
+    if there < channels && channels > 2 {
+        remarks.push(format!(
+            "the sink has {there} channels: the first {there} are heard"
+        ));
+    }
+    Ok(Opened {
+        backend: "pulse",
+        device: words(sink.description.as_deref().unwrap_or(&sink.name)),
+        rate,
+        block,
+        paced: true,
+        remarks,
+        start: Box::new(move |drain| {
+            let pump = Pump::start("ergon pulse", drain, move |drain, stop| {
+                drain
+                    .shared()
+                    .set_priority(realtime::scheduled_at(PRIORITY));
+                Playing::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
+            })?;
+            Ok(Box::new(pump) as Box<dyn Sink>)
+        }),
+    })
+}
+
+fn words(text: &CStr) -> String {
+    text.to_string_lossy().into_owned()
+}
+
+fn find(wire: &mut Wire, device: Option<&str>) -> Result<SinkInfo, AudioError> {
+    let name = match device {
+        Some(device) => CString::new(device).unwrap_or_default(),
+        None => {
+            let server: protocol::ServerInfo =
+                wire.ask(&Command::GetServerInfo).map_err(missing)?;
+            server
+                .default_sink_name
+                .ok_or_else(|| missing("the PulseAudio server has no sink".into()))?
+        }
+    };
+    let asked = protocol::GetSinkInfo {
+        index: None,
+        name: Some(name.clone()),
+    };
+    wire.ask(&Command::GetSinkInfo(asked))
+        .map_err(|error| missing(format!("no sink {} ({error})", words(&name))))
+}
+
+/// A stream that plays.
+struct Playing {
+    wire: Wire,
+    channel: u32,
+    rate: u32,
+    channels: usize,
+    block: u32,
+    /// Bytes that the server has asked for.
+    wanted: usize,
+    samples: Vec<f32>,
+    bytes: Vec<u8>,
+}
+
+impl Playing {
+    fn begin(mut wire: Wire, sink: &SinkInfo, channels: usize, block: u32) -> Result<Self, String> {
+        let rate = sink.sample_spec.sample_rate;
+        let frame = 4 * channels as u32;
+        let mut props = protocol::Props::new();
+        props.set(Prop::MediaName, c"ergon");
+        let params = protocol::PlaybackStreamParams {
+            sample_spec: protocol::SampleSpec {
+                format: protocol::SampleFormat::Float32Le,
+                channels: channels as u8,
+                sample_rate: rate,
+            },
+            channel_map: map(sink, channels),
+            sink_index: Some(sink.index),
+            buffer_attr: protocol::stream::BufferAttr {
+                target_length: 2 * block * frame,
+                minimum_request_length: block * frame,
+                ..Default::default()
+            },
+            props,
+            flags: protocol::stream::StreamFlags {
+                // One or two channels are spread over what there is; more go out by number.
+                no_remap_channels: channels > 2,
+                no_remix_channels: channels > 2,
+                adjust_latency: true,
+                ..Default::default()
+            },
+            ..Default::default()
+        };
+        let stream: protocol::CreatePlaybackStreamReply =
+            wire.ask(&Command::CreatePlaybackStream(params))?;
+        let most = 4 * block as usize;
+        Ok(Self {
+            wire,
+            channel: stream.channel,
+            rate,
+            channels,
+            block,
+            wanted: stream.requested_bytes as usize,
+            samples: vec![0.0; most * channels],
+            bytes: Vec::with_capacity(most * channels * 4),
+        })
+    }
+
+    fn run(mut self, drain: &mut Drain, stop: &AtomicBool) -> Result<(), String> {
+        drain.shared().set_timing(self.block, 2 * self.block);
+        let mut asked = (0, Instant::now());
+        while !stop.load(Ordering::Acquire) {
+            if self.answer(drain)? {
+                continue;
+            }
+            if asked.1.elapsed() > LATENCY_EVERY {
+                let now = SystemTime::now();
+                let channel = self.channel;
+                let params = protocol::LatencyParams { channel, now };
+                asked = (
+                    self.wire.send(&Command::GetPlaybackLatency(params))?,
+                    Instant::now(),
+                );
+            }
+            let Some(message) = self.wire.message(LOOK)? else {
+                continue;
+            };
+            match self.wire.read(&message) {
+                Some((_, Command::Request(request))) if request.channel == self.channel => {
+                    self.wanted += request.length as usize;
+                }
+                Some((_, Command::Underflow(_))) => drain.shared().add_xruns(1),
+                Some((_, Command::PlaybackStreamKilled(_))) => {
+                    return Err("the server ended the stream".into());
+                }
+                Some((to, Command::Reply)) if to == asked.0 => {
+                    let latency = self.latency(&self.wire.reply(&message)?);
+                    drain.shared().set_timing(self.block, latency);
+                }
+                _ => {}
+            }
+        }
+        let _ = self.wire.send(&Command::DeletePlaybackStream(self.channel));
+        Ok(())
+    }
+
+    /// Send what was asked for; whether anything was.
+    fn answer(&mut self, drain: &mut Drain) -> Result<bool, String> {
+        let frames = (self.wanted / (4 * self.channels)).min(self.samples.len() / self.channels);
+        if frames == 0 {
+            return Ok(false);
+        }
+        let samples = &mut self.samples[..frames * self.channels];
+        drain.fill(samples);
+        self.bytes.clear();
+        self.bytes
+            .extend(samples.iter().flat_map(|sample| sample.to_le_bytes()));
+        self.wire.samples(self.channel, &self.bytes)?;
+        self.wanted -= self.bytes.len();
+        Ok(true)
+    }
+
+    /// Frames that wait in the server and in the sink.
+    fn latency(&self, told: &protocol::PlaybackLatency) -> u32 {
+        let frame = 4 * self.channels as i64;
+        let buffered = (told.write_offset - told.read_offset).max(0) / frame;
+        let sink = u128::from(told.sink_usec) * u128::from(self.rate) / 1_000_000;
+        u32::try_from(buffered as u128 + sink).unwrap_or(u32::MAX)
+    }
+}
+
+/// Speakers of our channels: the sink's own where it has as many, else their numbers.
+fn map(sink: &SinkInfo, channels: usize) -> ChannelMap {
+    if channels == usize::from(sink.channel_map.num_channels()) {
+        return sink.channel_map;
+    }
+    match channels {
+        1 => ChannelMap::mono(),
+        2 => ChannelMap::stereo(),
+        _ => ChannelMap::new(AUX.into_iter().take(channels)),
+    }
+}
+
+macro_rules! aux {
+    ($($name:ident)*) => { [$(ChannelPosition::$name),*] };
+}
+
+const AUX: [ChannelPosition; CHANNELS_MAX] = aux! {
+    Aux0 Aux1 Aux2 Aux3 Aux4 Aux5 Aux6 Aux7 Aux8 Aux9 Aux10 Aux11 Aux12 Aux13 Aux14 Aux15
+    Aux16 Aux17 Aux18 Aux19 Aux20 Aux21 Aux22 Aux23 Aux24 Aux25 Aux26 Aux27 Aux28 Aux29 Aux30 Aux31
+};
+
+/// What the server that runs would play on.
+pub(in crate::audio) fn survey() -> Result<String, AudioError> {
+    let mut wire = Wire::connect(c"ergon").map_err(missing)?;
+    let server: protocol::ServerInfo = wire.ask(&Command::GetServerInfo).map_err(missing)?;
+    let sinks: protocol::SinkInfoList = wire.ask(&Command::GetSinkInfoList).map_err(missing)?;
+    let default = server.default_sink_name.unwrap_or_default();
+    let told: Vec<String> = sinks
+        .iter()
+        .map(|sink| {
+            let (rate, channels) = (sink.sample_spec.sample_rate, sink.sample_spec.channels);
+            let mark = if sink.name == default {
+                ", default"
+            } else {
+                ""
+            };
+            format!(
+                "{} ({channels} channels, {rate} Hz{mark})",
+                words(&sink.name)
+            )
+        })
+        .collect();
+    let name = words(&server.server_name.unwrap_or_default());
+    Ok(match told.is_empty() {
+        true => format!("{name}, no sinks"),
+        false => format!("{name}: {}", told.join("; ")),
+    })
+}

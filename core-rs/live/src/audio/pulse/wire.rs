@@ -1,0 +1,189 @@
+//! A connection to a PulseAudio server: messages out, whole messages in.
+
+use std::ffi::CStr;
+use std::io::{self, Cursor, ErrorKind, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use pulseaudio::protocol::{self, Command, CommandReply, Prop};
+
+/// A server that does not answer so long is taken for dead.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// An authorised connection.
+pub(super) struct Wire {
+    socket: UnixStream,
+    version: u16,
+    serial: u32,
+    /// What came and is no whole message yet.
+    came: Vec<u8>,
+    piece: Box<[u8]>,
+}
+
+/// The payload of a message, behind its header.
+pub(super) struct Message(Vec<u8>);
+
+impl Wire {
+    /// Connect to the server that the environment names; starts none. The error is a sentence.
+    pub(super) fn connect(name: &CStr) -> Result<Self, String> {
+        let path = socket_path()?;
+        let socket = UnixStream::connect(&path).map_err(|error| match error.kind() {
+            ErrorKind::NotFound | ErrorKind::ConnectionRefused => {
+                format!("no PulseAudio server runs at {}", path.display())
+            }
+            _ => format!("no PulseAudio server at {}: {error}", path.display()),
+        })?;
+        let mut wire = Self {
+            socket,
+            version: protocol::MAX_VERSION,
+            serial: 0,
+            came: Vec::with_capacity(1 << 16),
+            piece: vec![0; 1 << 16].into(),
+        };
+        wire.socket
+            .set_write_timeout(Some(PATIENCE))
+            .map_err(|error| error.to_string())?;
+        let cookie = pulseaudio::cookie_path_from_env().and_then(|path| std::fs::read(path).ok());
+        let auth: protocol::AuthReply = wire.ask(&Command::Auth(protocol::AuthParams {
+            version: protocol::MAX_VERSION,
+            supports_shm: false,
+            supports_memfd: false,
+            // Of this length even where there is none, or the server hangs up.
+            cookie: cookie.unwrap_or_else(|| vec![0; 256]),
+        }))?;
+        wire.version = wire.version.min(auth.version);
+        let mut props = protocol::Props::new();
+        props.set(Prop::ApplicationName, name);
+        let _: protocol::SetClientNameReply = wire.ask(&Command::SetClientName(props))?;
+        Ok(wire)
+    }
+
+    /// Send a command; returns the number that its reply will have.
+    pub(super) fn send(&mut self, command: &Command) -> Result<u32, String> {
+        self.serial += 1;
+        protocol::write_command_message(&mut self.socket, self.serial, command, self.version)
+            .map_err(|error| error.to_string())?;
+        Ok(self.serial)
+    }
+
+    /// Send a command and wait for its reply; what comes in between is passed over.
+    pub(super) fn ask<R: CommandReply>(&mut self, command: &Command) -> Result<R, String> {
+        let serial = self.send(command)?;
+        let until = Instant::now() + PATIENCE;
+        while Instant::now() < until {
+            let Some(message) = self.message(PATIENCE)? else {
+                continue;
+            };
+            match message.command(self.version) {
+                Some((to, Command::Reply)) if to == serial => return message.reply(self.version),
+                Some((to, Command::Error(error))) if to == serial => {
+                    return Err(format!("the PulseAudio server refuses ({error:?})"));
+                }
+                _ => {}
+            }
+        }
+        Err("the PulseAudio server does not answer".into())
+    }
+
+    /// The command in a message: (number, command); `None` for what is not known here.
+    pub(super) fn read(&self, message: &Message) -> Option<(u32, Command)> {
+        message.command(self.version)
+    }
+
+    /// The reply in a message.
+    pub(super) fn reply<R: CommandReply>(&self, message: &Message) -> Result<R, String> {
+        message.reply(self.version)
+    }
+
+    /// Samples for a stream.
+    pub(super) fn samples(&mut self, channel: u32, bytes: &[u8]) -> Result<(), String> {
+        protocol::write_memblock(&mut self.socket, channel, bytes, 0)
+            .map_err(|error| error.to_string())
+    }
+
+    /// The next whole message, if one comes in time.
+    pub(super) fn message(&mut self, wait: Duration) -> Result<Option<Message>, String> {
+        if let Some(message) = self.whole()? {
+            return Ok(Some(message));
+        }
+        let wait = wait.max(Duration::from_millis(1));
+        let told = |error: io::Error| error.to_string();
+        self.socket.set_read_timeout(Some(wait)).map_err(told)?;
+        match self.socket.read(&mut self.piece) {
+            Ok(0) => Err("the server closed the connection".into()),
+            Ok(n) => {
+                self.came.extend_from_slice(&self.piece[..n]);
+                self.whole()
+            }
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+                ) =>
+            {
+                Ok(None)
+            }
+            Err(error) => Err(error.to_string()),
+        }
+    }
+
+    fn whole(&mut self) -> Result<Option<Message>, String> {
+        let Some(header) = self.came.get(..protocol::DESCRIPTOR_SIZE) else {
+            return Ok(None);
+        };
+        let header = protocol::read_descriptor(&mut Cursor::new(header))
+            .map_err(|error| error.to_string())?;
+        let end = protocol::DESCRIPTOR_SIZE + header.length as usize;
+        if self.came.len() < end {
+            return Ok(None);
+        }
+        let message = Message(self.came[protocol::DESCRIPTOR_SIZE..end].to_vec());
+        self.came.drain(..end);
+        Ok(Some(message))
+    }
+}
+
+impl Drop for Wire {
+    fn drop(&mut self) {
+        let _ = self.socket.flush();
+        let _ = self.socket.shutdown(std::net::Shutdown::Both);
+    }
+}
+
+impl Message {
+    fn command(&self, version: u16) -> Option<(u32, Command)> {
+        Command::read_tag_prefixed(&mut Cursor::new(&self.0), version).ok()
+    }
+
+    fn reply<R: CommandReply>(&self, version: u16) -> Result<R, String> {
+        let mut cursor = Cursor::new(&self.0);
+        Command::read_tag_prefixed(&mut cursor, version)
+            .and_then(|_| protocol::TagStructReader::new(&mut cursor, version).read())
+            .map_err(|error| format!("the PulseAudio server's answer is not understood: {error}"))
+    }
+}
+
+/// Where the server's socket is: PULSE_SERVER, else the places that PulseAudio itself looks at.
+fn socket_path() -> Result<PathBuf, String> {
+    let variable = |name| std::env::var(name).ok().filter(|text| !text.is_empty());
+    if let Some(server) = variable("PULSE_SERVER") {
+        // Several may be named; each may begin with a {machine id}.
+        let local = server.split_whitespace().find_map(|one| {
+            let one = one.rsplit_once('}').map_or(one, |(_, one)| one);
+            let path = one.strip_prefix("unix:").unwrap_or(one);
+            path.starts_with('/').then(|| path.into())
+        });
+        return local.ok_or_else(|| {
+            format!("PULSE_SERVER={server} names no server on this machine (unix:/path)")
+        });
+    }
+    let runtime = variable("PULSE_RUNTIME_PATH").map(|path| PathBuf::from(path).join("native"));
+    let user = variable("XDG_RUNTIME_DIR").map(|path| PathBuf::from(path).join("pulse/native"));
+    let system = Some(PathBuf::from("/var/run/pulse/native"));
+    let places = [runtime, user, system].into_iter().flatten();
+    places
+        .into_iter()
+        .find(|path| path.exists())
+        .ok_or_else(|| "no PulseAudio server runs".into())
+}

@@ -1,0 +1,211 @@
+//! From the score's rate to the card's, in a thread between two rings: a card's callback never resamples.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use rubato::audioadapter_buffers::direct::InterleavedSlice;
+use rubato::{Fft, FixedSync, Indexing, Resampler};
+
+use super::AudioError;
+use super::ring::{self, Drain, Feed};
+use super::sink::{Failed, PRIORITY, Pump, Sink};
+use crate::realtime;
+
+/// Frames that are converted at once: the longer, the nearer the filter goes to half the rate, and the later.
+const CHUNK: usize = 512;
+const NAP: Duration = Duration::from_micros(200);
+
+/// The thread, and how late it makes the sound [frames of the card].
+pub(super) struct Converter {
+    pump: Pump,
+    pub(super) latency: usize,
+}
+
+/// Put a converter before a card at rate `to` that asks `block` frames at a time; returns the drain for the card.
+pub(super) fn between(
+    mut inner: Drain,
+    from: u32,
+    to: u32,
+    block: u32,
+) -> Result<(Converter, Drain), Failed> {
+    let channels = inner.channels();
+    let filter = match Filter::new(from, to, channels) {
+        Ok(filter) => filter,
+        Err(error) => return Err((Some(inner), error)),
+    };
+    let shared = inner.shared().clone();
+    let ahead = 2 * block as usize + filter.output.len() / channels;
+    let (feed, mut outer) = ring::joined(channels, 2 * ahead, shared.clone());
+    feed.set_prefill(ahead);
+    outer.set_rate(to);
+    outer.count_from(shared.played(), from, to);
+    inner.set_outermost(false);
+    let latency = ahead + filter.delay;
+    let pump = Pump::start("ergon rate", inner, move |inner, stop| {
+        realtime::scheduled_at(PRIORITY);
+        filter.run(inner, feed, stop)
+    })?;
+    Ok((Converter { pump, latency }, outer))
+}
+
+impl Converter {
+    pub(super) fn alive(&mut self) -> bool {
+        self.pump.alive()
+    }
+
+    /// The drain at the score's rate again.
+    pub(super) fn stop(self) -> Option<Drain> {
+        let (mut drain, _) = Box::new(self.pump).stop();
+        if let Some(drain) = &mut drain {
+            drain.set_outermost(true);
+        }
+        drain
+    }
+}
+
+struct Filter {
+    fft: Fft<f32>,
+    channels: usize,
+    ratio: (u64, u64),
+    delay: usize,
+    input: Vec<f32>,
+    output: Vec<f32>,
+}
+
+impl Filter {
+    fn new(from: u32, to: u32, channels: usize) -> Result<Self, AudioError> {
+        let fft = Fft::new_custom(
+            from as usize,
+            to as usize,
+            CHUNK,
+            1,
+            channels,
+            rubato::WindowFunction::BlackmanHarris2,
+            FixedSync::Input,
+        )
+        .map_err(|error| AudioError::Rate {
+            from,
+            to,
+            why: error.to_string(),
+        })?;
+        Ok(Self {
+            channels,
+            ratio: (to.into(), from.into()),
+            delay: fft.output_delay(),
+            input: vec![0.0; fft.input_frames_max() * channels],
+            output: vec![0.0; fft.output_frames_max() * channels],
+            fft,
+        })
+    }
+
+    fn run(mut self, inner: &mut Drain, mut feed: Feed, stop: &AtomicBool) -> Result<(), String> {
+        let channels = self.channels;
+        let (mut came, mut went) = (0_u64, 0_u64);
+        let mut skipped = 0; // frames of the filter's own delay: the first to come are none of the score's
+        let mut held = 0;
+        while !stop.load(Ordering::Acquire) {
+            let wanted = self.fft.input_frames_next();
+            let taken = inner.take(&mut self.input[held * channels..wanted * channels]);
+            (held, came) = (held + taken, came + taken as u64);
+            let ended = taken == 0 && inner.ended();
+            if taken == 0 && !ended || held < wanted && !ended {
+                std::thread::sleep(NAP);
+                continue;
+            }
+            let whole = (came * self.ratio.0).div_ceil(self.ratio.1);
+            if ended && went >= whole {
+                feed.close();
+                std::thread::sleep(NAP);
+                continue;
+            }
+            let mut made = self.convert(held)?;
+            held = 0;
+            let skip = made.min(self.delay - skipped);
+            skipped += skip;
+            made -= skip;
+            if ended {
+                made = made.min(usize::try_from(whole - went).unwrap_or(usize::MAX));
+            }
+            let mut out = &self.output[skip * channels..(skip + made) * channels];
+            while !out.is_empty() && !stop.load(Ordering::Acquire) {
+                match feed.push(out) {
+                    0 => std::thread::sleep(NAP),
+                    frames => out = &out[frames * channels..],
+                }
+            }
+            went += made as u64;
+        }
+        Ok(())
+    }
+
+    /// Convert the first `held` frames of the input, and silence for what is missing of it.
+    fn convert(&mut self, held: usize) -> Result<usize, String> {
+        let channels = self.channels;
+        let input = InterleavedSlice::new(&self.input, channels, self.input.len() / channels);
+        let frames = self.output.len() / channels;
+        let output = InterleavedSlice::new_mut(&mut self.output, channels, frames);
+        let (Ok(input), Ok(mut output)) = (input, output) else {
+            return Err("the rate converter's buffers have no whole frames".into());
+        };
+        let indexing = Indexing::new().partial_len(held);
+        self.fft
+            .process_into_buffer(&input, &mut output, Some(&indexing))
+            .map(|(_, made)| made)
+            .map_err(|error| format!("the rate converter failed: {error}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ergon_engine::maths::sin;
+    use std::f64::consts::TAU;
+
+    /// A second of sines at `from` as it comes out at `to`, two channels.
+    fn converted(from: u32, to: u32, pitch: f64) -> Vec<f32> {
+        let (mut feed, drain) = ring::ring(2, 4096);
+        let (converter, mut outer) = between(drain, from, to, 256)
+            .map_err(|(_, error)| error)
+            .expect("there is a way");
+        let sound: Vec<f32> = (0..from)
+            .flat_map(|n| {
+                let x = sin(TAU * pitch * f64::from(n) / f64::from(from)) as f32;
+                [x, -x]
+            })
+            .collect();
+        let mut left = &sound[..];
+        let (mut all, mut out) = (Vec::new(), [0.0; 512]);
+        while !outer.ended() {
+            let taken = feed.push(left);
+            left = &left[2 * taken..];
+            if left.is_empty() {
+                feed.close();
+            }
+            match outer.take(&mut out) {
+                0 => std::thread::sleep(NAP),
+                frames => all.extend_from_slice(&out[..2 * frames]),
+            }
+        }
+        let inner = converter.stop().expect("the drain comes back");
+        assert!(inner.ended());
+        assert_eq!(inner.shared().played(), from.into());
+        all
+    }
+
+    #[test]
+    fn a_second_stays_a_second_and_a_sine_the_same_sine() {
+        for (from, to) in [(44_100, 48_000), (48_000, 44_100), (96_000, 48_000)] {
+            for pitch in [440.0, 10_000.0] {
+                let got = converted(from, to, pitch);
+                assert_eq!(got.len(), 2 * to as usize, "{from} to {to}");
+                // Where it begins and ends, the filter sees the silence beside it.
+                for n in 1000..to as usize - 1000 {
+                    let x = sin(TAU * pitch * n as f64 / f64::from(to)) as f32;
+                    let (left, right) = (got[2 * n], got[2 * n + 1]);
+                    assert!((left - x).abs() < 2e-4, "{from} to {to}, {pitch} Hz, {n}");
+                    assert_eq!(left, -right);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,346 @@
+//! The ring between the physics and the sound card: `Feed` stays with the physics, `Drain` goes to the card.
+//!
+//! Neither allocates, locks or panics while it plays. Untroubled, samples pass unchanged.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::shape::Shape;
+use super::shared::Shared;
+
+/// What a frame may hold at most.
+pub const CHANNELS_MAX: usize = 64;
+const NAP: Duration = Duration::from_micros(100);
+
+/// The physics' side: whole interleaved frames go in.
+pub struct Feed {
+    samples: Producer<f32>,
+    channels: usize,
+    capacity: usize,
+    gate: Arc<Gate>,
+    shared: Arc<Shared>,
+}
+
+/// The card's side.
+pub struct Drain {
+    samples: Consumer<f32>,
+    channels: usize,
+    gate: Arc<Gate>,
+    shared: Arc<Shared>,
+    phase: Phase,
+    shape: Shape,
+    /// Whether the loudspeakers are behind this one; a rate converter's inner drain tells nothing.
+    outermost: bool,
+    given: Given,
+}
+
+/// Of one ring.
+struct Gate {
+    closed: AtomicBool,
+    prefill: AtomicUsize,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// Nothing came yet, or all was thrown away: silence that nobody misses.
+    Waiting,
+    Playing,
+    /// The ring went empty while it played: silent until it holds what it is to hold.
+    Starved,
+}
+
+/// Frames given to the card, counted in frames of the score.
+#[derive(Clone, Copy)]
+struct Given {
+    before: u64,
+    frames: u64,
+    score_rate: u64,
+    card_rate: u64,
+}
+
+/// A ring of `capacity` frames of `channels`. The card begins, and begins again after an underrun, when it is half
+/// full (`Feed::set_prefill` says otherwise) or closed.
+///
+/// # Panics
+///
+/// Unless `channels` is 1 to 64.
+#[must_use]
+pub fn ring(channels: usize, capacity: usize) -> (Feed, Drain) {
+    joined(channels, capacity, Arc::new(Shared::default()))
+}
+
+/// A ring whose news go to `shared`.
+pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (Feed, Drain) {
+    assert!(
+        (1..=CHANNELS_MAX).contains(&channels),
+        "1 to {CHANNELS_MAX} channels"
+    );
+    let capacity = capacity.max(1);
+    let (to, from) = RingBuffer::new(capacity * channels);
+    let gate = Arc::new(Gate {
+        closed: AtomicBool::new(false),
+        prefill: AtomicUsize::new(capacity / 2),
+    });
+    let feed = Feed {
+        samples: to,
+        channels,
+        capacity,
+        gate: gate.clone(),
+        shared: shared.clone(),
+    };
+    let drain = Drain {
+        samples: from,
+        channels,
+        gate,
+        shared,
+        phase: Phase::Waiting,
+        shape: Shape::new(channels, 48_000),
+        outermost: true,
+        given: Given {
+            before: 0,
+            frames: 0,
+            score_rate: 1,
+            card_rate: 1,
+        },
+    };
+    (feed, drain)
+}
+
+impl Feed {
+    /// Channels of a frame.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Frames that the ring holds at most.
+    #[must_use]
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Frames that may be pushed now.
+    #[must_use]
+    pub fn room(&self) -> usize {
+        self.samples.slots() / self.channels
+    }
+
+    /// Frames that wait for the card.
+    #[must_use]
+    pub fn filled(&self) -> usize {
+        self.capacity - self.room()
+    }
+
+    /// Give interleaved frames; returns how many were taken, whole ones only.
+    pub fn push(&mut self, frames: &[f32]) -> usize {
+        let taken = self.room().min(frames.len() / self.channels);
+        let samples = frames.get(..taken * self.channels).unwrap_or(&[]);
+        self.samples
+            .push_entire_slice(samples)
+            .map_or(0, |()| taken)
+    }
+
+    /// How many frames wait before the card begins, and begins again after an underrun.
+    pub fn set_prefill(&self, frames: usize) {
+        let frames = frames.min(self.capacity);
+        self.gate.prefill.store(frames, Ordering::Relaxed);
+    }
+
+    /// Nothing more will come: what is in the ring is played, and that is the end. Dropping does the same.
+    pub fn close(&self) {
+        self.gate.closed.store(true, Ordering::Release);
+    }
+
+    /// What both sides know.
+    #[must_use]
+    pub fn shared(&self) -> &Arc<Shared> {
+        &self.shared
+    }
+}
+
+impl Drop for Feed {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
+
+impl Drain {
+    /// Channels of a frame.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// What both sides know.
+    #[must_use]
+    pub fn shared(&self) -> &Arc<Shared> {
+        &self.shared
+    }
+
+    /// The rate of the frames that are handed out [Hz]: ramps are times.
+    pub(super) fn set_rate(&mut self, rate: u32) {
+        self.shape.set_rate(rate);
+    }
+
+    /// This one stands before another ring: it tells nothing of its own.
+    pub(super) fn set_outermost(&mut self, outermost: bool) {
+        self.outermost = outermost;
+        self.count_from(self.shared.played(), 1, 1);
+    }
+
+    /// Frames handed out from now on are at `card_rate`, of a score at `score_rate` that was heard up to `before`.
+    pub(super) fn count_from(&mut self, before: u64, score_rate: u32, card_rate: u32) {
+        self.given = Given {
+            before,
+            frames: 0,
+            score_rate: score_rate.into(),
+            card_rate: card_rate.max(1).into(),
+        };
+    }
+
+    /// The card behind it changed: what comes next rises from silence, if anything was heard before.
+    pub(super) fn changed_card(&mut self) {
+        if self.phase != Phase::Waiting {
+            self.phase = Phase::Starved;
+            self.shape.begin_anew();
+        }
+    }
+
+    /// Frames that wait.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.samples.slots() / self.channels
+    }
+
+    /// Whether the feed was closed and all of it was handed out.
+    #[must_use]
+    pub fn ended(&self) -> bool {
+        // In this order: what was pushed before closing is seen by then.
+        self.gate.closed.load(Ordering::Acquire) && self.waiting() == 0
+    }
+
+    /// Fill interleaved frames, for the card's callback. Silence where nothing came yet; an underrun falls to
+    /// silence within 2 ms and is counted; after the end, silence.
+    pub fn fill(&mut self, out: &mut [f32]) {
+        let whole = out.len() - out.len() % self.channels;
+        let (out, rest) = out.split_at_mut(whole);
+        rest.fill(0.0);
+        let panicked = self.panicked();
+        if panicked && self.shape.ask_hush() {
+            self.throw_away();
+            out.fill(0.0);
+            return;
+        }
+        let closed = self.gate.closed.load(Ordering::Acquire);
+        let waiting = self.waiting();
+        if self.phase != Phase::Playing
+            && (waiting >= self.gate.prefill.load(Ordering::Relaxed).max(1)
+                || closed && waiting > 0)
+        {
+            self.phase = Phase::Playing;
+        }
+        let came = match self.phase {
+            Phase::Playing => waiting.min(out.len() / self.channels),
+            _ => 0,
+        };
+        let (sounding, silent) = out.split_at_mut(came * self.channels);
+        if self.samples.pop_entire_slice(sounding).is_err() {
+            sounding.fill(0.0);
+        }
+        self.shape.sounding(sounding);
+        self.told(came, closed && came == waiting);
+        if !silent.is_empty() {
+            self.without(silent, closed && came == waiting, panicked);
+        }
+        self.shape.hushed(out);
+    }
+
+    /// Hand out what waits, at most `out`, for a taker without a clock; returns the frames.
+    pub fn take(&mut self, out: &mut [f32]) -> usize {
+        let panicked = self.panicked();
+        if panicked && self.shape.ask_hush() {
+            self.throw_away();
+            return 0;
+        }
+        let ended = self.ended();
+        let frames = self.waiting().min(out.len() / self.channels);
+        if frames == 0 {
+            self.told(0, ended);
+            return 0;
+        }
+        self.phase = Phase::Playing;
+        self.fill(&mut out[..frames * self.channels]);
+        frames
+    }
+
+    /// Wait until `frames` wait or will never come. Only for a callback that runs as fast as it is fed.
+    pub(super) fn wait_for(&self, frames: usize, limit: Duration) {
+        let until = Instant::now() + limit;
+        let frames = frames.min(self.samples.buffer().capacity() / self.channels);
+        while self.phase == Phase::Playing
+            && self.waiting() < frames
+            && !self.gate.closed.load(Ordering::Acquire)
+            && !self.shared.panicked()
+            && Instant::now() < until
+        {
+            std::thread::sleep(NAP);
+        }
+    }
+
+    /// Whether silence is asked for, or was, and is still to be reached.
+    fn panicked(&mut self) -> bool {
+        if self.shared.panicked() || self.shape.is_falling_silent() {
+            return true;
+        }
+        if self.shape.end_hush() {
+            self.phase = Phase::Waiting;
+            self.shape.begin_anew();
+        }
+        false
+    }
+
+    fn without(&mut self, silent: &mut [f32], ended: bool, panicked: bool) {
+        if self.phase == Phase::Playing && !ended {
+            self.phase = Phase::Starved;
+            self.shape.break_off();
+            if self.outermost && !panicked {
+                self.shared.add_underruns(1);
+            }
+        }
+        self.shape.silent(silent);
+        if self.phase == Phase::Starved && !ended && !panicked && self.outermost {
+            let frames = silent.len() / self.channels;
+            self.shared.add_missing(frames as u64);
+        }
+    }
+
+    fn told(&mut self, frames: usize, ended: bool) {
+        if !self.outermost {
+            return;
+        }
+        let given = &mut self.given;
+        given.frames += frames as u64;
+        let score = given.frames * given.score_rate / given.card_rate;
+        self.shared.set_played(given.before + score);
+        if ended {
+            self.shared.set_finished();
+        }
+    }
+
+    fn throw_away(&mut self) {
+        let closed = self.gate.closed.load(Ordering::Acquire);
+        let frames = self.waiting();
+        if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
+            chunk.commit_all();
+        }
+        if self.outermost {
+            self.shared.add_discarded(frames as u64);
+            if closed {
+                self.shared.set_finished();
+            }
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! The three ramps that hide trouble: out of what was heard last, into what comes next, and to silence.
+
+const FADE: f64 = 0.002; // s
+const HUSH: f64 = 0.005; // s
+
+/// Ramps over frames of one stream; at rest it changes no bit.
+pub(super) struct Shape {
+    channels: usize,
+    fade: u32,
+    hush: u32,
+    /// How far what comes has risen, 0 to `fade`.
+    rise: u32,
+    /// What is left of the fall of `held`, `fade` to 0.
+    fall: u32,
+    held: Box<[f32]>,
+    last: Box<[f32]>,
+    /// What is left of the way to silence, while silence is asked for.
+    hushing: Option<u32>,
+}
+
+impl Shape {
+    pub(super) fn new(channels: usize, rate: u32) -> Self {
+        let mut shape = Self {
+            channels,
+            fade: 0,
+            hush: 0,
+            rise: 0,
+            fall: 0,
+            held: vec![0.0; channels].into(),
+            last: vec![0.0; channels].into(),
+            hushing: None,
+        };
+        shape.set_rate(rate);
+        shape
+    }
+
+    pub(super) fn set_rate(&mut self, rate: u32) {
+        let frames = |seconds: f64| (f64::from(rate) * seconds).round().max(1.0) as u32;
+        (self.fade, self.hush) = (frames(FADE), frames(HUSH));
+        (self.rise, self.fall) = (self.fade, 0);
+    }
+
+    /// What sounded is over, unforeseen: it falls from its last value, and what comes next will rise.
+    pub(super) fn break_off(&mut self) {
+        self.held.copy_from_slice(&self.last);
+        (self.rise, self.fall) = (0, self.fade);
+    }
+
+    /// What comes next rises from silence.
+    pub(super) fn begin_anew(&mut self) {
+        (self.rise, self.fall) = (0, 0);
+        self.last.fill(0.0);
+    }
+
+    /// Frames that came.
+    pub(super) fn sounding(&mut self, frames: &mut [f32]) {
+        for frame in frames.chunks_exact_mut(self.channels) {
+            if self.rise == self.fade && self.fall == 0 {
+                break;
+            }
+            self.rise = (self.rise + 1).min(self.fade);
+            self.fall = self.fall.saturating_sub(1);
+            let (up, down) = (self.part(self.rise), self.part(self.fall));
+            for (x, held) in frame.iter_mut().zip(&self.held) {
+                *x = *x * up + held * down;
+            }
+        }
+        if let Some(frame) = frames.rchunks_exact(self.channels).next() {
+            self.last.copy_from_slice(frame);
+        }
+    }
+
+    /// Frames that did not come: what is left of the fall, then silence.
+    pub(super) fn silent(&mut self, frames: &mut [f32]) {
+        for frame in frames.chunks_exact_mut(self.channels) {
+            self.fall = self.fall.saturating_sub(1);
+            let down = self.part(self.fall);
+            for (x, held) in frame.iter_mut().zip(&self.held) {
+                *x = if self.fall == 0 { 0.0 } else { held * down };
+            }
+        }
+        if let Some(frame) = frames.rchunks_exact(self.channels).next() {
+            self.last.copy_from_slice(frame);
+        }
+    }
+
+    fn part(&self, of: u32) -> f32 {
+        of as f32 / self.fade as f32
+    }
+
+    /// Silence was asked for; returns whether it is reached.
+    pub(super) fn ask_hush(&mut self) -> bool {
+        *self.hushing.get_or_insert(self.hush) == 0
+    }
+
+    /// Whether silence was asked for and is not reached.
+    pub(super) fn is_falling_silent(&self) -> bool {
+        self.hushing.is_some_and(|left| left > 0)
+    }
+
+    /// Silence is no longer asked for; returns whether it was.
+    pub(super) fn end_hush(&mut self) -> bool {
+        self.hushing.take().is_some()
+    }
+
+    /// The way to silence, over frames that are shaped already.
+    pub(super) fn hushed(&mut self, frames: &mut [f32]) {
+        let Some(left) = &mut self.hushing else {
+            return;
+        };
+        for frame in frames.chunks_exact_mut(self.channels) {
+            *left = left.saturating_sub(1);
+            let gain = *left as f32 / self.hush as f32;
+            for x in frame {
+                *x = if *left == 0 { 0.0 } else { *x * gain };
+            }
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! What the physics, the card and the player know of each other while it plays: atomics only.
+
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, AtomicU64, Ordering};
+
+/// News of one performance's sound. Every method may be called from any thread, the callback's too.
+#[derive(Default)]
+pub struct Shared {
+    panic: AtomicBool,
+    alive: AtomicBool,
+    freewheel: AtomicBool,
+    finished: AtomicBool,
+    underruns: AtomicU64,
+    missing: AtomicU64,
+    played: AtomicU64,
+    discarded: AtomicU64,
+    xruns: AtomicU64,
+    priority: AtomicI32,
+    latency: AtomicU32,
+    block: AtomicU32,
+}
+
+macro_rules! count {
+    ($(#[$doc:meta])* $name:ident, $add:ident) => {
+        $(#[$doc])*
+        #[must_use]
+        pub fn $name(&self) -> u64 {
+            self.$name.load(Ordering::Relaxed)
+        }
+
+        pub(super) fn $add(&self, n: u64) {
+            self.$name.fetch_add(n, Ordering::Relaxed);
+        }
+    };
+}
+
+impl Shared {
+    /// Silence within 5 ms, in the callback itself, and no sound until `release`; what waits in the ring is thrown
+    /// away meanwhile.
+    pub fn panic(&self) {
+        self.panic.store(true, Ordering::Release);
+    }
+
+    /// Sound again, faded in, from what is pushed from now on.
+    pub fn release(&self) {
+        self.panic.store(false, Ordering::Release);
+    }
+
+    /// Whether silence was asked for.
+    #[must_use]
+    pub fn panicked(&self) -> bool {
+        self.panic.load(Ordering::Acquire)
+    }
+
+    /// Whether a card (or a file, or the silent clock that was asked for) takes the frames. False before `open`,
+    /// after the end, and while a server that died is being looked for.
+    #[must_use]
+    pub fn alive(&self) -> bool {
+        self.alive.load(Ordering::Acquire)
+    }
+
+    pub(super) fn set_alive(&self, alive: bool) {
+        self.alive.store(alive, Ordering::Release);
+    }
+
+    /// Whether the server runs as fast as it is fed (JACK's freewheel): then feed without a clock.
+    #[must_use]
+    pub fn freewheeling(&self) -> bool {
+        self.freewheel.load(Ordering::Acquire)
+    }
+
+    pub(super) fn set_freewheel(&self, on: bool) {
+        self.freewheel.store(on, Ordering::Release);
+    }
+
+    /// The feed was closed and its last frame went to the card.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.finished.load(Ordering::Acquire)
+    }
+
+    pub(super) fn set_finished(&self) {
+        self.finished.store(true, Ordering::Release);
+    }
+
+    count! {
+        /// How often the ring went empty while it should have sounded.
+        underruns, add_underruns
+    }
+    count! {
+        /// Frames of silence that underruns put in (frames of the card).
+        missing, add_missing
+    }
+    count! {
+        /// Frames thrown away by a panic.
+        discarded, add_discarded
+    }
+    count! {
+        /// Late cycles that the server told of. PipeWire's JACK tells of none.
+        xruns, add_xruns
+    }
+
+    /// Frames of the score that went to the card.
+    #[must_use]
+    pub fn played(&self) -> u64 {
+        self.played.load(Ordering::Acquire)
+    }
+
+    pub(super) fn set_played(&self, frames: u64) {
+        self.played.store(frames, Ordering::Release);
+    }
+
+    /// SCHED_FIFO priority that the card's thread really runs at; `None`: scheduled like any other.
+    #[must_use]
+    pub fn priority(&self) -> Option<i32> {
+        Some(self.priority.load(Ordering::Relaxed)).filter(|priority| *priority > 0)
+    }
+
+    pub(super) fn set_priority(&self, priority: Option<i32>) {
+        self.priority
+            .store(priority.unwrap_or(0), Ordering::Relaxed);
+    }
+
+    /// (frames that the card asks at a time, frames from being taken out of the ring to being heard as far as the
+    /// server tells), in frames of the card.
+    #[must_use]
+    pub fn timing(&self) -> (u32, u32) {
+        let block = self.block.load(Ordering::Relaxed);
+        (block, self.latency.load(Ordering::Relaxed))
+    }
+
+    pub(super) fn set_timing(&self, block: u32, latency: u32) {
+        self.block.store(block, Ordering::Relaxed);
+        self.latency.store(latency, Ordering::Relaxed);
+    }
+}

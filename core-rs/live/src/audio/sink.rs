@@ -1,0 +1,92 @@
+//! What all outputs have in common: opened, started with a drain, stopped; and the thread that some of them are.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+
+use super::AudioError;
+use super::ring::Drain;
+
+/// Priority of a thread that hands frames to a server: like JACK's own clients, below the physics.
+pub(super) const PRIORITY: i32 = 65;
+
+/// An output that is there, before anything plays.
+pub(super) struct Opened {
+    pub(super) backend: &'static str,
+    pub(super) device: String,
+    /// Its own rate [Hz].
+    pub(super) rate: u32,
+    pub(super) block: u32,
+    /// Whether it takes frames by a clock.
+    pub(super) paced: bool,
+    /// Sentences to say.
+    pub(super) remarks: Vec<String>,
+    pub(super) start: Start,
+}
+
+pub(super) type Start = Box<dyn FnOnce(Drain) -> Result<Box<dyn Sink>, Failed> + Send>;
+
+/// What did not start, and the drain back.
+pub(super) type Failed = (Option<Drain>, AudioError);
+
+/// An output that plays.
+pub(super) trait Sink: Send {
+    /// Whether it still takes frames; keeps what it tells of itself fresh. Called a few times a second.
+    fn alive(&mut self) -> bool;
+
+    /// Stop, and give the drain back; the sentence says what went wrong, if something did.
+    fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>);
+}
+
+/// A sink that is a thread.
+pub(super) struct Pump {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<(Drain, Option<String>)>,
+}
+
+impl Pump {
+    /// Run `body` until it returns or `stop` is set.
+    pub(super) fn start(
+        name: &str,
+        drain: Drain,
+        body: impl FnOnce(&mut Drain, &AtomicBool) -> Result<(), String> + Send + 'static,
+    ) -> Result<Self, Failed> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (to, from) = mpsc::sync_channel::<Drain>(1);
+        let told = stop.clone();
+        let main = move || {
+            // The sender is dropped only after sending: if it is not, no thread runs.
+            let mut drain = from.recv().expect("the drain was sent");
+            let trouble = body(&mut drain, &told).err();
+            (drain, trouble)
+        };
+        match std::thread::Builder::new()
+            .name(name.to_owned())
+            .spawn(main)
+        {
+            Ok(thread) => {
+                let _ = to.send(drain);
+                Ok(Self { stop, thread })
+            }
+            Err(error) => Err((Some(drain), AudioError::Thread(error))),
+        }
+    }
+}
+
+impl Sink for Pump {
+    fn alive(&mut self) -> bool {
+        !self.thread.is_finished()
+    }
+
+    fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
+        self.stop.store(true, Ordering::Release);
+        match self.thread.join() {
+            Ok((drain, trouble)) => (Some(drain), trouble),
+            Err(_) => (
+                None,
+                Some("the thread that hands out the sound failed".into()),
+            ),
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! What `--audio` says: where the sound goes.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use super::AudioError;
+
+/// Where the sound goes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Backend {
+    /// JACK if a server runs, else PulseAudio or PipeWire, else the silent clock.
+    Auto,
+    /// A JACK server (PipeWire's counts).
+    Jack,
+    /// A PulseAudio server (PipeWire's counts).
+    Pulse,
+    /// The system's own sound (macOS, Windows).
+    System,
+    /// A WAVE file, as fast as the frames come.
+    File(PathBuf),
+    /// Nowhere, by the clock.
+    Null,
+    /// Nowhere, as fast as the frames come.
+    Fast,
+}
+
+/// A backend and what is asked of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Spec {
+    /// Where to.
+    pub backend: Backend,
+    /// Pulse: the sink's name. JACK: a pattern of the names of the ports to connect to, or `none`.
+    pub device: Option<String>,
+    /// Frames at a time, where the server lets us say.
+    pub block: Option<u32>,
+    /// Number of channels to play, when it is not the score's.
+    pub channels: Option<usize>,
+}
+
+/// How the text is written.
+pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], file:PATH, null or null:fast; \
+    then ,block=FRAMES and ,channels=N where wanted";
+
+impl Spec {
+    /// A backend with nothing asked of it.
+    #[must_use]
+    pub fn plain(backend: Backend) -> Self {
+        Self {
+            backend,
+            device: None,
+            block: None,
+            channels: None,
+        }
+    }
+}
+
+impl FromStr for Spec {
+    type Err = AudioError;
+
+    fn from_str(text: &str) -> Result<Self, AudioError> {
+        let mut spec = Self::plain(Backend::Auto);
+        let mut head = text.trim();
+        // A path may hold commas: only what is an option is taken off its end.
+        while let Some((before, option)) = head.rsplit_once(',') {
+            let Some((name, value)) = option.split_once('=') else {
+                break;
+            };
+            let number = || match value.trim().parse() {
+                Ok(number @ 1..=1_048_576) => Ok(number),
+                _ => Err(refused(
+                    text,
+                    format!("{name}={value} is no number of frames or channels"),
+                )),
+            };
+            match name.trim() {
+                "block" => spec.block = Some(number()?),
+                "channels" => spec.channels = Some(number()? as usize),
+                _ => break,
+            }
+            head = before;
+        }
+        let (name, device) = match head.split_once(':') {
+            Some((name, device)) => (name, Some(device)),
+            None => (head, None),
+        };
+        let device = device.filter(|device| !device.is_empty());
+        spec.backend = match (name, device) {
+            ("auto", None) => Backend::Auto,
+            ("jack", _) => Backend::Jack,
+            ("pulse", _) => Backend::Pulse,
+            ("system", _) => Backend::System,
+            ("null", None) => Backend::Null,
+            ("null", Some("fast")) => Backend::Fast,
+            ("file", Some(path)) => Backend::File(path.into()),
+            ("file", None) => return Err(refused(text, "a file needs its path: file:PATH".into())),
+            _ => return Err(refused(text, "no such output".into())),
+        };
+        if matches!(
+            spec.backend,
+            Backend::Jack | Backend::Pulse | Backend::System
+        ) {
+            spec.device = device.map(str::to_owned);
+        }
+        Ok(spec)
+    }
+}
+
+fn refused(text: &str, why: String) -> AudioError {
+    AudioError::Spec {
+        text: text.to_owned(),
+        why,
+    }
+}
+
+impl fmt::Display for Spec {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match &self.backend {
+            Backend::Auto => "auto",
+            Backend::Jack => "jack",
+            Backend::Pulse => "pulse",
+            Backend::System => "system",
+            Backend::File(path) => return write!(to, "file:{}", path.display()),
+            Backend::Null => "null",
+            Backend::Fast => "null:fast",
+        };
+        to.write_str(name)?;
+        match &self.device {
+            Some(device) => write!(to, ":{device}"),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_devices_and_options() {
+        let spec: Spec = "pulse:dome,block=512,channels=24".parse().expect("is one");
+        assert_eq!(spec.backend, Backend::Pulse);
+        assert_eq!(spec.device.as_deref(), Some("dome"));
+        assert_eq!((spec.block, spec.channels), (Some(512), Some(24)));
+        let spec: Spec = "jack:system:playback_".parse().expect("is one");
+        assert_eq!(spec.device.as_deref(), Some("system:playback_"));
+    }
+
+    #[test]
+    fn a_path_keeps_its_commas() {
+        let spec: Spec = "file:a,b=c.wav,block=64".parse().expect("is one");
+        assert_eq!(spec.backend, Backend::File("a,b=c.wav".into()));
+        assert_eq!(spec.block, Some(64));
+    }
+
+    #[test]
+    fn refuses_what_it_does_not_know() {
+        for text in [
+            "",
+            "alsa",
+            "file:",
+            "auto:x",
+            "null:slow",
+            "jack,block=0",
+            "jack,black=2",
+        ] {
+            assert!(text.parse::<Spec>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! The header of a WAVE file of float samples, laid out as a render's is (`exchange/wave_header.py`): RIFF with the
+//! place of `ds64` kept, RF64 where the sizes need 64 bits (EBU Tech 3306).
+
+const RIFF_LIMIT: u64 = u32::MAX as u64;
+const DS64: usize = 28;
+const BEXT: usize = 602;
+const GUID_TAIL: [u8; 14] = [0, 0, 0, 0, 0x10, 0, 0x80, 0, 0, 0xAA, 0, 0x38, 0x9B, 0x71];
+
+/// Everything before the samples of a file of `frames`.
+pub(super) fn header(rate: u32, channels: usize, frames: u64) -> Vec<u8> {
+    header_above(rate, channels, frames, RIFF_LIMIT)
+}
+
+fn header_above(rate: u32, channels: usize, frames: u64, limit: u64) -> Vec<u8> {
+    let frame_bytes = channels as u32 * 4;
+    let data = frames * u64::from(frame_bytes);
+    let mut body = Vec::new();
+    chunk(&mut body, b"fmt ", &format(rate, channels, frame_bytes));
+    let fact = u32::try_from(frames).unwrap_or(u32::MAX);
+    chunk(&mut body, b"fact", &fact.to_le_bytes());
+    chunk(&mut body, b"bext", &bext());
+    // A frame of floats has an even number of bytes: no padding.
+    let riff = 4 + (8 + DS64 as u64) + body.len() as u64 + 8 + data;
+    let mut head = Vec::new();
+    if riff <= limit {
+        head.extend(b"RIFF");
+        head.extend((riff as u32).to_le_bytes());
+        head.extend(b"WAVE");
+        chunk(&mut head, b"JUNK", &[0; DS64]);
+        head.extend(body);
+        head.extend(b"data");
+        head.extend((data as u32).to_le_bytes());
+    } else {
+        head.extend(b"RF64\xff\xff\xff\xffWAVE");
+        let mut ds64 = Vec::new();
+        for size in [riff, data, frames] {
+            ds64.extend(size.to_le_bytes());
+        }
+        ds64.extend([0; 4]);
+        chunk(&mut head, b"ds64", &ds64);
+        head.extend(body);
+        head.extend(b"data\xff\xff\xff\xff");
+    }
+    head
+}
+
+fn chunk(to: &mut Vec<u8>, name: &[u8; 4], content: &[u8]) {
+    to.extend(name);
+    to.extend((content.len() as u32).to_le_bytes());
+    to.extend(content);
+}
+
+fn format(rate: u32, channels: usize, frame_bytes: u32) -> Vec<u8> {
+    let speakers: u32 = match channels {
+        1 => 0x4,
+        2 => 0x3,
+        _ => 0,
+    };
+    let mut fmt = Vec::new();
+    fmt.extend(0xFFFE_u16.to_le_bytes());
+    fmt.extend((channels as u16).to_le_bytes());
+    fmt.extend(rate.to_le_bytes());
+    fmt.extend(rate.saturating_mul(frame_bytes).to_le_bytes());
+    fmt.extend((frame_bytes as u16).to_le_bytes());
+    fmt.extend(32_u16.to_le_bytes());
+    fmt.extend(22_u16.to_le_bytes()); // bytes that follow
+    fmt.extend(32_u16.to_le_bytes());
+    fmt.extend(speakers.to_le_bytes());
+    fmt.extend(3_u16.to_le_bytes()); // float
+    fmt.extend(GUID_TAIL);
+    fmt
+}
+
+/// Broadcast data: whose it is, never when.
+fn bext() -> Vec<u8> {
+    let mut bext = vec![0; BEXT];
+    bext[256..261].copy_from_slice(b"ergon");
+    bext[320..330].copy_from_slice(b"1970-01-01");
+    bext[330..338].copy_from_slice(b"00:00:00");
+    bext[346] = 1; // version
+    bext
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_containers_have_one_layout() {
+        let (riff, rf64) = (
+            header_above(48_000, 24, 10, u64::MAX),
+            header_above(48_000, 24, 10, 0),
+        );
+        assert_eq!(riff.len(), rf64.len());
+        assert_eq!((&riff[..4], &rf64[..4]), (&b"RIFF"[..], &b"RF64"[..]));
+        assert_eq!(rf64[20..28], riff_size(&riff).to_le_bytes());
+    }
+
+    fn riff_size(header: &[u8]) -> u64 {
+        u32::from_le_bytes(header[4..8].try_into().expect("four bytes")).into()
+    }
+
+    #[test]
+    fn a_long_recording_says_its_size_in_64_bits() {
+        let frames = 16 * 60 * 48_000; // 16 minutes of 24 channels: more than 4 GiB
+        let head = header(48_000, 24, frames);
+        assert_eq!(&head[..4], b"RF64");
+        assert_eq!(head[28..36], (frames * 96).to_le_bytes());
+        assert_eq!(head[36..44], frames.to_le_bytes());
+    }
+}

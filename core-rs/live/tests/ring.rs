@@ -1,0 +1,222 @@
+//! The ring to the card: what passes untroubled is untouched, what is troubled never cracks, and nothing allocates.
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use ergon_live::audio::{Drain, Feed, ring};
+use proptest::prelude::*;
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+/// 2 ms and 5 ms at the rate that a ring has by itself, 48 kHz.
+const FADE: usize = 96;
+const HUSH: usize = 240;
+
+fn filled(drain: &mut Drain, frames: usize) -> Vec<f32> {
+    let mut out = vec![f32::NAN; frames * drain.channels()];
+    drain.fill(&mut out);
+    out
+}
+
+/// Both halves, playing a one that does not move; `frames` of it are left in the ring.
+fn playing(frames: usize) -> (Feed, Drain) {
+    let (mut feed, mut drain) = ring(1, 4096);
+    feed.set_prefill(1);
+    assert_eq!(feed.push(&vec![1.0; frames + 8]), frames + 8);
+    assert_eq!(filled(&mut drain, 8), [1.0; 8]);
+    (feed, drain)
+}
+
+#[test]
+fn before_the_first_frame_there_is_silence_that_nobody_misses() {
+    let (mut feed, mut drain) = ring(2, 64);
+    assert_eq!(filled(&mut drain, 10), [0.0; 20]);
+    assert_eq!(feed.push(&[0.5; 31 * 2]), 31);
+    assert_eq!(
+        filled(&mut drain, 10),
+        [0.0; 20],
+        "it waits until half full"
+    );
+    feed.push(&[0.5; 2]);
+    assert_eq!(filled(&mut drain, 10), [0.5; 20], "and begins at once");
+    assert_eq!(feed.filled(), 22);
+    assert_eq!((feed.shared().underruns(), feed.shared().played()), (0, 10));
+}
+
+#[test]
+fn a_closed_feed_is_played_to_its_end_and_misses_nothing() {
+    let (mut feed, mut drain) = ring(1, 1000);
+    feed.push(&[0.25; 100]);
+    feed.close();
+    let out = filled(&mut drain, 64);
+    assert_eq!(out, [0.25; 64]);
+    assert!(!feed.shared().finished());
+    let out = filled(&mut drain, 64);
+    assert_eq!((&out[..36], &out[36..]), (&[0.25; 36][..], &[0.0; 28][..]));
+    let shared = feed.shared();
+    assert!(shared.finished() && drain.ended());
+    assert_eq!((shared.underruns(), shared.missing()), (0, 0));
+}
+
+#[test]
+fn an_underrun_falls_to_silence_and_what_comes_next_rises() {
+    let (mut feed, mut drain) = playing(10);
+    let out = filled(&mut drain, 10 + FADE + 20);
+    assert_eq!(out[..10], [1.0; 10]);
+    let fall: Vec<f32> = (1..=FADE)
+        .map(|i| (FADE - i) as f32 / FADE as f32)
+        .collect();
+    assert_eq!(out[10..10 + FADE], fall);
+    assert_eq!(out[10 + FADE..], [0.0; 20]);
+    let shared = feed.shared().clone();
+    assert_eq!(
+        (shared.underruns(), shared.missing()),
+        (1, FADE as u64 + 20)
+    );
+    filled(&mut drain, 50);
+    assert_eq!(
+        (shared.underruns(), shared.missing()),
+        (1, FADE as u64 + 70)
+    );
+    feed.push(&[1.0; 200]);
+    let out = filled(&mut drain, 200);
+    let rise: Vec<f32> = (1..=FADE).map(|i| i as f32 / FADE as f32).collect();
+    assert_eq!(out[..FADE], rise);
+    assert_eq!(out[FADE..], [1.0; 200 - FADE]);
+    assert_eq!((shared.underruns(), shared.played()), (1, 218));
+}
+
+#[test]
+fn panic_is_silent_after_five_milliseconds_and_holds() {
+    let (mut feed, mut drain) = playing(1000);
+    let shared = feed.shared().clone();
+    shared.panic();
+    let out = filled(&mut drain, HUSH + 10);
+    let ramp: Vec<f32> = (1..=HUSH)
+        .map(|i| (HUSH - i) as f32 / HUSH as f32)
+        .collect();
+    assert_eq!((&out[..HUSH], &out[HUSH..]), (&ramp[..], &[0.0; 10][..]));
+    assert_eq!(filled(&mut drain, 32), [0.0; 32]);
+    assert_eq!(
+        (feed.filled(), shared.discarded()),
+        (0, 1000 - HUSH as u64 - 10)
+    );
+    feed.push(&[1.0; 500]);
+    assert_eq!(
+        filled(&mut drain, 32),
+        [0.0; 32],
+        "nothing sounds until it is released"
+    );
+    assert_eq!(feed.filled(), 0);
+    shared.release();
+    assert_eq!(filled(&mut drain, 32), [0.0; 32]);
+    feed.push(&[1.0; 500]);
+    let out = filled(&mut drain, FADE + 1);
+    assert_eq!((out[0], out[FADE]), (1.0 / FADE as f32, 1.0));
+    assert_eq!((shared.underruns(), shared.missing()), (0, 0));
+}
+
+#[test]
+fn the_end_of_a_panicked_performance_is_an_end() {
+    let (feed, mut drain) = playing(1000);
+    feed.shared().panic();
+    feed.close();
+    filled(&mut drain, HUSH);
+    filled(&mut drain, 1);
+    assert!(feed.shared().finished());
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Push(usize),
+    Fill(usize),
+    Panic,
+    Release,
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let step = prop_oneof![
+        6 => (1..300_usize).prop_map(Step::Push),
+        6 => (1..300_usize).prop_map(Step::Fill),
+        1 => Just(Step::Panic),
+        1 => Just(Step::Release),
+    ];
+    prop::collection::vec(step, 1..60)
+}
+
+proptest! {
+    /// Whoever is late, a steady sound never jumps: no step is steeper than the two ramps together.
+    #[test]
+    fn whatever_happens_nothing_cracks(steps in steps()) {
+        let (mut feed, mut drain) = playing(0);
+        let mut heard = vec![1.0_f32];
+        for step in steps {
+            match step {
+                Step::Push(frames) => { feed.push(&vec![1.0; frames]); }
+                Step::Fill(frames) => heard.extend(filled(&mut drain, frames)),
+                Step::Panic => feed.shared().panic(),
+                Step::Release => feed.shared().release(),
+            }
+        }
+        let most = 1.0 / FADE as f32 + 1.0 / HUSH as f32 + 1e-6;
+        for (at, pair) in heard.windows(2).enumerate() {
+            prop_assert!((pair[1] - pair[0]).abs() <= most, "frame {at}: {pair:?}");
+        }
+    }
+
+    /// Cut into whatever blocks, the frames come out as they went in, and none is missing.
+    #[test]
+    fn untroubled_frames_pass_unchanged(
+        blocks in prop::collection::vec((1..200_usize, 1..200_usize), 1..80),
+        channels in 1..65_usize,
+    ) {
+        let (mut feed, mut drain) = ring(channels, 256);
+        feed.set_prefill(1);
+        let sound = |n: usize| f32::from_bits(0x3f80_0000 ^ (n as u32).wrapping_mul(0x9E37_79B9) >> 9);
+        let (mut given, mut got) = (0, 0);
+        for (push, fill) in blocks {
+            let frames: Vec<f32> = (given * channels..(given + push) * channels).map(sound).collect();
+            given += feed.push(&frames);
+            let fill = fill.min(feed.filled());
+            let out = filled(&mut drain, fill);
+            for (n, x) in out.into_iter().enumerate() {
+                prop_assert_eq!(x.to_bits(), sound(got * channels + n).to_bits());
+            }
+            got += fill;
+            prop_assert_eq!(feed.filled(), given - got);
+        }
+        prop_assert_eq!(feed.shared().played(), got as u64);
+        prop_assert_eq!(feed.shared().underruns(), 0);
+    }
+}
+
+#[test]
+fn nothing_allocates_whatever_happens() {
+    let (mut feed, mut drain) = ring(24, 1024);
+    let frames = vec![0.5; 600 * 24];
+    let mut out = vec![0.0; 256 * 24];
+    reset_violation_count();
+    assert_no_alloc(|| {
+        drain.fill(&mut out); // nothing yet
+        feed.push(&frames);
+        drain.fill(&mut out);
+        drain.fill(&mut out);
+        drain.fill(&mut out); // an underrun
+        feed.push(&frames);
+        drain.fill(&mut out); // rising
+        feed.shared().panic();
+        feed.push(&frames);
+        for _ in 0..4 {
+            drain.fill(&mut out);
+        }
+        feed.shared().release();
+        feed.push(&frames);
+        drain.fill(&mut out);
+        feed.close();
+        for _ in 0..4 {
+            drain.fill(&mut out);
+        }
+    });
+    assert_eq!(violation_count(), 0);
+    let shared = feed.shared();
+    assert!(shared.finished() && shared.underruns() == 1 && shared.discarded() > 0);
+}

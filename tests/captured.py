@@ -1,0 +1,74 @@
+"""What was captured beside what was to be heard: gaps are told apart from wrong samples."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+# So many equal frames in a row are no accident.
+SURE = 64
+
+
+@dataclass(frozen=True)
+class Gap:
+    """At `frame` of what was expected: `silent` frames came that are none of it, `lost` did not."""
+
+    frame: int
+    silent: int
+    lost: int
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """`equal` + `wrong` + what the gaps lost + `unheard` = frames expected."""
+
+    equal: int
+    wrong: int
+    gaps: tuple[Gap, ...]
+    unheard: int  # the end that was not captured
+
+    @property
+    def exact(self) -> bool:
+        """Every frame came, in order, bit for bit."""
+        return not (self.wrong or self.gaps or self.unheard)
+
+
+def compare(captured: NDArray, expected: NDArray, *, reach: int = 48000) -> Comparison:
+    """Align both on their first frame that is not silent; look for `reach` frames beyond a gap."""
+    captured, expected = _begun(captured), _begun(expected)
+    at = to = equal = wrong = 0
+    gaps: list[Gap] = []
+    while to < len(expected) and at < len(captured):
+        n = min(len(expected) - to, len(captured) - at)
+        differ = np.flatnonzero((captured[at : at + n] != expected[to : to + n]).any(axis=1))
+        same = int(differ[0]) if len(differ) else n
+        at, to, equal = at + same, to + same, equal + same
+        if not len(differ):
+            break
+        gap = _gap(captured[at : at + reach], expected[to : to + reach], to)
+        if gap is None:
+            at, to, wrong = at + 1, to + 1, wrong + 1
+        else:
+            gaps.append(gap)
+            at, to = at + gap.silent, to + gap.lost
+    return Comparison(equal, wrong, tuple(gaps), len(expected) - to)
+
+
+def _begun(frames: NDArray) -> NDArray:
+    sounding = np.flatnonzero(frames.any(axis=1))
+    return frames[sounding[0] :] if len(sounding) else frames[:0]
+
+
+def _gap(captured: NDArray, expected: NDArray, frame: int) -> Gap | None:
+    """Silence put in, frames left out, or both; None when the sound does not go on behind it."""
+    sounding = np.flatnonzero(captured.any(axis=1))
+    if not len(sounding):
+        return None
+    silent = int(sounding[0])
+    behind = captured[silent : silent + SURE]
+    # The first frame is looked for everywhere, the others only where it is found.
+    for lost in np.flatnonzero((expected == behind[0]).all(axis=1)):
+        there = expected[lost : lost + len(behind)]
+        if len(behind) == SURE and np.array_equal(there, behind) and (silent or lost):
+            return Gap(frame, silent, int(lost))
+    return None

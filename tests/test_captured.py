@@ -1,0 +1,44 @@
+"""The comparer tells gaps, wrong samples and missing ends apart."""
+
+import numpy as np
+import pytest
+from captured import Gap, compare
+
+
+@pytest.fixture
+def sound() -> np.ndarray:
+    return np.random.default_rng(7).random((4000, 3), dtype=np.float32) + 0.1
+
+
+def test_silence_before_and_behind_is_no_difference(sound):
+    silence = np.zeros((500, 3), np.float32)
+    result = compare(np.concatenate([silence, sound, silence]), sound)
+    assert result.exact
+    assert result.equal == 4000
+
+
+def test_silence_within_is_a_gap(sound):
+    silence = np.zeros((256, 3), np.float32)
+    late = np.concatenate([sound[:1000], silence, sound[1000:]])
+    assert compare(late, sound).gaps == (Gap(1000, 256, 0),)
+    over = np.concatenate([sound[:1000], silence, sound[1256:]])
+    assert compare(over, sound).gaps == (Gap(1000, 256, 256),)
+
+
+def test_frames_left_out_are_a_gap(sound):
+    result = compare(np.concatenate([sound[:1000], sound[1100:]]), sound)
+    assert result.gaps == (Gap(1000, 0, 100),)
+    assert result.equal == 3900
+    assert result.wrong == result.unheard == 0
+
+
+def test_one_bit_in_one_channel_is_wrong(sound):
+    other = sound.copy()
+    other[1234, 2] = np.nextafter(other[1234, 2], np.float32(2))
+    result = compare(other, sound)
+    assert (result.wrong, result.gaps, result.equal) == (1, (), 3999)
+
+
+def test_an_end_that_is_missing_is_told(sound):
+    assert compare(sound[:3900], sound).unheard == 100
+    assert compare(sound[:0], sound).unheard == 4000
