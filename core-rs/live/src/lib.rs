@@ -4,3 +4,4 @@
 //! wherever nobody's real hand is in it.
 
 pub mod realtime;
+pub mod recording;

@@ -1,0 +1,65 @@
+//! The frame of every chunk: length, kind, checksum, payload.
+
+use std::io::{self, Read};
+
+/// length u32, kind u8, crc32 u32.
+pub(super) const FRAME: usize = 9;
+/// Most bytes of a payload.
+pub(super) const MAX_PAYLOAD: usize = 1 << 20;
+
+/// What a payload is. Other numbers are of later versions and are passed over.
+pub(super) const HEADER: u8 = 1;
+pub(super) const ROWS: u8 = 2;
+pub(super) const EVENTS: u8 = 3;
+pub(super) const END: u8 = 4;
+
+/// CRC-32 (the one of zlib) over length, kind and payload: a run of zeros, as a power cut leaves, is no chunk.
+fn checksum(length: u32, kind: u8, payload: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&length.to_le_bytes());
+    hasher.update(&[kind]);
+    hasher.update(payload);
+    hasher.finalize()
+}
+
+/// Append a chunk whose payload is at most [`MAX_PAYLOAD`].
+pub(super) fn append(to: &mut Vec<u8>, kind: u8, payload: &[u8]) {
+    debug_assert!(payload.len() <= MAX_PAYLOAD);
+    let length = payload.len() as u32;
+    to.extend_from_slice(&length.to_le_bytes());
+    to.push(kind);
+    to.extend_from_slice(&checksum(length, kind, payload).to_le_bytes());
+    to.extend_from_slice(payload);
+}
+
+/// What stands where a chunk should begin.
+#[derive(Debug, PartialEq)]
+pub(super) enum Found {
+    /// A whole chunk of this kind; its payload is in the buffer.
+    Whole(u8),
+    /// Bytes that are no whole chunk; where the next one would begin is known.
+    Damaged,
+    /// A length that the file does not have: where the next chunk begins is not known.
+    Cut,
+}
+
+/// Read the chunk that begins here, with `left` bytes to the end of the file; `payload` is overwritten.
+pub(super) fn next(from: &mut impl Read, left: u64, payload: &mut Vec<u8>) -> io::Result<Found> {
+    if left < FRAME as u64 {
+        return Ok(Found::Cut);
+    }
+    let mut frame = [0; FRAME];
+    from.read_exact(&mut frame)?;
+    let length = u32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]);
+    let crc = u32::from_le_bytes([frame[5], frame[6], frame[7], frame[8]]);
+    if length as usize > MAX_PAYLOAD || FRAME as u64 + u64::from(length) > left {
+        return Ok(Found::Cut);
+    }
+    payload.resize(length as usize, 0);
+    from.read_exact(payload)?;
+    if checksum(length, frame[4], payload) == crc {
+        Ok(Found::Whole(frame[4]))
+    } else {
+        Ok(Found::Damaged)
+    }
+}

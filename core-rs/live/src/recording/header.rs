@@ -1,0 +1,104 @@
+//! What a recording is of.
+
+use super::RecordingError;
+use super::chunk::MAX_PAYLOAD;
+
+const MAX_AXES: usize = 64;
+const MAX_NAME: usize = 200;
+/// The rest of a header chunk is room enough for the axes' names.
+const MAX_ABOUT: usize = MAX_PAYLOAD / 2;
+const MAX_RATE: f64 = 2e6;
+
+/// One degree of freedom of a device, played by one hand.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Axis {
+    /// Who plays.
+    pub player: String,
+    /// The key of the score that the hand is on; may be empty.
+    pub key: String,
+}
+
+/// What the rows are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Header {
+    /// Audio rate [Hz].
+    pub rate: f64,
+    /// Audio frames a tick: row k was consumed at sample k·frames.
+    pub frames: u32,
+    /// One to 64.
+    pub axes: Vec<Axis>,
+    /// What else is known, as JSON, by whoever records: score, devices, calibration, the day.
+    pub about: String,
+}
+
+impl Header {
+    /// Refuses what no recording is of.
+    pub fn check(&self) -> Result<(), RecordingError> {
+        let long = |axis: &Axis| axis.player.len().max(axis.key.len()) > MAX_NAME;
+        let wrong = if !(self.rate > 0.0 && self.rate <= MAX_RATE) {
+            "its audio rate lies above 0 and up to 2 MHz"
+        } else if self.frames == 0 || f64::from(self.frames) > MAX_RATE {
+            "a tick lasts one frame or more, and up to 2,000,000"
+        } else if self.axes.is_empty() || self.axes.len() > MAX_AXES {
+            "it has 1 to 64 axes"
+        } else if self.axes.iter().any(long) {
+            "a name has at most 200 bytes"
+        } else if self.about.len() > MAX_ABOUT {
+            "its description has at most 512 KiB"
+        } else {
+            return Ok(());
+        };
+        Err(RecordingError::Header(wrong))
+    }
+
+    /// Rows a second [Hz].
+    pub fn tick_rate(&self) -> f64 {
+        self.rate / f64::from(self.frames)
+    }
+
+    pub(super) fn encode(&self) -> Vec<u8> {
+        let mut to = Vec::new();
+        to.extend_from_slice(&self.rate.to_le_bytes());
+        to.extend_from_slice(&self.frames.to_le_bytes());
+        to.extend_from_slice(&(self.axes.len() as u32).to_le_bytes());
+        for name in self.axes.iter().flat_map(|axis| [&axis.player, &axis.key]) {
+            to.extend_from_slice(&(name.len() as u16).to_le_bytes());
+            to.extend_from_slice(name.as_bytes());
+        }
+        to.extend_from_slice(self.about.as_bytes());
+        to
+    }
+
+    /// The header of a payload; `None` where it is none that could have been written.
+    pub(super) fn decode(payload: &[u8]) -> Option<Self> {
+        let (rate, rest) = payload.split_first_chunk::<8>()?;
+        let (frames, rest) = rest.split_first_chunk::<4>()?;
+        let (n_axes, mut rest) = rest.split_first_chunk::<4>()?;
+        let n_axes = u32::from_le_bytes(*n_axes) as usize;
+        if n_axes > MAX_AXES {
+            return None;
+        }
+        let mut name = || {
+            let (length, after) = rest.split_first_chunk::<2>()?;
+            let (text, after) = after.split_at_checked(u16::from_le_bytes(*length).into())?;
+            rest = after;
+            String::from_utf8(text.to_vec()).ok()
+        };
+        let axes = (0..n_axes)
+            .map(|_| {
+                Some(Axis {
+                    player: name()?,
+                    key: name()?,
+                })
+            })
+            .collect::<Option<_>>()?;
+        let header = Self {
+            rate: f64::from_le_bytes(*rate),
+            frames: u32::from_le_bytes(*frames),
+            axes,
+            about: String::from_utf8(rest.to_vec()).ok()?,
+        };
+        header.check().ok()?;
+        Some(header)
+    }
+}

@@ -1,0 +1,300 @@
+//! Reading what is whole of a recording, and saying what is not.
+
+use std::fs::{self, File};
+use std::io::{BufReader, Read, Write};
+use std::ops::Range;
+use std::path::Path;
+
+use super::chunk::{self, Found};
+use super::row::{self, Sample};
+use super::{Header, MAGIC, MAX_EVENTS, MAX_SAMPLES, RecordingError, VERSION};
+
+/// Payload of a chunk that is written in one go: damage to one costs little.
+const PIECE: usize = 1 << 16;
+const EVENT: usize = 8 + 4;
+
+/// Rows and events in memory; columns are (n_ticks × n_axes), row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// What the rows are.
+    pub header: Header,
+    /// Rising; tick k begins with audio frame k·`header.frames`. (n_ticks,)
+    pub ticks: Vec<u64>,
+    /// Every axis at every tick. (n_ticks × n_axes)
+    pub samples: Vec<Sample>,
+    /// What else the physics consumed, and when: tick, JSON line.
+    pub events: Vec<(u64, String)>,
+    /// Rows and events that did not fit on their way to the file.
+    pub dropped: u64,
+    /// Bytes that are no whole chunk.
+    pub lost_bytes: u64,
+    /// The recorder came to its end; without it, it was killed or is still at work.
+    pub finished: bool,
+}
+
+impl Recording {
+    /// Rows made elsewhere; refuses what contradicts itself.
+    pub fn new(
+        header: Header,
+        ticks: Vec<u64>,
+        samples: Vec<Sample>,
+    ) -> Result<Self, RecordingError> {
+        header.check()?;
+        if samples.len() != ticks.len() * header.axes.len() {
+            let wrong = "it has one position for each tick and axis";
+            return Err(RecordingError::Rows(wrong));
+        }
+        if !ticks.is_sorted_by(|a, b| a < b) {
+            return Err(RecordingError::Rows("its ticks rise"));
+        }
+        if samples.len() > MAX_SAMPLES {
+            return Err(RecordingError::TooLong);
+        }
+        Ok(Self {
+            finished: true,
+            ..Self::empty(header)
+        }
+        .with(ticks, samples))
+    }
+
+    fn empty(header: Header) -> Self {
+        Self {
+            header,
+            ticks: Vec::new(),
+            samples: Vec::new(),
+            events: Vec::new(),
+            dropped: 0,
+            lost_bytes: 0,
+            finished: false,
+        }
+    }
+
+    fn with(self, ticks: Vec<u64>, samples: Vec<Sample>) -> Self {
+        Self {
+            ticks,
+            samples,
+            ..self
+        }
+    }
+
+    /// Nothing of the file is lost.
+    pub fn whole(&self) -> bool {
+        self.lost_bytes == 0
+    }
+
+    /// Positions [m] at every tick from the first to the last, (n × n_axes): what the physics consumes when it
+    /// plays the recording back. A tick that is missing holds the one before, as a late device is held.
+    pub fn held(&self) -> Result<Vec<f64>, RecordingError> {
+        let (Some(&first), Some(&last)) = (self.ticks.first(), self.ticks.last()) else {
+            return Ok(Vec::new());
+        };
+        let n_axes = self.header.axes.len();
+        if last - first >= (MAX_SAMPLES / n_axes) as u64 {
+            return Err(RecordingError::TooLong);
+        }
+        let mut held = Vec::with_capacity((last - first + 1) as usize * n_axes);
+        for (tick, row) in self.ticks.iter().zip(self.samples.chunks_exact(n_axes)) {
+            let gap = (tick - first) as usize - held.len() / n_axes;
+            for _ in 0..gap {
+                held.extend_from_within(held.len() - n_axes..);
+            }
+            held.extend(row.iter().map(|sample| sample.position));
+        }
+        Ok(held)
+    }
+
+    /// Write it anew, whole and finished.
+    pub fn write(&self, to: &mut impl Write) -> Result<(), RecordingError> {
+        let mut bytes = start(&self.header);
+        let n_axes = self.header.axes.len();
+        let size = row::size(n_axes);
+        let per_chunk = (PIECE / size).max(1);
+        let mut payload = Vec::new();
+        let rows = self.samples.chunks(n_axes * per_chunk);
+        for (ticks, samples) in self.ticks.chunks(per_chunk).zip(rows) {
+            payload.resize(size * ticks.len(), 0);
+            let each = ticks.iter().zip(samples.chunks_exact(n_axes));
+            for (to, (&tick, samples)) in payload.chunks_exact_mut(size).zip(each) {
+                row::encode(to, tick, samples);
+            }
+            chunk::append(&mut bytes, chunk::ROWS, &payload);
+            to.write_all(&bytes)?;
+            bytes.clear();
+        }
+        payload.clear();
+        for (tick, line) in &self.events {
+            if payload.len() + EVENT + line.len() > chunk::MAX_PAYLOAD {
+                chunk::append(&mut bytes, chunk::EVENTS, &payload);
+                payload.clear();
+            }
+            payload.extend_from_slice(&tick.to_le_bytes());
+            payload.extend_from_slice(&(line.len() as u32).to_le_bytes());
+            payload.extend_from_slice(line.as_bytes());
+        }
+        if !payload.is_empty() {
+            chunk::append(&mut bytes, chunk::EVENTS, &payload);
+        }
+        chunk::append(&mut bytes, chunk::END, &self.dropped.to_le_bytes());
+        to.write_all(&bytes)?;
+        Ok(())
+    }
+}
+
+/// Everything before the first row.
+pub(super) fn start(header: &Header) -> Vec<u8> {
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend_from_slice(&VERSION.to_le_bytes());
+    chunk::append(&mut bytes, chunk::HEADER, &header.encode());
+    bytes
+}
+
+/// Read the rows and events of `ticks` (all of them without); memory is bounded, whatever the file says.
+pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, RecordingError> {
+    // Looked at before it is opened: a named pipe would wait for a writer.
+    if !fs::metadata(path)?.is_file() {
+        return Err(RecordingError::NotOne);
+    }
+    let file = File::open(path)?;
+    let length = file.metadata()?.len();
+    decode(&mut BufReader::new(file), length, ticks)
+}
+
+/// The recording in `length` bytes.
+pub(super) fn decode(
+    from: &mut impl Read,
+    length: u64,
+    ticks: Option<Range<u64>>,
+) -> Result<Recording, RecordingError> {
+    let mut prefix = [0; MAGIC.len() + 4];
+    if length < prefix.len() as u64 {
+        return Err(RecordingError::NotOne);
+    }
+    from.read_exact(&mut prefix)?;
+    let (magic, version) = prefix.split_at(MAGIC.len());
+    if magic != MAGIC {
+        return Err(RecordingError::NotOne);
+    }
+    let version = u32::from_le_bytes([version[0], version[1], version[2], version[3]]);
+    if version != VERSION {
+        return Err(RecordingError::Version(version));
+    }
+    let mut at = prefix.len() as u64;
+    let mut payload = Vec::new();
+    let header = match chunk::next(from, length - at, &mut payload)? {
+        Found::Whole(chunk::HEADER) => Header::decode(&payload),
+        _ => None,
+    };
+    let header = header.ok_or(RecordingError::NoHeader)?;
+    let mut collected = Collected::new(header, ticks.unwrap_or(0..u64::MAX));
+    at += (chunk::FRAME + payload.len()) as u64;
+    while at < length {
+        let found = chunk::next(from, length - at, &mut payload)?;
+        let size = match found {
+            Found::Cut => length - at,
+            _ => (chunk::FRAME + payload.len()) as u64,
+        };
+        let kept = match found {
+            Found::Whole(kind) => collected.take(kind, &payload)?,
+            _ => false,
+        };
+        if !kept {
+            collected.recording.lost_bytes += size;
+        }
+        at += size;
+        if found == Found::Cut {
+            break;
+        }
+    }
+    Ok(collected.recording)
+}
+
+/// What was read so far.
+struct Collected {
+    recording: Recording,
+    ticks: Range<u64>,
+    after: Option<u64>,
+    event_bytes: usize,
+}
+
+impl Collected {
+    fn new(header: Header, ticks: Range<u64>) -> Self {
+        Self {
+            recording: Recording::empty(header),
+            ticks,
+            after: None,
+            event_bytes: 0,
+        }
+    }
+
+    /// Keep a payload; false where it contradicts itself or what came before.
+    fn take(&mut self, kind: u8, payload: &[u8]) -> Result<bool, RecordingError> {
+        match kind {
+            _ if self.recording.finished => Ok(false), // nothing follows the end
+            chunk::HEADER => Ok(false),
+            chunk::ROWS => self.rows(payload),
+            chunk::EVENTS => self.events(payload),
+            chunk::END => Ok(payload.first_chunk().is_some_and(|dropped| {
+                self.recording.dropped = u64::from_le_bytes(*dropped);
+                self.recording.finished = true;
+                true
+            })),
+            _ => Ok(true), // of a later version that says more
+        }
+    }
+
+    fn rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
+        let n_axes = self.recording.header.axes.len();
+        let rows = payload.chunks_exact(row::size(n_axes));
+        if !rows.remainder().is_empty() {
+            return Ok(false);
+        }
+        let mut after = self.after;
+        for tick in rows.clone().map(row::tick) {
+            if after.is_some_and(|after| tick <= after) {
+                return Ok(false);
+            }
+            after = Some(tick);
+        }
+        self.after = after;
+        for row in rows {
+            let tick = row::tick(row);
+            if self.ticks.contains(&tick) {
+                if self.recording.samples.len() + n_axes > MAX_SAMPLES {
+                    return Err(RecordingError::TooLong);
+                }
+                self.recording.ticks.push(tick);
+                self.recording.samples.extend(row::samples(row));
+            }
+        }
+        Ok(true)
+    }
+
+    fn events(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
+        let Some(events) = events(payload) else {
+            return Ok(false);
+        };
+        for (tick, line) in events {
+            if self.ticks.contains(&tick) {
+                self.event_bytes += EVENT + line.len();
+                if self.event_bytes > MAX_EVENTS {
+                    return Err(RecordingError::TooLong);
+                }
+                self.recording.events.push((tick, line.to_owned()));
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// The events of a payload; `None` where it holds anything else.
+fn events(mut rest: &[u8]) -> Option<Vec<(u64, &str)>> {
+    let mut events = Vec::new();
+    while !rest.is_empty() {
+        let (tick, after) = rest.split_first_chunk::<8>()?;
+        let (length, after) = after.split_first_chunk::<4>()?;
+        let (line, after) = after.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        events.push((u64::from_le_bytes(*tick), std::str::from_utf8(line).ok()?));
+        rest = after;
+    }
+    Some(events)
+}

@@ -1,0 +1,334 @@
+use std::fs;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use proptest::prelude::*;
+
+use super::reader::decode;
+use super::*;
+
+/// A folder of a test's own, gone when it ends.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Self {
+        static SERIAL: AtomicU64 = AtomicU64::new(0);
+        let serial = SERIAL.fetch_add(1, Ordering::Relaxed);
+        let name = format!("ergon-recording-{}-{serial}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        fs::create_dir_all(&folder).unwrap();
+        Self(folder)
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        fs::remove_dir_all(&self.0).ok();
+    }
+}
+
+fn header(n_axes: usize) -> Header {
+    let axis = |i| Axis {
+        player: format!("rémi{i}"),
+        key: format!("k{i}"),
+    };
+    Header {
+        rate: 44_100.0,
+        frames: 44,
+        axes: (0..n_axes).map(axis).collect(),
+        about: r#"{"day":"2026-11-20"}"#.to_owned(),
+    }
+}
+
+/// Numbers that differ in every field, tick and axis.
+fn sample(tick: u64, axis: usize) -> Sample {
+    let x = tick as f64 + 0.1 * axis as f64;
+    Sample {
+        position: x * 1e-3 / 3.0,
+        force: -x / 7.0,
+        sent: x as f32 / 9.0,
+        flags: tick as u8,
+        clock: (tick as u32).wrapping_mul(1_000) + axis as u32,
+    }
+}
+
+fn samples(tick: u64, n_axes: usize) -> Vec<Sample> {
+    (0..n_axes).map(|axis| sample(tick, axis)).collect()
+}
+
+fn made(ticks: &[u64], n_axes: usize) -> Recording {
+    let all = ticks.iter().flat_map(|&tick| samples(tick, n_axes));
+    Recording::new(header(n_axes), ticks.to_vec(), all.collect()).unwrap()
+}
+
+fn written(recording: &Recording) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    recording.write(&mut bytes).unwrap();
+    bytes
+}
+
+fn reread(bytes: &[u8]) -> Result<Recording, RecordingError> {
+    decode(&mut &bytes[..], bytes.len() as u64, None)
+}
+
+#[test]
+fn what_a_hand_did_is_read_back_to_the_bit() {
+    let folder = Folder::new();
+    let path = folder.file("a.take");
+    let (mut sink, handle) = Recorder::start(&path, &header(3)).unwrap();
+    let ticks: Vec<u64> = (7..20_007).filter(|tick| tick % 1_000 != 3).collect();
+    for &tick in &ticks {
+        while !sink.row(tick, &samples(tick, 3)) {
+            std::thread::yield_now(); // faster than any hand
+        }
+        if tick % 5_000 == 0 {
+            assert!(sink.event(tick, format_args!(r#"{{"gain":{}}}"#, tick as f64 / 7.0)));
+        }
+    }
+    let status = handle.stop().unwrap();
+    assert_eq!(status.rows, ticks.len() as u64);
+    assert_eq!(status.trouble, None);
+    let found = read(&path, None).unwrap();
+    let mut wanted = made(&ticks, 3);
+    let gain = |tick: u64| (tick, format!(r#"{{"gain":{}}}"#, tick as f64 / 7.0));
+    wanted.events = [5_000, 10_000, 15_000, 20_000].map(gain).to_vec();
+    wanted.dropped = status.dropped;
+    assert!(found == wanted);
+    assert!(found.whole());
+}
+
+#[test]
+fn no_file_is_written_over() {
+    let folder = Folder::new();
+    let path = folder.file("a.take");
+    fs::write(&path, "mine").unwrap();
+    let refused = Recorder::start(&path, &header(1)).map(|_| ());
+    assert!(
+        matches!(refused, Err(RecordingError::Io(error)) if error.kind() == std::io::ErrorKind::AlreadyExists)
+    );
+    assert_eq!(fs::read(&path).unwrap(), b"mine");
+}
+
+#[test]
+fn a_sink_that_is_dropped_ends_the_recording() {
+    let folder = Folder::new();
+    let path = folder.file("a.take");
+    let (mut sink, handle) = Recorder::start(&path, &header(1)).unwrap();
+    assert!(sink.row(5, &samples(5, 1)));
+    drop(sink);
+    drop(handle);
+    let found = read(&path, None).unwrap();
+    assert!(found.finished);
+    assert_eq!(found.ticks, [5]);
+}
+
+#[test]
+fn what_finds_no_room_is_counted() {
+    let folder = Folder::new();
+    let path = folder.file("a.take");
+    let (mut sink, handle) = Recorder::start(&path, &header(2)).unwrap();
+    assert!(sink.row(5, &samples(5, 2)));
+    assert!(!sink.row(5, &samples(5, 2)), "a tick comes once");
+    assert!(!sink.row(6, &samples(6, 1)), "every axis has its place");
+    assert!(!sink.event(6, format_args!("{:2000}", 1)), "a long line");
+    // The ring holds some seconds; the thread that empties it sleeps most of the time.
+    let before = (0..2_000_000_u64).take_while(|i| sink.row(10 + i, &samples(*i, 2)));
+    let kept = before.count() as u64;
+    let dropped = sink.dropped();
+    assert!(dropped >= 4);
+    let status = handle.stop().unwrap();
+    assert_eq!(status.rows, kept + 1);
+    assert_eq!(read(&path, None).unwrap().dropped, dropped);
+}
+
+#[test]
+fn a_part_of_it_can_be_read() {
+    let mut recording = made(&[3, 4, 6, 9, 10], 2);
+    recording.events = vec![(3, "1".into()), (6, "2".into()), (10, "3".into())];
+    let bytes = written(&recording);
+    let found = decode(&mut &bytes[..], bytes.len() as u64, Some(4..10)).unwrap();
+    let mut wanted = made(&[4, 6, 9], 2);
+    wanted.events = vec![(6, "2".into())];
+    assert_eq!(found, wanted);
+}
+
+#[test]
+fn a_missing_tick_holds_the_one_before() {
+    let held = made(&[3, 4, 7], 2).held().unwrap();
+    let position = |tick, axis| sample(tick, axis).position;
+    let wanted = [3, 4, 4, 4, 7].map(|tick| [position(tick, 0), position(tick, 1)]);
+    assert_eq!(held, wanted.concat());
+    assert_eq!(made(&[], 2).held().unwrap(), []);
+    let apart = made(&[3, u64::MAX - 1], 1).held();
+    assert!(matches!(apart, Err(RecordingError::TooLong)));
+}
+
+#[test]
+fn a_later_version_may_say_more() {
+    let mut bytes = written(&made(&[1], 1));
+    let end = bytes.len() - chunk::FRAME - 8;
+    let after = bytes.split_off(end);
+    chunk::append(&mut bytes, 77, b"something new");
+    bytes.extend(after);
+    assert_eq!(reread(&bytes).unwrap(), made(&[1], 1));
+    bytes[8] = 2;
+    assert!(matches!(reread(&bytes), Err(RecordingError::Version(2))));
+}
+
+#[test]
+fn rows_that_go_back_are_lost() {
+    let mut bytes = written(&made(&[5, 6], 1));
+    bytes.truncate(bytes.len() - chunk::FRAME - 8);
+    let mut row = vec![0; row::size(1)];
+    for (tick, kept) in [(5, false), (7, true), (4, false)] {
+        row::encode(&mut row, tick, &samples(tick, 1));
+        chunk::append(&mut bytes, chunk::ROWS, &row);
+        let found = reread(&bytes).unwrap();
+        assert_eq!(found.ticks.last() == Some(&tick), kept);
+    }
+    let found = reread(&bytes).unwrap();
+    assert_eq!(found.ticks, [5, 6, 7]);
+    assert_eq!(found.lost_bytes, 2 * (chunk::FRAME + row.len()) as u64);
+    assert!(!found.finished);
+}
+
+#[test]
+fn headers_that_cannot_be_are_refused() {
+    let change = |change: fn(&mut Header)| {
+        let mut header = header(1);
+        change(&mut header);
+        header.check().unwrap_err().to_string()
+    };
+    assert!(change(|h| h.rate = f64::NAN).contains("rate"));
+    assert!(change(|h| h.rate = 0.0).contains("rate"));
+    assert!(change(|h| h.frames = 0).contains("tick"));
+    assert!(change(|h| h.axes.clear()).contains("axes"));
+    assert!(change(|h| h.axes = vec![Axis::default(); 65]).contains("axes"));
+    assert!(change(|h| h.axes[0].key = "k".repeat(201)).contains("name"));
+    assert!(change(|h| h.about = " ".repeat(1 << 20)).contains("description"));
+}
+
+#[test]
+fn only_files_are_read() {
+    let folder = Folder::new();
+    let refused = read(&folder.0, None);
+    assert!(matches!(refused, Err(RecordingError::NotOne)));
+    let mut file = fs::File::create(folder.file("no.take")).unwrap();
+    file.write_all(b"t [s],x [mm]\n0,0\n1,0\n").unwrap();
+    let refused = read(&folder.file("no.take"), None);
+    assert!(matches!(refused, Err(RecordingError::NotOne)));
+}
+
+/// Recordings of some axes, with gaps, in chunks of their own.
+fn recordings() -> impl Strategy<Value = (Vec<Vec<u64>>, usize)> {
+    let steps = prop::collection::vec(prop::collection::vec(1_u64..4, 1..20), 1..6);
+    (steps, 1_usize..4).prop_map(|(steps, n_axes)| {
+        let mut tick = 0;
+        let mut next = |step: u64| {
+            tick += step;
+            tick
+        };
+        let chunks = steps
+            .into_iter()
+            .map(|chunk| chunk.into_iter().map(&mut next).collect());
+        (chunks.collect(), n_axes)
+    })
+}
+
+/// The file, and where each chunk of rows ends.
+fn laid_out(chunks: &[Vec<u64>], n_axes: usize) -> (Vec<u8>, Vec<usize>) {
+    let mut bytes = reader::start(&header(n_axes));
+    let mut ends = Vec::new();
+    for ticks in chunks {
+        let mut payload = vec![0; ticks.len() * row::size(n_axes)];
+        for (row, &tick) in payload.chunks_exact_mut(row::size(n_axes)).zip(ticks) {
+            row::encode(row, tick, &samples(tick, n_axes));
+        }
+        chunk::append(&mut bytes, chunk::ROWS, &payload);
+        ends.push(bytes.len());
+    }
+    (bytes, ends)
+}
+
+proptest! {
+    #[test]
+    fn a_cut_file_loses_its_last_chunk_alone(
+        (chunks, n_axes) in recordings(),
+        part in 0.0..1.0_f64,
+    ) {
+        let (mut bytes, ends) = laid_out(&chunks, n_axes);
+        let start = reader::start(&header(n_axes)).len();
+        let cut = start + ((bytes.len() - start) as f64 * part) as usize;
+        bytes.truncate(cut);
+        let found = reread(&bytes).unwrap();
+        let n_whole = ends.iter().filter(|&&end| end <= cut).count();
+        let whole = ends[..n_whole].last().copied().unwrap_or(start);
+        let mut wanted = made(&chunks[..n_whole].concat(), n_axes);
+        wanted.finished = false;
+        wanted.lost_bytes = (cut - whole) as u64;
+        prop_assert_eq!(found, wanted);
+    }
+
+    #[test]
+    fn a_garbled_payload_loses_its_chunk_alone(
+        (chunks, n_axes) in recordings(),
+        which in 0.0..1.0_f64,
+        at in 0.0..1.0_f64,
+        bits in 1_u8..,
+    ) {
+        let (mut bytes, ends) = laid_out(&chunks, n_axes);
+        let start = reader::start(&header(n_axes)).len();
+        let which = (chunks.len() as f64 * which) as usize;
+        let begin = if which == 0 { start } else { ends[which - 1] };
+        let payload = ends[which] - begin - chunk::FRAME;
+        // Behind the length: kind, checksum, payload.
+        let at = begin + 4 + ((payload + 5) as f64 * at) as usize;
+        bytes[at] ^= bits;
+        let found = reread(&bytes).unwrap();
+        let mut left = chunks.clone();
+        left.remove(which);
+        prop_assert_eq!(found.ticks, left.concat());
+        prop_assert_eq!(found.lost_bytes, (ends[which] - begin) as u64);
+    }
+
+    #[test]
+    fn strangers_bytes_are_read_or_refused(
+        (chunks, n_axes) in recordings(),
+        changes in prop::collection::vec((0.0..1.0_f64, any::<u8>(), 0_usize..40), 1..6),
+    ) {
+        let (mut bytes, _) = laid_out(&chunks, n_axes);
+        for (at, byte, n) in changes {
+            let at = (bytes.len() as f64 * at) as usize;
+            let end = bytes.len().min(at + n);
+            match byte % 3 {
+                0 => bytes[at..end].fill(byte),
+                1 => drop(bytes.drain(at..end)),
+                _ => drop(bytes.splice(at..at, vec![byte; n])),
+            }
+        }
+        // What is whole is what was played, never something else.
+        if let Ok(found) = reread(&bytes) {
+            let n_axes = found.header.axes.len();
+            let played = chunks.concat();
+            for (tick, row) in found.ticks.iter().zip(found.samples.chunks_exact(n_axes)) {
+                prop_assert!(played.contains(tick));
+                prop_assert_eq!(row, samples(*tick, n_axes));
+            }
+        }
+    }
+
+    #[test]
+    fn anything_is_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let mut all = reader::start(&header(1));
+        all.extend(&bytes);
+        if let Ok(found) = reread(&all) {
+            prop_assert_eq!(found.ticks.len(), found.samples.len());
+        }
+        prop_assert!(reread(&bytes).is_err());
+    }
+}

@@ -1,0 +1,364 @@
+//! Recording: the real-time thread puts rows into a ring, a plain thread appends them to the file.
+
+use std::fmt;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::reader::start;
+use super::row::{self, Sample};
+use super::{Header, RecordingError, chunk};
+
+/// How often rows go to the operating system: half of what a killed process may lose is left for a late thread.
+const APPEND: Duration = Duration::from_millis(200);
+/// How often the operating system is told to bring them to the disk.
+const SYNC: Duration = Duration::from_secs(1);
+/// What the ring holds while the disk does not answer [s].
+const PATIENCE: f64 = 8.0;
+const MIN_ROWS: f64 = 256.0;
+/// Rings are memory that stays locked.
+const MAX_RING: usize = 64 << 20;
+const EVENT_RING: usize = 256 << 10;
+/// Longest line of an event [bytes].
+const MAX_LINE: usize = 1024;
+const EVENT_HEAD: usize = 8 + 4;
+
+/// Makes recordings.
+pub struct Recorder;
+
+impl Recorder {
+    /// Begin a recording at `path`, where no file may be, and a thread that writes it.
+    ///
+    /// The file has its name from the start: what has been played must survive whatever ends the program.
+    pub fn start(
+        path: &Path,
+        header: &Header,
+    ) -> Result<(RowSink, RecorderHandle), RecordingError> {
+        header.check()?;
+        let mut options = OpenOptions::new();
+        let mut file = options.append(true).create_new(true).open(path)?;
+        let bytes = start(header);
+        file.write_all(&bytes)?;
+        file.sync_all()?;
+        sync_folder(path);
+
+        let row = row::size(header.axes.len());
+        let rows = (header.tick_rate() * PATIENCE).ceil().max(MIN_ROWS) as usize;
+        let (to_rows, from_rows) = RingBuffer::new(row * rows.min(MAX_RING / row));
+        let (to_events, from_events) = RingBuffer::new(EVENT_RING);
+        let shared = Arc::new(Shared::default());
+        let writer = Writer {
+            file,
+            good: bytes.len() as u64,
+            rows: from_rows,
+            row,
+            events: from_events,
+            payload: Vec::with_capacity(chunk::MAX_PAYLOAD),
+            pending: Vec::new(),
+            pending_rows: 0,
+            shared: Arc::clone(&shared),
+        };
+        let thread = thread::Builder::new()
+            .name("recorder".to_owned())
+            .spawn(move || writer.run())?;
+        let sink = RowSink {
+            rows: to_rows,
+            events: to_events,
+            row: vec![0; row],
+            n_axes: header.axes.len(),
+            last: None,
+            shared: Arc::clone(&shared),
+        };
+        let thread = Some(thread);
+        Ok((sink, RecorderHandle { shared, thread }))
+    }
+}
+
+/// The new name is in the folder, and the folder is on the disk; where that cannot be had the file is there all the
+/// same, unless the power fails within seconds.
+fn sync_folder(path: &Path) {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    if let Ok(folder) = File::open(folder.unwrap_or_else(|| Path::new("."))) {
+        folder.sync_all().ok();
+    }
+}
+
+#[derive(Default)]
+struct Shared {
+    rows: AtomicU64,
+    dropped: AtomicU64,
+    stop: AtomicBool,
+    /// Between the writer and whoever asks; the sink never takes it.
+    trouble: Mutex<Option<String>>,
+}
+
+impl Shared {
+    fn trouble(&self, found: Option<String>) {
+        *self.trouble.lock().unwrap_or_else(PoisonError::into_inner) = found;
+    }
+}
+
+/// The real-time thread's end: nothing here waits, allocates or fails; what finds no room is counted.
+///
+/// Dropping it frees memory: hand it back to another thread for that.
+pub struct RowSink {
+    rows: Producer<u8>,
+    events: Producer<u8>,
+    row: Vec<u8>,
+    n_axes: usize,
+    last: Option<u64>,
+    shared: Arc<Shared>,
+}
+
+impl RowSink {
+    /// Put a tick into the recording, (n_axes,); false where there is no room, another number of axes, or a tick
+    /// that does not follow the last one.
+    pub fn row(&mut self, tick: u64, samples: &[Sample]) -> bool {
+        let follows = self.last.is_none_or(|last| tick > last);
+        if !follows || samples.len() != self.n_axes {
+            return self.kept(false);
+        }
+        row::encode(&mut self.row, tick, samples);
+        let room = self.rows.push_entire_slice(&self.row).is_ok();
+        if room {
+            self.last = Some(tick);
+        }
+        self.kept(room)
+    }
+
+    /// Put what the physics consumed at a tick besides positions, as a JSON line of at most 1 KiB, such as
+    /// `format_args!(r#"{{"late":{n}}}"#)`.
+    pub fn event(&mut self, tick: u64, line: fmt::Arguments<'_>) -> bool {
+        let mut buffer = [0; EVENT_HEAD + MAX_LINE];
+        let (head, body) = buffer.split_at_mut(EVENT_HEAD);
+        let mut left = &mut body[..];
+        let fits = left.write_fmt(line).is_ok();
+        let length = MAX_LINE - left.len();
+        head[..8].copy_from_slice(&tick.to_le_bytes());
+        head[8..].copy_from_slice(&(length as u32).to_le_bytes());
+        let event = &buffer[..EVENT_HEAD + length];
+        let kept = fits && self.events.push_entire_slice(event).is_ok();
+        self.kept(kept)
+    }
+
+    /// Rows and events that found no room.
+    pub fn dropped(&self) -> u64 {
+        self.shared.dropped.load(Ordering::Relaxed)
+    }
+
+    fn kept(&self, kept: bool) -> bool {
+        if !kept {
+            self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+        kept
+    }
+}
+
+/// How a recording goes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Status {
+    /// Rows that the operating system has.
+    pub rows: u64,
+    /// Rows and events that found no room.
+    pub dropped: u64,
+    /// Why nothing can be written at present; rows wait meanwhile, for some seconds.
+    pub trouble: Option<String>,
+}
+
+/// Whoever asked for the recording holds this end.
+pub struct RecorderHandle {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl RecorderHandle {
+    /// How it goes.
+    pub fn status(&self) -> Status {
+        let trouble = self.shared.trouble.lock();
+        Status {
+            rows: self.shared.rows.load(Ordering::Relaxed),
+            dropped: self.shared.dropped.load(Ordering::Relaxed),
+            trouble: trouble.unwrap_or_else(PoisonError::into_inner).clone(),
+        }
+    }
+
+    /// Write what is in the ring and the end, wait for the disk, and say what came of it. What the sink is given
+    /// afterwards is lost.
+    pub fn stop(mut self) -> Result<Status, RecordingError> {
+        self.join()?;
+        Ok(self.status())
+    }
+
+    fn join(&mut self) -> io::Result<()> {
+        let Some(thread) = self.thread.take() else {
+            return Ok(());
+        };
+        self.shared.stop.store(true, Ordering::Release);
+        thread.thread().unpark();
+        let panicked = |_| Err(io::Error::other("the thread that writes has panicked"));
+        thread.join().unwrap_or_else(panicked)
+    }
+}
+
+impl Drop for RecorderHandle {
+    fn drop(&mut self) {
+        self.join().ok();
+    }
+}
+
+struct Writer {
+    file: File,
+    /// Bytes of whole chunks.
+    good: u64,
+    rows: Consumer<u8>,
+    row: usize,
+    events: Consumer<u8>,
+    payload: Vec<u8>,
+    /// Chunks that the file does not have yet.
+    pending: Vec<u8>,
+    pending_rows: u64,
+    shared: Arc<Shared>,
+}
+
+impl Writer {
+    fn run(mut self) -> io::Result<()> {
+        let mut synced = Instant::now();
+        loop {
+            // Asked before the rings are emptied: nothing comes after it.
+            let last = self.shared.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
+            let mut done = self.append_all(last);
+            if synced.elapsed() >= SYNC || last {
+                done = done.and_then(|()| self.file.sync_data());
+                synced = Instant::now();
+            }
+            self.shared
+                .trouble(done.as_ref().err().map(ToString::to_string));
+            if last {
+                return done;
+            }
+            thread::park_timeout(APPEND);
+        }
+    }
+
+    /// Append what is in the rings, and the end where it is the `last` time.
+    fn append_all(&mut self, last: bool) -> io::Result<()> {
+        self.append()?;
+        while self.rows.slots() >= self.row || self.events.slots() > 0 {
+            self.gather();
+            self.append()?;
+        }
+        if last {
+            let dropped = self.shared.dropped.load(Ordering::Relaxed);
+            chunk::append(&mut self.pending, chunk::END, &dropped.to_le_bytes());
+            self.append()?;
+        }
+        Ok(())
+    }
+
+    /// A chunk of rows and one of events out of the rings.
+    fn gather(&mut self) {
+        let most = chunk::MAX_PAYLOAD / self.row * self.row;
+        let rows = self.rows.slots() / self.row * self.row;
+        if drain(&mut self.rows, rows.min(most), &mut self.payload) {
+            chunk::append(&mut self.pending, chunk::ROWS, &self.payload);
+            self.pending_rows = (self.payload.len() / self.row) as u64;
+        }
+        // An event enters its ring in one go, so what is there ends where one ends; and all of it fits.
+        let events = self.events.slots();
+        if drain(&mut self.events, events, &mut self.payload) {
+            chunk::append(&mut self.pending, chunk::EVENTS, &self.payload);
+        }
+    }
+
+    /// What is pending goes to the file. Where that fails (a full disk) the file keeps its whole chunks, and the
+    /// next call tries again.
+    fn append(&mut self) -> io::Result<()> {
+        if self.pending.is_empty() {
+            return Ok(());
+        }
+        if let Err(error) = self.file.write_all(&self.pending) {
+            self.file.set_len(self.good).ok();
+            return Err(error);
+        }
+        self.good += self.pending.len() as u64;
+        self.shared
+            .rows
+            .fetch_add(self.pending_rows, Ordering::Relaxed);
+        self.pending.clear();
+        self.pending_rows = 0;
+        Ok(())
+    }
+}
+
+/// Move `n` bytes into `to`; false where there are none.
+fn drain(from: &mut Consumer<u8>, n: usize, to: &mut Vec<u8>) -> bool {
+    to.clear();
+    let Ok(chunk) = from.read_chunk(n) else {
+        return false;
+    };
+    let (one, two) = chunk.as_slices();
+    to.extend_from_slice(one);
+    to.extend_from_slice(two);
+    chunk.commit_all();
+    n > 0
+}
+
+const _: () = assert!(EVENT_RING <= chunk::MAX_PAYLOAD);
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::super::Axis;
+    use super::super::reader::decode;
+    use super::*;
+
+    #[test]
+    fn rows_wait_for_a_disk_that_is_full() {
+        let header = Header {
+            rate: 1e3,
+            frames: 1,
+            axes: vec![Axis::default()],
+            about: String::new(),
+        };
+        let path = std::env::temp_dir().join(format!("ergon-full-{}.take", std::process::id()));
+        let beginning = start(&header);
+        std::fs::write(&path, &beginning).unwrap();
+        let row = row::size(1);
+        let (mut to_rows, rows) = RingBuffer::new(row * 100);
+        let (_to_events, events) = RingBuffer::new(EVENT_RING);
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let mut writer = Writer {
+            file: full,
+            good: beginning.len() as u64,
+            rows,
+            row,
+            events,
+            payload: Vec::new(),
+            pending: Vec::new(),
+            pending_rows: 0,
+            shared: Arc::default(),
+        };
+        let mut bytes = vec![0; row];
+        for tick in 0..3 {
+            row::encode(&mut bytes, tick, &[Sample::default()]);
+            to_rows.push_entire_slice(&bytes).unwrap();
+            assert!(writer.append_all(false).is_err());
+        }
+        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 0);
+        writer.file = OpenOptions::new().append(true).open(&path).unwrap();
+        writer.append_all(true).unwrap();
+        let written = std::fs::read(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let found = decode(&mut &written[..], written.len() as u64, None).unwrap();
+        assert_eq!(found.ticks, [0, 1, 2]);
+        assert!(found.whole() && found.finished);
+        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 3);
+    }
+}

@@ -1,0 +1,103 @@
+//! A recording from the real-time side: it allocates nothing, and survives the death of its process.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+use std::{env, fs, thread};
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use ergon_live::recording::{Axis, Header, Recorder, Sample, read};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+const PATH: &str = "ERGON_TEST_RECORDING";
+
+fn header() -> Header {
+    Header {
+        rate: 44_100.0,
+        frames: 44,
+        axes: vec![Axis::default(); 2],
+        about: "{}".to_owned(),
+    }
+}
+
+fn row(tick: u64) -> [Sample; 2] {
+    [1.0, 2.0].map(|axis| Sample {
+        position: axis * tick as f64 / 3.0,
+        ..Sample::default()
+    })
+}
+
+fn file(name: &str) -> PathBuf {
+    let path = env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
+    fs::remove_file(&path).ok();
+    path
+}
+
+#[test]
+fn the_real_time_side_does_not_allocate() {
+    let path = file("no-alloc");
+    let (mut sink, handle) = Recorder::start(&path, &header()).unwrap();
+    reset_violation_count();
+    // Also when its ring is full.
+    assert_no_alloc(|| {
+        for tick in 0..50_000 {
+            sink.row(tick, &row(tick));
+            sink.event(tick, format_args!(r#"{{"gain":{},"why":{:?}}}"#, 0.1, "a"));
+        }
+    });
+    assert_eq!(violation_count(), 0);
+    assert!(sink.dropped() > 0);
+    drop((sink, handle));
+    fs::remove_file(&path).unwrap();
+}
+
+/// Plays for ever and says so; run by the next test in a process of its own.
+#[test]
+#[ignore = "the next test runs and kills it"]
+fn records_until_it_is_killed() {
+    let path = env::var(PATH).expect("the next test says where");
+    let (mut sink, _handle) = Recorder::start(Path::new(&path), &header()).unwrap();
+    eprintln!("recording");
+    for tick in 0.. {
+        sink.row(tick, &row(tick));
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_killed_recording_keeps_what_it_had() {
+    let path = file("killed");
+    let mut child = Command::new(env::current_exe().unwrap())
+        .args([
+            "--exact",
+            "records_until_it_is_killed",
+            "--ignored",
+            "--nocapture",
+        ])
+        .env(PATH, &path)
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(said.any(|line| line.unwrap().contains("recording")));
+    // Read while it is being written, until some chunks are there.
+    let before = loop {
+        let found = read(&path, None).unwrap();
+        if found.ticks.len() > 500 {
+            break found;
+        }
+        thread::sleep(Duration::from_millis(50));
+    };
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let after = read(&path, None).unwrap();
+    fs::remove_file(&path).unwrap();
+    assert!(!after.finished);
+    assert!(after.ticks.starts_with(&before.ticks));
+    let wanted = after.ticks.iter().flat_map(|&tick| row(tick));
+    assert!(after.samples.iter().copied().eq(wanted));
+}
