@@ -14,6 +14,7 @@ mod mixer;
 mod network;
 mod pcm;
 mod plan;
+mod recording;
 mod simulation;
 mod take;
 mod timeline;
@@ -44,6 +45,8 @@ mod _core {
     use super::pcm::{pcm, single};
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
+    #[pymodule_export]
+    use super::recording::{Recording, read_recording};
     #[pymodule_export]
     use super::simulation::{Energy, Report, Simulation, Snapshot};
     #[pymodule_export]

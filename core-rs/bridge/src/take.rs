@@ -1,7 +1,7 @@
 //! Captured movements.
 
 use ergon_engine::gesture::take::{self, Care, TakeError};
-use numpy::PyReadonlyArray1;
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use crate::error::{EngineError, with};
@@ -42,6 +42,19 @@ impl Take {
     /// Position, velocity, acceleration at t [s].
     fn at(&self, t: f64) -> (f64, f64, f64) {
         self.0.profile().at(t)
+    }
+
+    /// Positions at t [s], (n,), quickest where they follow each other closely.
+    fn positions<'py>(
+        &self,
+        py: Python<'py>,
+        t: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (profile, t) = (self.0.profile(), t.as_slice()?);
+        let mut cursor = 0;
+        let mut at = |&t: &f64| profile.at_from(&mut cursor, t).0;
+        let x: Vec<f64> = py.detach(|| t.iter().map(&mut at).collect());
+        Ok(x.into_pyarray(py))
     }
 }
 

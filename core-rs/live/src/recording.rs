@@ -51,7 +51,7 @@ pub enum RecordingError {
     Rows(&'static str),
     /// More than fits.
     #[error(
-        "this recording is longer than {MAX_SAMPLES} rows and axes, or {MAX_EVENTS} bytes of events; read a part of it"
+        "this recording is longer than {MAX_SAMPLES} rows and axes, or {MAX_EVENTS} bytes of events; take a part of it"
     )]
     TooLong,
 }

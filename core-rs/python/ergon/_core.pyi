@@ -5,6 +5,7 @@ SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules
 """
 
 from collections.abc import Mapping, Sequence
+from os import PathLike
 from typing import Literal, Self, final
 
 import numpy as np
@@ -230,6 +231,62 @@ class Take:
     n_samples: int
     def at(self, t: float) -> tuple[float, float, float]:
         """Position, velocity, acceleration at t [s]."""
+    def positions(self, t: _Floats) -> _Floats:
+        """Positions [m] at t [s], both (n,); quickest where instants follow each other closely."""
+
+@final
+class Recording:
+    """What live hands did, tick by tick; sizes: n_ticks rows, n_axes axes.
+
+    `rate` [Hz] is of the sound and a tick lasts `frames` frames: row k was consumed at frame
+    ticks[k]·frames. Axes are (player, key); `about` is JSON by whoever recorded. Made here, forces
+    and flags are zero. Raises EngineError where ticks do not rise or positions are not
+    (n_ticks, n_axes).
+    """
+
+    def __new__(
+        cls,
+        rate: float,
+        frames: int,
+        axes: Sequence[tuple[str, str]],
+        about: str,
+        ticks: NDArray[np.uint64],
+        positions: _Floats,
+    ) -> Self: ...
+    rate: float
+    frames: int
+    axes: list[tuple[str, str]]
+    names: list[str]  # of each axis, one that no other has
+    about: str
+    events: list[tuple[int, str]]  # tick, JSON line
+    duration: float  # from the first tick to the end of the last [s]
+    dropped: int  # rows and events that found no room while recording
+    lost_bytes: int
+    whole: bool  # nothing of the file is lost
+    finished: bool  # the recorder came to its end
+    damage: str | None  # a sentence on what is wrong with the file, and what is left
+    def ticks(self) -> NDArray[np.uint64]:
+        """Rising, (n_ticks,)."""
+    def positions(self) -> _Floats:
+        """What the physics consumed [m], (n_ticks, n_axes)."""
+    def forces(self) -> _Floats:
+        """What the keys felt [N], (n_ticks, n_axes)."""
+    def sent(self) -> NDArray[np.float32]:
+        """What went to the devices, after safety [N], (n_ticks, n_axes)."""
+    def flags(self) -> NDArray[np.uint8]:
+        """1 fresh, 2 touch, 4 force enabled, 8 stand-in, 16 tripped, (n_ticks, n_axes)."""
+    def clocks(self) -> NDArray[np.uint32]:
+        """The devices' own clocks, as they send them, (n_ticks, n_axes)."""
+    def held(self) -> _Floats:
+        """Positions [m] at every tick from the first to the last, (n, n_axes), gaps held."""
+    def to_bytes(self) -> bytes:
+        """The bytes of a whole and finished `.take` file."""
+
+def read_recording(path: str | PathLike[str], span: tuple[int, int] | None = None) -> Recording:
+    """Read what is whole of a `.take` file; `span` keeps ticks from..to, counted from the first row.
+
+    Raises EngineError where it is none, or longer than fits (20,000,000 rows · axes), and OSError.
+    """
 
 # --- what will happen ---------------------------------------------------------------------------
 

@@ -1,5 +1,7 @@
 //! What a recording is of.
 
+use std::collections::HashSet;
+
 use super::RecordingError;
 use super::chunk::MAX_PAYLOAD;
 
@@ -54,6 +56,26 @@ impl Header {
     /// Rows a second [Hz].
     pub fn tick_rate(&self) -> f64 {
         self.rate / f64::from(self.frames)
+    }
+
+    /// For each axis a name that no other has: its player's, with the key's where a player has several, or numbers
+    /// from 1.
+    pub fn names(&self) -> Vec<String> {
+        let several = |player: &str| self.axes.iter().filter(|a| a.player == player).count() > 1;
+        let names: Vec<String> = self
+            .axes
+            .iter()
+            .map(|axis| match (&*axis.player, &*axis.key) {
+                ("", key) => key.to_owned(),
+                (player, key) if several(player) => format!("{player}.{key}"),
+                (player, _) => player.to_owned(),
+            })
+            .collect();
+        let distinct: HashSet<&String> = names.iter().collect();
+        if distinct.len() < names.len() || names.iter().any(String::is_empty) {
+            return (1..=names.len()).map(|i| i.to_string()).collect();
+        }
+        names
     }
 
     pub(super) fn encode(&self) -> Vec<u8> {

@@ -82,6 +82,32 @@ impl Recording {
         self.lost_bytes == 0
     }
 
+    /// From the first tick to the end of the last [s].
+    pub fn duration(&self) -> f64 {
+        let ends = self.ticks.first().zip(self.ticks.last());
+        ends.map_or(0.0, |(first, last)| {
+            ((last - first) as f64 + 1.0) / self.header.tick_rate()
+        })
+    }
+
+    /// What is wrong with the file, and what is left, in a sentence; `None` where it is as it was recorded.
+    pub fn damage(&self) -> Option<String> {
+        let left = self.duration();
+        if self.lost_bytes > 0 {
+            let lost = self.lost_bytes;
+            Some(format!(
+                "{lost} bytes of this recording are damaged; what is left lasts {left:.2} s"
+            ))
+        } else if !self.finished {
+            Some(format!(
+                "this recording was never finished, so its last half second may be missing; what is there lasts \
+                 {left:.2} s"
+            ))
+        } else {
+            None
+        }
+    }
+
     /// Positions [m] at every tick from the first to the last, (n × n_axes): what the physics consumes when it
     /// plays the recording back. A tick that is missing holds the one before, as a late device is held.
     pub fn held(&self) -> Result<Vec<f64>, RecordingError> {
@@ -148,7 +174,8 @@ pub(super) fn start(header: &Header) -> Vec<u8> {
     bytes
 }
 
-/// Read the rows and events of `ticks` (all of them without); memory is bounded, whatever the file says.
+/// Read the rows and events of `ticks`, counted from the first row; without it all of them. Memory is bounded,
+/// whatever the file says.
 pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, RecordingError> {
     // Looked at before it is opened: a named pipe would wait for a writer.
     if !fs::metadata(path)?.is_file() {
@@ -185,7 +212,7 @@ pub(super) fn decode(
         _ => None,
     };
     let header = header.ok_or(RecordingError::NoHeader)?;
-    let mut collected = Collected::new(header, ticks.unwrap_or(0..u64::MAX));
+    let mut collected = Collected::new(header, ticks);
     at += (chunk::FRAME + payload.len()) as u64;
     while at < length {
         let found = chunk::next(from, length - at, &mut payload)?;
@@ -211,16 +238,18 @@ pub(super) fn decode(
 /// What was read so far.
 struct Collected {
     recording: Recording,
-    ticks: Range<u64>,
+    ticks: Option<Range<u64>>,
+    first: Option<u64>,
     after: Option<u64>,
     event_bytes: usize,
 }
 
 impl Collected {
-    fn new(header: Header, ticks: Range<u64>) -> Self {
+    fn new(header: Header, ticks: Option<Range<u64>>) -> Self {
         Self {
             recording: Recording::empty(header),
             ticks,
+            first: None,
             after: None,
             event_bytes: 0,
         }
@@ -242,23 +271,32 @@ impl Collected {
         }
     }
 
+    /// Whether a tick lies in what is wanted; what came before the first row belongs to it.
+    fn wanted(&self, tick: u64) -> bool {
+        let from_first = tick.saturating_sub(self.first.unwrap_or(tick));
+        self.ticks
+            .as_ref()
+            .is_none_or(|ticks| ticks.contains(&from_first))
+    }
+
     fn rows(&mut self, payload: &[u8]) -> Result<bool, RecordingError> {
         let n_axes = self.recording.header.axes.len();
         let rows = payload.chunks_exact(row::size(n_axes));
         if !rows.remainder().is_empty() {
             return Ok(false);
         }
-        let mut after = self.after;
+        let (mut first, mut after) = (self.first, self.after);
         for tick in rows.clone().map(row::tick) {
             if after.is_some_and(|after| tick <= after) {
                 return Ok(false);
             }
+            first = first.or(Some(tick));
             after = Some(tick);
         }
-        self.after = after;
+        (self.first, self.after) = (first, after);
         for row in rows {
             let tick = row::tick(row);
-            if self.ticks.contains(&tick) {
+            if self.wanted(tick) {
                 if self.recording.samples.len() + n_axes > MAX_SAMPLES {
                     return Err(RecordingError::TooLong);
                 }
@@ -274,7 +312,7 @@ impl Collected {
             return Ok(false);
         };
         for (tick, line) in events {
-            if self.ticks.contains(&tick) {
+            if self.wanted(tick) {
                 self.event_bytes += EVENT + line.len();
                 if self.event_bytes > MAX_EVENTS {
                     return Err(RecordingError::TooLong);

@@ -151,10 +151,12 @@ fn a_part_of_it_can_be_read() {
     let mut recording = made(&[3, 4, 6, 9, 10], 2);
     recording.events = vec![(3, "1".into()), (6, "2".into()), (10, "3".into())];
     let bytes = written(&recording);
-    let found = decode(&mut &bytes[..], bytes.len() as u64, Some(4..10)).unwrap();
+    let part = |ticks| decode(&mut &bytes[..], bytes.len() as u64, Some(ticks)).unwrap();
     let mut wanted = made(&[4, 6, 9], 2);
     wanted.events = vec![(6, "2".into())];
-    assert_eq!(found, wanted);
+    assert_eq!(part(1..7), wanted, "counted from the first row");
+    assert_eq!(part(0..8), recording);
+    assert_eq!(part(3..3), made(&[], 2));
 }
 
 #[test]
@@ -211,6 +213,27 @@ fn headers_that_cannot_be_are_refused() {
     assert!(change(|h| h.axes = vec![Axis::default(); 65]).contains("axes"));
     assert!(change(|h| h.axes[0].key = "k".repeat(201)).contains("name"));
     assert!(change(|h| h.about = " ".repeat(1 << 20)).contains("description"));
+}
+
+#[test]
+fn every_axis_has_a_name_of_its_own() {
+    let names = |axes: &[(&str, &str)]| {
+        let axis = |(player, key): &(&str, &str)| Axis {
+            player: (*player).to_owned(),
+            key: (*key).to_owned(),
+        };
+        let axes = axes.iter().map(axis).collect();
+        Header { axes, ..header(1) }.names()
+    };
+    assert_eq!(names(&[("remi", "k2"), ("ada", "k1")]), ["remi", "ada"]);
+    assert_eq!(
+        names(&[("remi", "k1"), ("remi", "k2")]),
+        ["remi.k1", "remi.k2"]
+    );
+    assert_eq!(names(&[("", "k1"), ("ada", "")]), ["k1", "ada"]);
+    assert_eq!(names(&[("", ""), ("ada", "k1")]), ["1", "2"]);
+    assert_eq!(names(&[("a", "b"), ("a", "b")]), ["1", "2"]);
+    assert_eq!(names(&[("k1", ""), ("", "k1")]), ["1", "2"]);
 }
 
 #[test]

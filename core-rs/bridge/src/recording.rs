@@ -1,0 +1,195 @@
+//! Recordings of live hands.
+
+use std::path::PathBuf;
+
+use ergon_live::recording::{self, Axis, Header, RecordingError, Sample};
+use numpy::ndarray::Array2;
+use numpy::{Element, IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::error::said;
+use crate::frames::rows;
+
+fn from_recording(error: RecordingError) -> PyErr {
+    match error {
+        RecordingError::Io(error) => error.into(),
+        error => said(error),
+    }
+}
+
+/// Ticks, what each axis did, and the events between.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Recording(recording::Recording);
+
+/// What is whole of the `.take` file at `path`; `span` (from, to) keeps these ticks, counted from the first row.
+#[pyfunction]
+#[pyo3(signature = (path, span = None))]
+pub(crate) fn read_recording(
+    py: Python<'_>,
+    path: PathBuf,
+    span: Option<(u64, u64)>,
+) -> PyResult<Recording> {
+    let span = span.map(|(from, to)| from..to);
+    py.detach(|| recording::read(&path, span))
+        .map(Recording)
+        .map_err(from_recording)
+}
+
+#[pymethods]
+impl Recording {
+    #[new]
+    fn new(
+        rate: f64,
+        frames: u32,
+        axes: Vec<(String, String)>,
+        about: String,
+        ticks: PyReadonlyArray1<'_, u64>,
+        positions: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let axes: Vec<_> = axes
+            .into_iter()
+            .map(|(player, key)| Axis { player, key })
+            .collect();
+        let positions = rows(&positions, "positions", axes.len())?;
+        let sample = |&position| Sample {
+            position,
+            ..Sample::default()
+        };
+        let header = Header {
+            rate,
+            frames,
+            axes,
+            about,
+        };
+        let samples = positions.iter().map(sample).collect();
+        recording::Recording::new(header, ticks.as_slice()?.to_vec(), samples)
+            .map(Self)
+            .map_err(from_recording)
+    }
+
+    #[getter]
+    fn rate(&self) -> f64 {
+        self.0.header.rate
+    }
+
+    #[getter]
+    fn frames(&self) -> u32 {
+        self.0.header.frames
+    }
+
+    #[getter]
+    fn axes(&self) -> Vec<(&str, &str)> {
+        let axes = self.0.header.axes.iter();
+        axes.map(|axis| (&*axis.player, &*axis.key)).collect()
+    }
+
+    /// One name for each axis that no other has.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.0.header.names()
+    }
+
+    #[getter]
+    fn about(&self) -> &str {
+        &self.0.header.about
+    }
+
+    #[getter]
+    fn events(&self) -> Vec<(u64, String)> {
+        self.0.events.clone()
+    }
+
+    #[getter]
+    fn dropped(&self) -> u64 {
+        self.0.dropped
+    }
+
+    #[getter]
+    fn lost_bytes(&self) -> u64 {
+        self.0.lost_bytes
+    }
+
+    #[getter]
+    fn whole(&self) -> bool {
+        self.0.whole()
+    }
+
+    /// A sentence on what is wrong with the file.
+    #[getter]
+    fn damage(&self) -> Option<String> {
+        self.0.damage()
+    }
+
+    /// From the first tick to the end of the last [s].
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.0.duration()
+    }
+
+    #[getter]
+    fn finished(&self) -> bool {
+        self.0.finished
+    }
+
+    /// (n_ticks,).
+    fn ticks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u64>> {
+        PyArray1::from_slice(py, &self.0.ticks)
+    }
+
+    /// Consumed (n_ticks, n_axes) [m].
+    fn positions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        self.column(py, |sample| sample.position)
+    }
+
+    /// Felt (n_ticks, n_axes) [N].
+    fn forces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
+        self.column(py, |sample| sample.force)
+    }
+
+    /// Sent after safety (n_ticks, n_axes) [N].
+    fn sent<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f32>> {
+        self.column(py, |sample| sample.sent)
+    }
+
+    /// Bits (n_ticks, n_axes).
+    fn flags<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u8>> {
+        self.column(py, |sample| sample.flags)
+    }
+
+    /// Of the device (n_ticks, n_axes).
+    fn clocks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<u32>> {
+        self.column(py, |sample| sample.clock)
+    }
+
+    /// Positions at every tick from the first to the last (n, n_axes) [m].
+    fn held<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let held = py.detach(|| self.0.held()).map_err(from_recording)?;
+        Ok(self.shaped(py, held))
+    }
+
+    /// The bytes of a whole and finished file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let mut bytes = Vec::new();
+        py.detach(|| self.0.write(&mut bytes))
+            .map_err(from_recording)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+}
+
+impl Recording {
+    fn column<'py, T: Element>(
+        &self,
+        py: Python<'py>,
+        of: fn(&Sample) -> T,
+    ) -> Bound<'py, PyArray2<T>> {
+        self.shaped(py, self.0.samples.iter().map(of).collect())
+    }
+
+    fn shaped<'py, T: Element>(&self, py: Python<'py>, values: Vec<T>) -> Bound<'py, PyArray2<T>> {
+        let n_axes = self.0.header.axes.len();
+        let shape = (values.len() / n_axes, n_axes);
+        let array = Array2::from_shape_vec(shape, values).expect("a value for each tick and axis");
+        array.into_pyarray(py)
+    }
+}
