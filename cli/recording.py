@@ -49,11 +49,12 @@ def target(output: str, source: Path) -> Path:
 
 def write(console: Console, recording: Recording, path: Path, *, force: bool, dry: bool) -> None:
     """Write it, or say that it would be written."""
-    from ergon.exchange.safe import check_target, writing
+    from ergon.exchange.safe import writing
 
-    if dry:
-        check_target(path, force=force)
-    else:
+    # What hands did cannot be computed again: no recording counts as a file of ours to replace.
+    if path.exists() and not force:
+        raise Refused(f"{path} exists, and a recording is not written over (-f does it)")
+    if not dry:
         with writing(path, binary=True, force=force) as file:
             file.write(recording.to_bytes())
     say(console, path, recording, dry=dry)

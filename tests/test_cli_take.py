@@ -268,6 +268,17 @@ def test_import_refuses(folder: Path, capsys: Capture, words: list[str], said: s
     assert not (folder / "y.take").exists()
 
 
+def test_no_recording_is_taken_for_a_file_to_replace(folder: Path, capsys: Capture) -> None:
+    kept = header(HANDS, about='{"by": "made by ergon"}') + end()
+    (folder / "y.take").write_bytes(kept)
+    for dry in ([], ["-n"]):
+        assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", *dry]) == 2
+        assert "a recording is not written over" in capsys.readouterr().err
+    assert (folder / "y.take").read_bytes() == kept
+    assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", "-f"]) == 0
+    assert (folder / "y.take").read_bytes() != kept
+
+
 def test_the_group_names_what_is_near(capsys: Capture) -> None:
     assert app.run(["take", "trimm"]) == 2
     assert "Did you mean 'trim'?" in capsys.readouterr().err
