@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     Column = tuple[str, NDArray[Any]]
 
 _BLOCK = 8192  # rows of a CSV, frames of a WAV, that are made at once
-_MAX_TICKS = 20_000_000  # what a recording holds of one axis
+_MAX_TICKS = 20_000_000  # times axes: what a recording holds
 _NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # what a header of a CSV cannot say
 
 
@@ -40,6 +40,29 @@ def instants(recording: Recording) -> NDArray[np.float64]:
 
     ticks = recording.ticks()
     return (ticks - ticks[:1]).astype(np.float64) * recording.frames / recording.rate
+
+
+def from_start(recording: Recording) -> NDArray[np.float64]:
+    """Positions [m] at every tick of the piece from tick 0 to the last, (n_ticks, n_axes).
+
+    What a key in a real hand is given to go where it went: before the first row it waits at its
+    place; a tick that is missing holds the one before. Raises NotRecordingError where that is
+    more than fits.
+    """
+    import numpy as np
+
+    from ergon._core import EngineError
+
+    try:
+        held = recording.held()
+    except EngineError as error:
+        raise NotRecordingError(str(error)) from None
+    if not len(held):
+        raise NotRecordingError("nothing was recorded")
+    first = int(recording.ticks()[0])
+    if (first + len(held)) * held.shape[1] > _MAX_TICKS:
+        raise NotRecordingError("it begins too late in the piece")
+    return np.concatenate([np.repeat(held[:1], first, axis=0), held])
 
 
 def columns(recording: Recording) -> list[Column]:

@@ -8,6 +8,7 @@ import pytest
 from recordings import END, EVENTS, HEADER, ROWS, Axis, chunk, chunks, end, event, header, row, rows
 
 from ergon import _core
+from ergon.exchange.recording import NotRecordingError, from_start
 from ergon.scores.gesture.takes import TakeError, read
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
@@ -191,6 +192,46 @@ def test_a_recording_sounds_as_the_same_movement_in_a_csv(tmp_path: Path) -> Non
         heard.append(out)
     assert np.abs(heard[0]).max() > 1e-6
     assert heard[0].tobytes() == heard[1].tobytes()
+
+
+def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
+    """What a real hand did, recorded from a tick on, plays as it did then."""
+    score = SCORE.replace("FORM", "take").replace("{key: k1}", "{hand: live, key: k1}")
+    score = score.replace("parts: {ada: [{at: 0.5s, play: hand}]}", "render: {tail: 1s}")
+    loaded = load("s.yaml", text=score.replace("takes: {hand: {file: hand.take, channel: x}}", ""))
+    assert loaded.piece is not None, loaded.diagnostics
+    x = np.full(900, -2e-3)
+    x[200:600] += 8e-3 * np.sin(np.arange(400) / 400 * np.pi) ** 2
+
+    def heard(positions: np.ndarray) -> np.ndarray:
+        staged = stage(loaded.piece, real={"ada": positions})
+        (hand,) = staged.live
+        assert hand.every == 44
+        out = np.zeros((40_000, staged.simulation.n_out))
+        staged.simulation.process(out)
+        return out
+
+    data = [row(tick, Axis(x[tick])) for tick in range(150, 900) if tick not in (650, 651)]
+    path = saved(tmp_path, header(), rows(*data), end())
+    back = from_start(_core.read_recording(path))
+    assert back.shape == (900, 1)
+    assert np.abs(heard(x)).max() > 1e-6
+    assert heard(back[:, 0].copy()).tobytes() == heard(x).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("every", "words"),
+    [
+        ([], "nothing was recorded"),
+        ([1, 2**40], "longer than"),
+        ([2**40], "begins too late"),
+    ],
+)
+def test_what_cannot_be_played_back(tmp_path: Path, every: list[int], words: str) -> None:
+    data = [row(tick, Axis(0.0)) for tick in every]
+    path = saved(tmp_path, header(), rows(*data), end())
+    with pytest.raises(NotRecordingError, match=words):
+        from_start(_core.read_recording(path))
 
 
 def test_a_damaged_recording_is_a_warning_in_a_score(tmp_path: Path) -> None:
