@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib import import_module
 from typing import Any
 
 import click
 
 from .console import Console
+from .lazy import LazyGroup, Table
 from .outcome import EXIT_CODES, INTERNAL, INTERRUPTED, Diverged, Findings, Outcome, Refused
 
-# name → (module, attribute, one line of help); the help stands here so that `--help` imports none.
-COMMANDS: dict[str, tuple[str, str, str]] = {
+COMMANDS: Table = {
     "new": ("new", "new", "Make a folder with a score that plays."),
     "check": ("check", "check", "Report every mistake in scores, with its place."),
     "compile": ("compile", "compile_score", "Print the stream of ergons as CSV or JSON lines."),
@@ -31,6 +30,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "Draw where a method fails, as predicted and as it is.",
     ),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
+    "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
     "fmt": ("fmt", "fmt", "Lay out scores the common way, comments kept."),
@@ -38,43 +38,6 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
     "completion": ("completion", "completion", "Print a completion script for bash, zsh or fish."),
 }
 _CODES = "; ".join(f"{code} {meaning}" for code, meaning in EXIT_CODES)
-
-
-class LazyGroup(click.Group):
-    """A group whose commands are known by name and imported when used."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names, in the order of the table."""
-        return list(COMMANDS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import and return a command; None when there is no such name."""
-        if cmd_name not in COMMANDS:
-            return None
-        module, attribute, _ = COMMANDS[cmd_name]
-        command = getattr(import_module(f"ergon.cli.{module}"), attribute)
-        assert isinstance(command, click.Command)
-        return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click does, with the nearest name in the message (whatever the version of click)."""
-        name = args[0]
-        if name not in COMMANDS and not name.startswith("-"):
-            if name.endswith((".yaml", ".yml")):
-                raise click.UsageError(f"a command comes first: ergon render {name}", ctx)
-            from ergon.scores.text.spelling import nearest
-
-            close = nearest(name, COMMANDS)
-            asked = f" Did you mean '{close}'?" if close else ""
-            raise click.UsageError(f"No such command '{name}'.{asked}", ctx)
-        return super().resolve_command(ctx, args)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list in `--help`, from the table alone."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
 
 
 def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
@@ -89,7 +52,7 @@ def _print_version(ctx: click.Context, parameter: click.Parameter, wanted: bool)
         ctx.exit()
 
 
-@click.group(cls=LazyGroup, epilog=f"Exit codes: {_CODES}.")
+@click.group(cls=LazyGroup, table=COMMANDS, epilog=f"Exit codes: {_CODES}.")
 @click.option(
     "--version",
     is_flag=True,

@@ -36,16 +36,34 @@ def completion(shell: str | None, wanted: str | None, score_path: str | None) ->
 
 
 def _table() -> dict[str, list[click.Parameter]]:
-    """Every command with its parameters; this imports the commands, but not what they import."""
-    from .app import COMMANDS, group
+    """Every command with its parameters; this imports the commands, but not what they import.
 
+    A group has those of all its commands.
+    """
+    from .app import group
+
+    return {name: _parameters(command) for name, command in _commands(group).items()}
+
+
+def _commands(group: click.Group) -> dict[str, click.Command]:
     context = click.Context(group)
-    found = {}
-    for name in COMMANDS:
-        command = group.get_command(context, name)
-        assert command is not None
-        found[name] = [p for p in command.params if not getattr(p, "hidden", False)]
-    return found
+    found = {name: group.get_command(context, name) for name in group.list_commands(context)}
+    return {name: command for name, command in found.items() if command is not None}
+
+
+def _parameters(command: click.Command) -> list[click.Parameter]:
+    if isinstance(command, click.Group):
+        inner = {p.name: p for c in _commands(command).values() for p in _parameters(c)}
+        return list(inner.values())
+    return [p for p in command.params if not getattr(p, "hidden", False)]
+
+
+def _groups() -> dict[str, list[str]]:
+    """Commands that are groups, and what stands after them."""
+    from .app import group
+
+    commands = _commands(group).items()
+    return {name: list(_commands(c)) for name, c in commands if isinstance(c, click.Group)}
 
 
 def _options(parameters: Iterable[click.Parameter]) -> list[click.Option]:
@@ -57,7 +75,16 @@ def _bash() -> str:
     for name, parameters in _table().items():
         words = [word for p in _options(parameters) for word in (*p.opts, *p.secondary_opts)]
         cases.append(f'    {name}) words="{" ".join(sorted([*words, "--help"]))}" ;;')
-    return _BASH.format(commands=" ".join(_table()), cases="\n".join(cases), values=_bash_values())
+    inner = [
+        f'    {name}) COMPREPLY=($(compgen -W "{" ".join(words)} --help" -- "$cur")); return ;;'
+        for name, words in _groups().items()
+    ]
+    return _BASH.format(
+        commands=" ".join(_table()),
+        cases="\n".join(cases),
+        values=_bash_values(),
+        groups="\n".join(inner),
+    )
 
 
 def _bash_values() -> str:
@@ -110,6 +137,10 @@ def _fish() -> str:
         "complete -c ergon -n '__fish_seen_subcommand_from plot; and __ergon_score >/dev/null' "
         f"-a '(__ergon_names {plotted})'"
     )
+    for name, words in _groups().items():
+        lines.append(
+            f"complete -c ergon -n '__fish_seen_subcommand_from {name}' -f -a '{' '.join(words)}'"
+        )
     shells = " ".join(SHELLS)
     lines.append(f"complete -c ergon -n '__fish_seen_subcommand_from completion' -f -a '{shells}'")
     return "\n".join(lines) + "\n"
@@ -138,6 +169,9 @@ _ergon() {{
     COMPREPLY=($(compgen -W "{commands} --help --version --debug" -- "$cur"))
     return
   fi
+  [ "$COMP_CWORD" -eq 2 ] && case "${{COMP_WORDS[1]}}" in
+{groups}
+  esac
   case "$prev" in
 {values}
   esac
@@ -159,7 +193,7 @@ _ergon() {{
   esac
   COMPREPLY=($(compgen -f -X '!*.y?(a)ml' -- "$cur") $(compgen -d -- "$cur"))
   case "${{COMP_WORDS[1]}}" in
-    info|plot) COMPREPLY+=($(compgen -f -X '!*.@(wav|csv|npz)' -- "$cur")) ;;
+    info|plot|take) COMPREPLY+=($(compgen -f -X '!*.@(take|wav|csv|npz)' -- "$cur")) ;;
   esac
 }}
 shopt -s extglob 2>/dev/null || setopt kshglob 2>/dev/null

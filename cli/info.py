@@ -13,7 +13,6 @@ from .outcome import Findings, Refused
 from .units import octets, seconds
 
 if TYPE_CHECKING:
-    from ergon.exchange.table import Column
     from ergon.exchange.wave_header import WaveInfo
 
 
@@ -24,8 +23,8 @@ if TYPE_CHECKING:
 def info(console: Console, file: str, of: str | None) -> None:
     """Say what a render, a take or a score contains.
 
-    A WAV file is a render: its format, title, the hash of its score and of its samples. A CSV or
-    npz file is a take: its channels and what they span. Anything else is read as a score.
+    A WAV file is a render: its format, title, the hash of its score and of its samples. A .take,
+    CSV or npz file is a take: its channels and what they span. Anything else is read as a score.
     """
     path = Path(file)
     suffix = path.suffix.lower()
@@ -33,8 +32,10 @@ def info(console: Console, file: str, of: str | None) -> None:
         raise Refused("--score verifies a rendered WAV file")
     if suffix == ".wav":
         _render(console, path, of)
-    elif suffix in (".csv", ".npz"):
-        _take(console, path)
+    elif suffix in (".take", ".csv", ".npz"):
+        from .take_info import take
+
+        take(console, path)
     else:
         _score(console, file)
 
@@ -94,45 +95,6 @@ def _lines(path: Path, found: WaveInfo, samples: str) -> str:
         lines.append(f"plan:    sha256 {found.plan}")
     lines.append(f"samples: sha256 {samples}")
     return "\n".join(lines) + "\n"
-
-
-def _take(console: Console, path: Path) -> None:
-    from ergon.exchange.table import NotTableError, read_table
-
-    try:
-        table = read_table(path)
-    except NotTableError as error:
-        raise Refused(f"{path}: {error}") from None
-    time = next((c for c in table.columns if c.name.partition("[")[0].strip() == "t"), None)
-    span = _seconds(time) if time else None
-    rate = (table.n_rows - 1) / span if span else None
-    channels = [column for column in table.columns if column is not time]
-    if console.json:
-        console.record(
-            "take",
-            file=str(path),
-            samples=table.n_rows,
-            duration_s=span,
-            rate_hz=rate,
-            channels=[{"name": c.name, "low": c.low, "high": c.high} for c in channels],
-        )
-        return
-    words = [plural(table.n_rows, "sample")]
-    if span and rate:
-        words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
-    lines = [f"{path}: " + ", ".join(words)]
-    lines += [
-        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}" for c in channels
-    ]
-    console.data("\n".join(lines) + "\n")
-
-
-def _seconds(time: Column) -> float | None:
-    """What a column of instants spans [s]; None where its unit measures no time."""
-    from ergon.scores.gesture.points import SECOND
-
-    per_second = SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
-    return (time.last - time.first) / per_second if per_second else None
 
 
 def _score(console: Console, path: str) -> None:

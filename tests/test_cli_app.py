@@ -10,9 +10,10 @@ from pathlib import Path
 import click
 import pytest
 
-from ergon.cli import app
+from ergon.cli import app, take
 from ergon.cli.colour import may_colour
 from ergon.cli.console import Console, line
+from ergon.cli.lazy import LazyGroup
 from ergon.cli.outcome import Diverged, Findings, Refused
 from ergon.exchange.safe import RefusedError
 
@@ -38,19 +39,23 @@ def test_help_imports_nothing_heavy() -> None:
 def test_every_command_says_what_it_does_without_the_engine() -> None:
     done = python(
         "import sys\n"
+        "from ergon.cli import take\n"
         "from ergon.cli.app import COMMANDS, run\n"
         "for name in COMMANDS:\n"
         "    assert run([name, '--help']) == 0, name\n"
+        "for name in take.COMMANDS:\n"
+        "    assert run(['take', name, '--help']) == 0, name\n"
         f"print([name for name in {HEAVY} if name in sys.modules])"
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_the_table_and_the_commands_agree() -> None:
-    context = click.Context(app.group)
-    for name, (_, _, text) in app.COMMANDS.items():
-        command = app.group.get_command(context, name)
+@pytest.mark.parametrize("group", [app.group, take.take], ids=["ergon", "take"])
+def test_the_table_and_the_commands_agree(group: LazyGroup) -> None:
+    context = click.Context(group)
+    for name, (_, _, text) in group.table.items():
+        command = group.get_command(context, name)
         assert command is not None
         assert command.name == name
         assert command.get_short_help_str(limit=200).rstrip(".") == text.rstrip(".")

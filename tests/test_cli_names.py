@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.cli import app
+from ergon.cli import app, take
 from ergon.cli.names import names_in, names_of
 
 SCORE = """\
@@ -96,6 +96,8 @@ def test_scripts_name_every_command_and_option(scripts: dict[str, Path], shell: 
     text = scripts[shell].read_text()
     for name in app.COMMANDS:
         assert name in text
+    for name in take.COMMANDS:
+        assert name in text
     for option in ("stems", "simulate", "no-audio", "svg"):
         assert option in text
     if shutil.which(shell):
@@ -122,12 +124,16 @@ def complete(script: Path, folder: Path, words: list[str]) -> list[str]:
 def test_bash_completes(scripts: dict[str, Path], tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(SCORE)
     (tmp_path / "a.wav").touch()
+    (tmp_path / "a.take").touch()
     (tmp_path / "notes.txt").touch()
     script = scripts["bash"]
     assert complete(script, tmp_path, ["ergon", "re"]) == ["render"]
     assert complete(script, tmp_path, ["ergon", "co"]) == ["compile", "completion"]
     assert complete(script, tmp_path, ["ergon", "check", ""]) == ["a.yaml"]
-    assert complete(script, tmp_path, ["ergon", "info", ""]) == ["a.wav", "a.yaml"]
+    assert complete(script, tmp_path, ["ergon", "info", ""]) == ["a.take", "a.wav", "a.yaml"]
+    assert complete(script, tmp_path, ["ergon", "take", "tr"]) == ["trim"]
+    assert complete(script, tmp_path, ["ergon", "take", "trim", "a.t"]) == ["a.take"]
+    assert complete(script, tmp_path, ["ergon", "take", "import", "--au"]) == ["--audio"]
     assert complete(script, tmp_path, ["ergon", "render", "--st"]) == ["--stems"]
     assert complete(script, tmp_path, ["ergon", "render", "--bits", ""]) == ["16", "24", "float"]
     assert complete(script, tmp_path, ["ergon", "render", "a.yaml", "--from", ""]) == [

@@ -7,6 +7,7 @@ no traceback, and nothing written.
 
 import io
 import json
+import math
 import os
 import resource
 import socket
@@ -18,6 +19,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+import recordings
 from hostile import (
     FILES,
     HEAD,
@@ -87,6 +89,16 @@ TAKES = {
     "nulls.csv": bytes(10_000),
     "nothing.csv": b"",
     "one.csv": b"t [s],x [m]\n0,0\n",
+    "nothing.take": b"",
+    "head.take": recordings.header()[:20],
+    "axes.take": recordings.header((("", ""),) * 65),
+    "length.take": recordings.header() + struct.pack("<IBI", 2**32 - 1, 2, 0),
+    "zeros.take": recordings.header() + bytes(20_000_000),
+    "nan.take": recordings.header()
+    + recordings.rows(*(recordings.row(t, recordings.Axis(math.nan)) for t in range(9))),
+    "far.take": recordings.header()
+    + recordings.rows(*(recordings.row(t, recordings.Axis(0.0)) for t in (0, 2**64 - 1))),
+    "frames.take": recordings.header(frames=0),
 }
 
 

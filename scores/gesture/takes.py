@@ -1,5 +1,6 @@
-"""Captured movements: CSV with units in its header, WAV, npz, read with bounded memory.
+"""Captured movements: recordings, CSV with units in its header, WAV, npz, in bounded memory.
 
+* take: a recording of live hands; an axis is called by its player, or its key.
 * CSV: a header `t [s],x [mm]`, then rows; `,`, `;` or tab between columns, `#` before comments.
 * WAV: channels are numbered from 1; full scale is `full_scale` metres (1 m unless said).
 * npz: one-dimensional arrays, `t` in seconds and channels in metres, or named `x [mm]`.
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from ergon import _core
 from ergon.scores.gesture.points import METRE, SECOND
 from ergon.scores.text.errors import TextError
 from ergon.scores.text.spelling import nearest
@@ -46,10 +48,11 @@ _BROKEN_ZIP = (
 
 
 class Samples(NamedTuple):
-    """Positions `x` [m] at rising instants `t` [s], both (n,)."""
+    """Positions `x` [m] at rising instants `t` [s], both (n,), and what is damaged."""
 
     t: Floats
     x: Floats
+    damage: str | None = None
 
 
 class TakeError(TextError):
@@ -325,5 +328,34 @@ def _read_npy(archive: zipfile.ZipFile, member: str, path: Path) -> Floats:
     return np.frombuffer(data, dtype=dtype).astype(np.float64)
 
 
+def _read_recording(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
+    _check_rate(True, rate, path)
+    try:
+        recording = _core.read_recording(path)
+    except _core.EngineError as error:
+        raise TakeError(str(error), path) from None
+    axis = 0 if channel is None and len(recording.axes) == 1 else _axis(recording, channel, path)
+    ticks = recording.ticks()
+    # From its own beginning: a hand is recorded in the middle of a piece, and trimmed by ear.
+    t = (ticks - ticks[:1]).astype(np.float64) * recording.frames / recording.rate
+    x = np.ascontiguousarray(recording.positions()[:, axis])
+    return _checked(t, x, path)._replace(damage=recording.damage)
+
+
+def _axis(recording: _core.Recording, channel: str | None, path: Path) -> int:
+    """The axis of a name: its own, or its player's or key's where they have no other."""
+    columns = {name: (i, "m") for i, name in enumerate(recording.names)}
+    if channel not in columns:
+        found = [i for i, axis in enumerate(recording.axes) if channel and channel in axis]
+        if len(found) == 1:
+            return found[0]
+    return _chosen(columns, channel, path)[0]
+
+
 _Reader = Callable[[Path, str | None, float | None, float], Samples]
-_READERS: dict[str, _Reader] = {".csv": _read_csv, ".wav": _read_wav, ".npz": _read_npz}
+_READERS: dict[str, _Reader] = {
+    ".take": _read_recording,
+    ".csv": _read_csv,
+    ".wav": _read_wav,
+    ".npz": _read_npz,
+}

@@ -138,8 +138,8 @@ def take(values: Values, files: Files) -> TakeFile:
     path = files.find(values["file"], folder) or folder / values["file"]
     if path.suffix.lower() == ".gms":
         values.error("E108", f"{values.context.of('file')}: GMS files are not read yet", "file")
-    elif path.suffix.lower() not in (".csv", ".wav", ".npz"):
-        message = f"{values.context.of('file')}: a take is a .csv, .wav or .npz file"
+    elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz"):
+        message = f"{values.context.of('file')}: a take is a .take, .csv, .wav or .npz file"
         values.error("E206", message, "file")
     elif not is_file(path):
         values.error("E107", f"{values.context.of('file')}: no file {path}", "file")

@@ -113,8 +113,8 @@ TAKE = Record(
     "take",
     "a captured movement",
     (
-        Field("file", k.PATH, "CSV, WAV or npz", required=True),
-        Field("channel", k.TITLE, "which column", shown="the only one"),
+        Field("file", k.PATH, "a recording (.take), CSV, WAV or npz", required=True),
+        Field("channel", k.TITLE, "which column, or whose hand", shown="the only one"),
         Field("trim", k.TRIM, "what is used of it; its first instant becomes zero"),
         Field("smooth", k.HERTZ, "low-pass, forward and back"),
         Field("rate", k.HERTZ, "samples a second of a file without a column t [s]"),

@@ -30,7 +30,7 @@ class Code:
     why: str
     bad: str
     good: str
-    files: dict[str, str] = field(default_factory=dict)
+    files: dict[str, str | bytes] = field(default_factory=dict)
 
 
 @cache
@@ -45,7 +45,7 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         for name, content in entry.files.items():
             Path(name).parent.mkdir(parents=True, exist_ok=True)
-            Path(name).write_text(content, encoding="utf-8")
+            Path(name).write_bytes(content if isinstance(content, bytes) else content.encode())
         loaded = load(NAME, text=text)
         if loaded.piece is None:
             return loaded.diagnostics, loaded
@@ -73,9 +73,7 @@ def page(entry: Code) -> str:
     said = told(entry, entry.bad)
     if not said:
         raise AssertionError(f"the example of {entry.code} does not get it")
-    files = "".join(
-        f"with `{name}`:\n\n```yaml\n{text.rstrip()}\n```\n\n" for name, text in entry.files.items()
-    )
+    files = "".join(_shown(name, content) for name, content in entry.files.items())
     return (
         f"# {entry.code}: {entry.title}\n\n"
         f"{entry.why.strip()}\n\n"
@@ -86,6 +84,12 @@ def page(entry: Code) -> str:
         f"and this is well:\n\n"
         f"```yaml\n{entry.good.rstrip()}\n```\n"
     )
+
+
+def _shown(name: str, content: str | bytes) -> str:
+    if isinstance(content, bytes):
+        return f"with `{name}`, {len(content)} bytes of a recording,\n\n"
+    return f"with `{name}`:\n\n```yaml\n{content.rstrip()}\n```\n\n"
 
 
 def pages() -> dict[str, str]:

@@ -107,6 +107,9 @@ class Takes:
     def _load(self, take: TakeFile) -> _core.Take | None:
         try:
             samples = read(take.path, take.channel, rate=take.rate)
+            if samples.damage is not None:
+                message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
+                self.collector.error("W314", message, take.places.get("file", take.place))
             return _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
         except TakeError as error:
             self._refuse(take, error.field, error.message, error.suggestion)

@@ -1,0 +1,82 @@
+"""A recording as the commands meet it: read, damage told, instants in ticks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .console import Console
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from ergon._core import Recording
+
+SUFFIX = ".take"
+
+
+def read(console: Console, path: Path, span: tuple[int, int] | None = None) -> Recording:
+    """What is whole of a recording, with a warning where that is not all; Refused where it is none.
+
+    `span` keeps these ticks, counted from the first row.
+    """
+    found = read_quietly(path, span)
+    if found.damage is not None:
+        console.warn(f"{path}: {found.damage}")
+    return found
+
+
+def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
+    """The same, for who tells of the damage otherwise."""
+    from ergon._core import EngineError, read_recording
+
+    try:
+        return read_recording(path, span)
+    except EngineError as error:
+        raise Refused(f"{path}: {error}") from None
+    except OSError as error:
+        raise Refused(f"{path}: {error.strerror or error}") from None
+
+
+def target(output: str, source: Path) -> Path:
+    """Where a recording is written to; its name says what it is."""
+    path = Path(output)
+    if path.suffix.lower() != SUFFIX:
+        raise Refused(f"{output}: a recording is called something{SUFFIX}")
+    if path.exists() and path.samefile(source):
+        raise Refused(f"{output} is what is read; give the new file another name")
+    return path
+
+
+def write(console: Console, recording: Recording, path: Path, *, force: bool, dry: bool) -> None:
+    """Write it, or say that it would be written."""
+    from ergon.exchange.safe import writing
+
+    # What hands did cannot be computed again: no recording counts as a file of ours to replace.
+    if path.exists() and not force:
+        raise Refused(f"{path} exists, and a recording is not written over (-f does it)")
+    if not dry:
+        with writing(path, binary=True, force=force) as file:
+            file.write(recording.to_bytes())
+    say(console, path, recording, dry=dry)
+
+
+def say(console: Console, path: Path, recording: Recording, *, dry: bool) -> None:
+    """What was written, or would be."""
+    event = "would write" if dry else "wrote"
+    n_ticks = len(recording.ticks())
+    if console.json:
+        console.record(
+            event.replace(" ", "_"),
+            file=str(path),
+            ticks=n_ticks,
+            duration_s=recording.duration,
+            axes=recording.names,
+        )
+    else:
+        names = plain(", ".join(recording.names))
+        console.say(f"{event} {path}: {names}, {recording.duration:.3f} s, {n_ticks:,} ticks")
+
+
+def plain(text: str) -> str:
+    """A stranger's names, short and without what moves a terminal."""
+    return "".join(c if c.isprintable() else "?" for c in text[:400])

@@ -1,0 +1,65 @@
+"""`ergon take export`: a recording for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options, recording
+from .console import Console
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from typing import BinaryIO
+
+    from ergon._core import Recording
+
+_FORMS = (".csv", ".npz", ".wav")
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.target("x.csv, x.npz or x.wav; its ending says the form, - is CSV on stdout.")
+@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.force
+@options.speaking
+def export(console: Console, file: str, output: str | None, dry: bool, force: bool) -> None:
+    """Write a recording as CSV, npz or WAV.
+
+    CSV and npz hold every number of every tick, with units in the header: t from the first tick,
+    position consumed, force felt, force sent, flags, the device's clock. WAV holds positions at
+    the audio rate, a channel for each axis, 1.0 for 1 m.
+    """
+    from ergon.exchange.recording import NotRecordingError
+    from ergon.exchange.safe import check_target, writing
+
+    if output is None:
+        raise Refused("where to? -o x.csv, x.npz or x.wav")
+    form = ".csv" if output == "-" else Path(output).suffix.lower()
+    if form not in _FORMS:
+        raise Refused(f"{output}: a recording is exported as {', '.join(_FORMS)}")
+    found = recording.read(console, Path(file))
+    if dry:
+        check_target(Path(output), force=force)
+    else:
+        try:
+            with writing(output, binary=form != ".csv", force=force) as to:
+                _write(to, found, form)
+        except NotRecordingError as error:
+            raise Refused(f"{file}: {error}") from None
+    if output != "-":
+        recording.say(console, Path(output), found, dry=dry)
+
+
+def _write(to: BinaryIO, found: Recording, form: str) -> None:
+    from ergon.exchange.recording import csv_rows, write_npz, write_wav
+
+    if form == ".npz":
+        write_npz(to, found)
+    elif form == ".wav":
+        write_wav(to, found)
+    else:
+        for text in csv_rows(found):
+            to.write(text.encode())

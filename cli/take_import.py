@@ -1,0 +1,93 @@
+"""`ergon take import`: a movement from elsewhere as a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from . import options, recording
+from .console import Console
+from .outcome import Refused
+
+
+@click.command("import")
+@click.argument("file", metavar="FILE")
+@options.target("The new recording, a .take file.")
+@click.option(
+    "--channel",
+    "channels",
+    multiple=True,
+    metavar="NAME",
+    help="Which column; again for more axes. Without it the only one.",
+)
+@click.option("--rate", metavar="RATE", help="Samples a second of a file without a column t [s].")
+@click.option("--audio", metavar="RATE", default="44100Hz", help="Audio rate; 44100Hz.")
+@click.option(
+    "--tick",
+    "frames",
+    type=click.IntRange(1, 2_000_000),
+    metavar="FRAMES",
+    help="Audio frames a tick; the number nearest to a millisecond.",
+)
+@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.force
+@options.speaking
+def import_take(
+    console: Console,
+    file: str,
+    output: str | None,
+    channels: tuple[str, ...],
+    rate: str | None,
+    audio: str,
+    frames: int | None,
+    dry: bool,
+    force: bool,
+) -> None:
+    """Make a recording of a movement in a CSV, npz or WAV file.
+
+    Its columns say their units (`t [s],x [mm]`). Between its samples runs the spline that a score
+    would play. A score plays such files as they are; a recording is for hands that were there.
+    """
+    from ergon.exchange.recording import NotRecordingError, recorded
+    from ergon.scores.gesture.takes import TakeError, read
+
+    if output is None:
+        raise Refused("where to? -o NEW.take")
+    path = Path(file)
+    if path.suffix.lower() == ".gms":
+        raise Refused(
+            f"{file}: GMS files are not read: how their bytes lie is written in no public place "
+            "that we know; export CSV from the program that made it"
+        )
+    if path.suffix.lower() == recording.SUFFIX:
+        raise Refused(f"{file} is a recording already")
+    hertz = None if rate is None else _hertz(rate, "--rate")
+    audio_rate = _hertz(audio, "--audio")
+    found = {}
+    try:
+        for name in channels or (None,):
+            samples = read(path, name, rate=hertz)
+            found[name or path.stem] = samples.t, samples.x
+        made = recorded(
+            found,
+            rate=audio_rate,
+            frames=frames or max(1, round(audio_rate / 1000)),
+            source=path.name,
+        )
+    except TakeError as error:
+        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise Refused(f"{error.message}{asked}") from None
+    except NotRecordingError as error:
+        raise Refused(f"{file}: {error}") from None
+    recording.write(console, made, recording.target(output, path), force=force, dry=dry)
+
+
+def _hertz(text: str, option: str) -> float:
+    from ergon.scores.tables.quantities import FREQUENCY, quantity
+    from ergon.scores.text.errors import TextError
+
+    try:
+        return quantity(text, FREQUENCY)
+    except TextError as error:
+        raise Refused(f"{option}: {error.message}") from None

@@ -1,0 +1,152 @@
+"""`ergon take info`: what a take holds, and whether it is whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import options
+from .console import Console, plural
+from .outcome import Refused
+from .recording import SUFFIX, plain, read_quietly
+from .units import metres, seconds
+
+if TYPE_CHECKING:
+    from ergon._core import Recording
+    from ergon.exchange.table import Column
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.speaking
+def info(console: Console, file: str) -> None:
+    """Say what a take holds, and whether it is whole.
+
+    A .take is a recording: its hands, how long, how far, how strong, what was lost. A CSV or npz
+    file has channels.
+    """
+    path = Path(file)
+    if path.suffix.lower() not in (SUFFIX, ".csv", ".npz"):
+        raise Refused(f"{file}: a take is a .take, .csv or .npz file")
+    take(console, path)
+
+
+def take(console: Console, path: Path) -> None:
+    """Tell of a take in any of these forms."""
+    if path.suffix.lower() == SUFFIX:
+        _recording(console, path)
+    else:
+        _table(console, path)
+
+
+def _recording(console: Console, path: Path) -> None:
+    from ergon.exchange.recording import about
+
+    found = read_quietly(path)
+    ticks = found.ticks()
+    first = float(ticks[0]) * found.frames / found.rate if len(ticks) else None
+    said = about(found)
+    axes = _axes(found)
+    if console.json:
+        console.record(
+            "take",
+            file=str(path),
+            rate_hz=found.rate,
+            frames=found.frames,
+            ticks=len(ticks),
+            first_tick=int(ticks[0]) if len(ticks) else None,
+            duration_s=found.duration,
+            axes=axes,
+            events=len(found.events),
+            dropped=found.dropped,
+            lost_bytes=found.lost_bytes,
+            finished=found.finished,
+            about=said,
+        )
+        return
+    rate = found.rate / found.frames
+    lines = [
+        f"{path}: {seconds(found.duration)}, {plural(len(ticks), 'tick')} at {rate:.2f} Hz "
+        f"({found.frames} frames of {found.rate:g} Hz)"
+    ]
+    if first is not None:
+        lines.append(f"  begins {first:.3f} s into the piece")
+    for axis in axes:
+        words = [f"  {axis['name']}"]
+        if axis["key"] and axis["key"] != axis["name"]:
+            words.append(f" on {axis['key']}")
+        if len(ticks):
+            words.append(f": {metres(axis['low'])} … {metres(axis['high'])}")
+            words.append(f", force up to {axis['force_n']:.3g} N")
+            if axis["tripped"]:
+                words.append(f", limiter tripped in {plural(axis['tripped'], 'tick')}")
+        lines.append("".join(words))
+    if found.events:
+        lines.append(f"  {plural(len(found.events), 'event')}")
+    for name, value in said.items():
+        each = list(value.values()) if isinstance(value, dict) else [value]
+        if words := [word for word in each if isinstance(word, str)]:
+            lines.append(f"  {name}: {', '.join(words)}")
+    if found.dropped:
+        lines.append(f"  {plural(found.dropped, 'row')} or events found no room while recording")
+    lines.append(f"  {found.damage or 'whole'}")
+    console.data("\n".join(map(plain, lines)) + "\n")
+
+
+def _axes(found: Recording) -> list[dict[str, Any]]:
+    """What each hand did."""
+    positions, forces, flags = found.positions(), found.forces(), found.flags()
+    axes: list[dict[str, Any]] = []
+    for i, (name, (player, key)) in enumerate(zip(found.names, found.axes, strict=True)):
+        axis: dict[str, Any] = {"name": name, "player": player, "key": key}
+        if len(positions):
+            axis |= {
+                "low": float(positions[:, i].min()),
+                "high": float(positions[:, i].max()),
+                "force_n": float(abs(forces[:, i]).max()),
+                "tripped": int((flags[:, i] & 16 != 0).sum()),
+                "stand_in": int((flags[:, i] & 8 != 0).sum()),
+            }
+        axes.append(axis)
+    return axes
+
+
+def _table(console: Console, path: Path) -> None:
+    from ergon.exchange.table import NotTableError, read_table
+
+    try:
+        table = read_table(path)
+    except NotTableError as error:
+        raise Refused(f"{path}: {error}") from None
+    time = next((c for c in table.columns if c.name.partition("[")[0].strip() == "t"), None)
+    span = _seconds(time) if time else None
+    rate = (table.n_rows - 1) / span if span else None
+    channels = [column for column in table.columns if column is not time]
+    if console.json:
+        console.record(
+            "take",
+            file=str(path),
+            samples=table.n_rows,
+            duration_s=span,
+            rate_hz=rate,
+            channels=[{"name": c.name, "low": c.low, "high": c.high} for c in channels],
+        )
+        return
+    words = [plural(table.n_rows, "sample")]
+    if span and rate:
+        words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
+    lines = [f"{path}: " + ", ".join(words)]
+    lines += [
+        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}" for c in channels
+    ]
+    console.data("\n".join(lines) + "\n")
+
+
+def _seconds(time: Column) -> float | None:
+    """What a column of instants spans [s]; None where its unit measures no time."""
+    from ergon.scores.gesture.points import SECOND
+
+    per_second = SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
+    return (time.last - time.first) / per_second if per_second else None

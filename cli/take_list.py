@@ -1,0 +1,63 @@
+"""`ergon take list`: the takes in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from . import options
+from .console import Console, plural
+from .outcome import Outcome, Refused
+from .recording import SUFFIX, plain, read_quietly
+from .units import seconds
+
+_USUAL = "takes"
+
+
+@click.command("list")
+@click.argument("folder", metavar="[FOLDER]", required=False)
+@options.speaking
+def list_takes(console: Console, folder: str | None) -> None:
+    """List the recordings in a folder and what they hold.
+
+    Without FOLDER those of ./takes, or of this folder where there is no ./takes.
+    """
+    where = Path(folder) if folder is not None else Path(_USUAL)
+    if folder is None and not where.is_dir():
+        where = Path()
+    if not where.is_dir():
+        raise Refused(f"{where} is no folder")
+    paths = sorted(path for path in where.iterdir() if path.suffix.lower() == SUFFIX)
+    for path in paths:
+        _tell(console, path)
+    if not paths:
+        console.say(f"no recordings in {where}")
+
+
+def _tell(console: Console, path: Path) -> None:
+    try:
+        found = read_quietly(path)
+    except Outcome as error:
+        if console.json:
+            console.record("take", file=str(path), error=error.message)
+        else:
+            console.data(f"{error.message}\n")
+        return
+    if console.json:
+        console.record(
+            "take",
+            file=str(path),
+            duration_s=found.duration,
+            axes=found.names,
+            events=len(found.events),
+            lost_bytes=found.lost_bytes,
+            finished=found.finished,
+        )
+        return
+    words = [", ".join(found.names), seconds(found.duration)]
+    if found.events:
+        words.append(plural(len(found.events), "event"))
+    if found.damage is not None:
+        words.append("damaged" if found.lost_bytes else "never finished")
+    console.data(plain(f"{path}: {', '.join(words)}") + "\n")

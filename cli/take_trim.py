@@ -1,0 +1,69 @@
+"""`ergon take trim`: a part of a recording."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import click
+
+from . import options, recording
+from .console import Console
+from .outcome import Refused
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@click.argument("start", metavar="FROM")
+@click.argument("stop", metavar="TO")
+@options.target("The new recording, a .take file.")
+@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.force
+@options.speaking
+def trim(
+    console: Console,
+    file: str,
+    start: str,
+    stop: str,
+    output: str | None,
+    dry: bool,
+    force: bool,
+) -> None:
+    """Write a part of a recording as a recording of its own.
+
+    FROM and TO are seconds from its beginning, such as 0.4s 12.5s; `end` is its end. Rows keep
+    their place in the piece, and events between them are kept. What is written is whole, also
+    where FILE is damaged.
+    """
+    if output is None:
+        raise Refused("where to? -o NEW.take")
+    path = Path(file)
+    begin, end = _seconds(start, "FROM"), _seconds(stop, "TO")
+    if not begin < end:
+        raise Refused(f"{start} to {stop} keeps nothing")
+    # The header alone: ticks are counted from the first row, wherever in the piece that was.
+    head = recording.read_quietly(path, (0, 0))
+    rate = head.rate / head.frames
+    span = _ticks(begin, rate), _ticks(end, rate)
+    found = recording.read(console, path, span)
+    if not len(found.ticks()):
+        raise Refused(f"{path}: nothing is recorded from {start} to {stop}")
+    recording.write(console, found, recording.target(output, path), force=force, dry=dry)
+
+
+def _seconds(text: str, what: str) -> float:
+    from ergon.scores.tables.quantities import INSTANT, quantity
+    from ergon.scores.text.errors import TextError
+
+    if text == "end" and what == "TO":
+        return math.inf
+    try:
+        return quantity(text, INSTANT)
+    except TextError as error:
+        raise Refused(f"{what}: {error.message}") from None
+
+
+def _ticks(instant: float, rate: float) -> int:
+    """The first tick that is not before an instant; a tick but for rounding is that tick."""
+    most = (1 << 64) - 1
+    return most if instant * rate >= most else math.ceil(instant * rate - 1e-6)

@@ -1,0 +1,176 @@
+"""Recordings of live hands for other programs, and movements from other programs as recordings."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import Recording
+
+    Column = tuple[str, NDArray[Any]]
+
+_BLOCK = 8192  # rows of a CSV, frames of a WAV, that are made at once
+_MAX_TICKS = 20_000_000  # times axes: what a recording holds
+_NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # what a header of a CSV cannot say
+
+
+class NotRecordingError(ValueError):
+    """What was given cannot be had from a recording, or made into one."""
+
+
+def about(recording: Recording) -> dict[str, Any]:
+    """What whoever recorded said of it; nothing where that is no JSON object."""
+    try:
+        said = json.loads(recording.about)
+    except (ValueError, RecursionError):
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+def instants(recording: Recording) -> NDArray[np.float64]:
+    """Ticks in seconds (n_ticks,), from the first."""
+    import numpy as np
+
+    ticks = recording.ticks()
+    return (ticks - ticks[:1]).astype(np.float64) * recording.frames / recording.rate
+
+
+def from_start(recording: Recording) -> NDArray[np.float64]:
+    """Positions [m] at every tick of the piece from tick 0 to the last, (n_ticks, n_axes).
+
+    What a key in a real hand is given to go where it went: before the first row it waits at its
+    place; a tick that is missing holds the one before. Raises NotRecordingError where that is
+    more than fits.
+    """
+    import numpy as np
+
+    from ergon._core import EngineError
+
+    try:
+        held = recording.held()
+    except EngineError as error:
+        raise NotRecordingError(str(error)) from None
+    if not len(held):
+        raise NotRecordingError("nothing was recorded")
+    first = int(recording.ticks()[0])
+    if (first + len(held)) * held.shape[1] > _MAX_TICKS:
+        raise NotRecordingError("it begins too late in the piece")
+    return np.concatenate([np.repeat(held[:1], first, axis=0), held])
+
+
+def columns(recording: Recording) -> list[Column]:
+    """Everything in the rows: header with its unit, values (n_ticks,).
+
+    A position is called as its axis, so that a score plays it by `channel`.
+    """
+    names = [name.translate(_NO_NAME) for name in recording.names]
+    if len(set(names)) < len(names) or {"t", "tick"} & set(names):
+        names = [str(i + 1) for i in range(len(names))]
+    positions, forces, sent = recording.positions(), recording.forces(), recording.sent()
+    flags, clocks = recording.flags(), recording.clocks()
+    found: list[Column] = [("t [s]", instants(recording)), ("tick [1]", recording.ticks())]
+    for i, name in enumerate(names):
+        found += [
+            (f"{name} [m]", positions[:, i]),
+            (f"{name} force [N]", forces[:, i]),
+            (f"{name} sent [N]", sent[:, i]),
+            (f"{name} flags [1]", flags[:, i]),
+            (f"{name} clock [1]", clocks[:, i]),
+        ]
+    return found
+
+
+def csv_rows(recording: Recording) -> Iterator[str]:
+    """The text of a CSV in pieces; numbers are the shortest that read back to the same bits."""
+    every = columns(recording)
+    text = io.StringIO()
+    text.write(
+        f"# take 1, made by ergon, {recording.rate:g} Hz, ticks of {recording.frames} frames\n"
+    )
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow([name for name, _ in every])
+    yield text.getvalue()
+    for at in range(0, len(every[0][1]), _BLOCK):
+        text = io.StringIO()
+        lists = [values[at : at + _BLOCK].tolist() for _, values in every]
+        csv.writer(text, lineterminator="\n").writerows(zip(*lists, strict=True))
+        yield text.getvalue()
+
+
+def write_npz(file: BinaryIO, recording: Recording) -> None:
+    """The columns of a CSV as arrays of an npz."""
+    import numpy as np
+
+    arrays: dict[str, Any] = dict(columns(recording))
+    np.savez(file, **arrays)
+
+
+def write_wav(file: BinaryIO, recording: Recording) -> None:
+    """Positions at the audio rate, a channel for each axis; 1.0 is 1 m.
+
+    Between ticks runs the spline that a score would play; frame 0 is the first tick.
+    """
+    import numpy as np
+
+    from ergon._core import Take, single
+
+    from .wave import WaveWriter
+    from .wave_header import Stamp, WaveFormat
+
+    rate = int(recording.rate)
+    if rate != recording.rate:
+        raise NotRecordingError(
+            f"a WAV file has a whole number of frames per second, not {recording.rate:g}"
+        )
+    t, x = instants(recording), recording.positions()
+    if len(t) < 2:
+        raise NotRecordingError("a movement needs two ticks or more")
+    takes = [Take(t, np.ascontiguousarray(x[:, i])) for i in range(x.shape[1])]
+    ticks = recording.ticks()
+    n_frames = int(ticks[-1] - ticks[0]) * recording.frames + 1
+    form = WaveFormat(rate, len(takes), "float")
+    writer = WaveWriter(file, form, n_frames, Stamp(", ".join(recording.names)))
+    for at in range(0, n_frames, _BLOCK):
+        now = np.arange(at, min(at + _BLOCK, n_frames)) / recording.rate
+        block = np.stack([take.positions(now) for take in takes], axis=1)
+        writer.write(single(block, 1.0))
+    writer.close()
+
+
+def recorded(
+    channels: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+    *,
+    rate: float,
+    frames: int,
+    source: str,
+) -> Recording:
+    """A recording of movements (t [s], x [m]) by their names; they begin together, at tick 0.
+
+    What lies between their samples is read off the spline that a score would play.
+    """
+    import numpy as np
+
+    from ergon._core import EngineError, Recording, Take
+
+    begin = min(t[0] for t, _ in channels.values())
+    end = max(t[-1] for t, _ in channels.values())
+    # A sample that lies on the last tick but for rounding belongs to it.
+    n_ticks = np.floor((end - begin) * rate / frames + 1e-6) + 1
+    if not n_ticks * len(channels) <= _MAX_TICKS:
+        raise NotRecordingError(f"{end - begin:g} s are more than a recording holds at this rate")
+    ticks = np.arange(int(n_ticks), dtype=np.uint64)
+    now = begin + ticks.astype(np.float64) * frames / rate
+    try:
+        x = np.stack([Take(t, x).positions(now) for t, x in channels.values()], axis=1)
+        said = json.dumps({"imported": source}, ensure_ascii=False)
+        axes: Sequence[tuple[str, str]] = [(name, "") for name in channels]
+        return Recording(rate, frames, axes, said, ticks, np.ascontiguousarray(x))
+    except EngineError as error:
+        raise NotRecordingError(str(error)) from None

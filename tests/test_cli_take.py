@@ -1,0 +1,284 @@
+"""`ergon take`: recordings listed, told, cut and exchanged."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from recordings import EVENTS, Axis, chunk, end, event, header, row, rows
+
+from ergon import _core
+from ergon.cli import app
+from ergon.scores.gesture.takes import read
+
+Capture = pytest.CaptureFixture[str]
+HANDS = (("remi", "k2"), ("ada", "k1"))
+ABOUT = '{"day": "2026-11-20", "score": {"path": "duet.yaml", "sha256": "ab12"}}'
+
+
+def hand(tick: int) -> tuple[Axis, Axis]:
+    x = 4e-3 * np.sin(tick / 200)
+    return Axis(float(x), 2.0 * x, 0.25, 1, tick * 1000), Axis(-float(x), 0.1, 0.0, 17, 5)
+
+
+def data(first: int = 1000, n: int = 2000) -> bytes:
+    """Two hands at 1 kHz for two seconds, in chunks of a quarter second, one event in each."""
+    parts = [header(HANDS, 44000.0, 44, ABOUT)]
+    for begin in range(first, first + n, 250):
+        parts.append(rows(*(row(t, *hand(t)) for t in range(begin, begin + 250))))
+        parts.append(chunk(EVENTS, event(begin, '{"late": 1}')))
+    return b"".join([*parts, end()])
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    (tmp_path / "hand.take").write_bytes(data())
+    return tmp_path
+
+
+def records(capsys: Capture) -> list[dict]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+@pytest.mark.parametrize("command", [["info"], ["take", "info"]])
+def test_info(capsys: Capture, command: list[str]) -> None:
+    assert app.run([*command, "hand.take"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "hand.take: 2 s, 2,000 ticks at 1000.00 Hz (44 frames of 44000 Hz)",
+        "  begins 1.000 s into the piece",
+        "  remi on k2: -4 mm … 4 mm, force up to 0.008 N",
+        "  ada on k1: -4 mm … 4 mm, force up to 0.1 N, limiter tripped in 2,000 ticks",
+        "  8 events",
+        "  day: 2026-11-20",
+        "  score: duet.yaml, ab12",
+        "  whole",
+    ]
+    assert app.run([*command, "--json", "hand.take"]) == 0
+    (record,) = records(capsys)
+    assert record["event"] == "take"
+    assert (record["ticks"], record["first_tick"], record["duration_s"]) == (2000, 1000, 2.0)
+    assert [axis["player"] for axis in record["axes"]] == ["remi", "ada"]
+    assert record["about"]["score"]["path"] == "duet.yaml"
+    assert (record["lost_bytes"], record["finished"]) == (0, True)
+
+
+def test_info_of_a_damaged_file(folder: Path, capsys: Capture) -> None:
+    (folder / "cut.take").write_bytes(data()[:-1000])
+    assert app.run(["take", "info", "cut.take"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("  13558 bytes of this recording")
+    (folder / "no.take").write_bytes(b"RIFF")
+    assert app.run(["take", "info", "no.take"]) == 2
+    assert capsys.readouterr().err == "error: no.take: this is no recording of hands\n"
+    assert app.run(["take", "info", "nowhere.take"]) == 2
+    assert "nowhere.take: No such file" in capsys.readouterr().err
+    assert app.run(["take", "info", "hand.gms"]) == 2
+    assert "a take is a .take, .csv or .npz file" in capsys.readouterr().err
+
+
+def test_names_of_strangers_move_no_terminal(folder: Path, capsys: Capture) -> None:
+    (folder / "x.take").write_bytes(header((("\x1b[2Jada", "k\n"),)) + end())
+    for command in (["info", "x.take"], ["list"]):
+        assert app.run(["take", *command]) == 0
+        out = capsys.readouterr().out
+        assert "?[2Jada" in out
+        assert "\x1b" not in out
+
+
+def test_list(folder: Path, capsys: Capture) -> None:
+    (folder / "cut.take").write_bytes(data()[:-1000])
+    (folder / "no.take").write_bytes(b"RIFF")
+    (folder / "open.take").write_bytes(data()[:-17])
+    (folder / "x.csv").write_text("t [s],x [mm]\n0,0\n1,0\n")
+    assert app.run(["take", "list"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "cut.take: remi, ada, 1.75 s, 7 events, damaged",
+        "hand.take: remi, ada, 2 s, 8 events",
+        "no.take: this is no recording of hands",
+        "open.take: remi, ada, 2 s, 8 events, never finished",
+    ]
+    assert app.run(["take", "list", "--json", "."]) == 0
+    assert [record["file"] for record in records(capsys)][1] == "hand.take"
+    (folder / "takes").mkdir()
+    assert app.run(["take", "list"]) == 0
+    assert capsys.readouterr() == ("", "no recordings in takes\n")
+    assert app.run(["take", "list", "hand.take"]) == 2
+
+
+def test_trim_keeps_rows_events_and_their_places(capsys: Capture) -> None:
+    assert app.run(["take", "trim", "hand.take", "0.25s", "1.5s", "-o", "part.take"]) == 0
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", "wrote part.take: remi, ada, 1.250 s, 1,250 ticks\n")
+    found, whole = _core.read_recording("part.take"), _core.read_recording("hand.take")
+    assert found.ticks().tolist() == list(range(1250, 2500))
+    for column in ("positions", "forces", "sent", "flags", "clocks"):
+        cut = getattr(whole, column)()[250:1500]
+        assert getattr(found, column)().tobytes() == cut.tobytes()
+    assert found.events == whole.events[1:6]
+    assert found.about == ABOUT
+    assert found.finished
+    # As `trim:` of a score cuts it.
+    assert (
+        read(Path("part.take"), "remi").x.tolist()
+        == read(Path("hand.take"), "remi").x.tolist()[250:1500]
+    )
+
+
+def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
+    (folder / "cut.take").write_bytes(data()[:-1000])
+    assert app.run(["take", "trim", "cut.take", "0s", "end", "-o", "good.take", "--json"]) == 0
+    warning, wrote = records(capsys)
+    assert warning["event"] == "warning"
+    assert (wrote["event"], wrote["ticks"]) == ("wrote", 1750)
+    assert _core.read_recording("good.take").damage is None
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["hand.take", "1s", "1s", "-o", "x.take"], "1s to 1s keeps nothing"),
+        (["hand.take", "5s", "9s", "-o", "x.take"], "nothing is recorded from 5s to 9s"),
+        (["hand.take", "1e17s", "end", "-o", "x.take"], "nothing is recorded"),
+        (["hand.take", "later", "end", "-o", "x.take"], "FROM: "),
+        (["hand.take", "0s", "1kg", "-o", "x.take"], "TO: "),
+        (["hand.take", "0s", "1s"], "where to? -o NEW.take"),
+        (["hand.take", "0s", "1s", "-o", "x.csv"], "called something.take"),
+        (["hand.take", "0s", "1s", "-o", "hand.take", "-f"], "is what is read"),
+        (["hand.take", "0s", "1s", "-o", "other.take"], "other.take exists"),
+    ],
+)
+def test_trim_refuses(folder: Path, capsys: Capture, words: list[str], said: str) -> None:
+    (folder / "other.take").write_bytes(data())
+    before = sorted(folder.iterdir())
+    assert app.run(["take", "trim", *words]) == 2
+    assert said in capsys.readouterr().err
+    assert sorted(folder.iterdir()) == before
+    assert (folder / "other.take").read_bytes() == (folder / "hand.take").read_bytes() == data()
+
+
+def test_a_csv_goes_out_and_comes_back(capsys: Capture) -> None:
+    assert app.run(["take", "export", "hand.take", "-o", "x.csv"]) == 0
+    head = Path("x.csv").read_text().splitlines()[:3]
+    assert head[0] == "# take 1, made by ergon, 44000 Hz, ticks of 44 frames"
+    assert head[1].split(",")[:4] == ["t [s]", "tick [1]", "remi [m]", "remi force [N]"]
+    first = hand(1000)[0]
+    assert [float(cell) for cell in head[2].split(",")[1:7]] == [1000, *first]
+    take = read(Path("x.csv"), "remi")
+    want = read(Path("hand.take"), "remi")
+    assert (take.t.tolist(), take.x.tolist()) == (want.t.tolist(), want.x.tolist())
+    command = ["take", "import", "x.csv", "-o", "y.take", "--channel", "remi", "--channel", "ada"]
+    assert app.run([*command, "--audio", "44kHz", "--tick", "44"]) == 0
+    back, there = _core.read_recording("y.take"), _core.read_recording("hand.take")
+    assert back.ticks().tolist() == list(range(2000))
+    assert back.axes == [("remi", ""), ("ada", "")]
+    assert np.abs(back.positions() - there.positions()).max() < 1e-15
+    assert json.loads(back.about) == {"imported": "x.csv"}
+
+
+def test_csv_on_stdout(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+    assert app.run(["take", "export", "hand.take", "-o", "x.csv"]) == 0
+    capsysbinary.readouterr()
+    assert app.run(["take", "export", "hand.take", "-o", "-"]) == 0
+    assert capsysbinary.readouterr() == (Path("x.csv").read_bytes(), b"")
+
+
+def test_npz(capsys: Capture) -> None:
+    assert app.run(["take", "export", "hand.take", "-o", "x.npz"]) == 0
+    whole = _core.read_recording("hand.take")
+    with np.load("x.npz") as arrays:
+        assert arrays["ada [m]"].tobytes() == whole.positions()[:, 1].tobytes()
+        assert arrays["remi sent [N]"].dtype == np.float32
+        assert arrays["tick [1]"].tolist() == whole.ticks().tolist()
+    assert read(Path("x.npz"), "ada").x.tolist() == whole.positions()[:, 1].tolist()
+    first = Path("x.npz").read_bytes()
+    assert app.run(["take", "export", "hand.take", "-o", "x.npz", "-f"]) == 0
+    assert Path("x.npz").read_bytes() == first
+
+
+def test_wav_is_the_movement_at_the_audio_rate(capsys: Capture) -> None:
+    assert app.run(["take", "export", "hand.take", "-o", "x.wav"]) == 0
+    samples, rate = soundfile.read("x.wav", dtype="float64")
+    assert rate == 44000
+    assert samples.shape == (1999 * 44 + 1, 2)
+    whole = _core.read_recording("hand.take").positions()
+    assert np.abs(samples[::44] - whole).max() < 3e-10  # single precision of 4 mm
+    # Between the ticks too: the hand was a sine.
+    middle = slice(44 * 500, 44 * 1500)
+    wanted = 4e-3 * np.sin((1000 + np.arange(len(samples)) / 44) / 200)
+    assert np.abs(samples[middle, 0] - wanted[middle]).max() < 1e-9
+
+
+def test_a_rate_that_wav_cannot_say(folder: Path, capsys: Capture) -> None:
+    every = rows(*(row(t, Axis(0.0)) for t in range(3)))
+    (folder / "odd.take").write_bytes(header(rate=44100.5) + every + end())
+    assert app.run(["take", "export", "odd.take", "-o", "x.wav"]) == 2
+    assert "whole number of frames per second" in capsys.readouterr().err
+    assert not Path("x.wav").exists()
+
+
+def test_dry_runs_write_nothing(folder: Path, capsys: Capture) -> None:
+    (folder / "x.csv").write_text("t [s],x [mm]\n0,0\n1,1\n2,0\n")
+    before = sorted(folder.iterdir())
+    for command in (
+        ["trim", "hand.take", "0s", "1s", "-o", "y.take"],
+        ["export", "hand.take", "-o", "y.csv"],
+        ["import", "x.csv", "-o", "y.take"],
+    ):
+        assert app.run(["take", *command, "-n"]) == 0
+        assert capsys.readouterr().err.startswith("would write y.")
+    assert sorted(folder.iterdir()) == before
+
+
+def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) -> None:
+    t = np.array([0.0, 0.031, 0.064, 0.11, 0.15, 0.2])
+    x = np.array([0.0, 1.0, 3.0, 2.0, 0.5, 0.0])
+    lines = [f"{a},{b}\n" for a, b in zip(t, x, strict=True)]
+    (folder / "x.csv").write_text("t [s],x [mm]\n" + "".join(lines))
+    assert app.run(["take", "import", "x.csv", "-o", "y.take"]) == 0
+    found = _core.read_recording("y.take")
+    assert (found.rate, found.frames, found.names) == (44100.0, 44, ["x"])
+    take = _core.Take(t, x / 1e3)
+    want = [take.at(k * 44 / 44100)[0] for k in range(len(found.ticks()))]
+    assert found.positions()[:, 0].tolist() == want
+    assert len(want) == int(0.2 * 44100 / 44) + 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["x.gms", "-o", "y.take"], "GMS files are not read"),
+        (["x.csv", "-o", "y.take"], "say which channel: one of a, b"),
+        (["x.csv", "-o", "y.take", "--channel", "aa"], "did you mean 'a'?"),
+        (["x.csv", "-o", "y.take", "--channel", "a", "--rate", "9Hz"], "leave out the rate"),
+        (["x.csv", "-o", "y.take", "--channel", "a", "--audio", "fast"], "--audio: "),
+        (["long.csv", "-o", "y.take"], "more than a recording holds"),
+        (["hand.take", "-o", "y.take"], "is a recording already"),
+        (["x.csv", "-o", "y.wav", "--channel", "a"], "called something.take"),
+        (["x.csv", "--channel", "a"], "where to?"),
+    ],
+)
+def test_import_refuses(folder: Path, capsys: Capture, words: list[str], said: str) -> None:
+    (folder / "x.csv").write_text("t [s],a [mm],b [mm]\n0,0,0\n1,1,1\n2,0,0\n")
+    (folder / "long.csv").write_text("t [s],a [mm]\n0,0\n1e9,1\n")
+    (folder / "x.gms").write_bytes(b"FORM")
+    assert app.run(["take", "import", *words]) == 2
+    assert said in capsys.readouterr().err
+    assert not (folder / "y.take").exists()
+
+
+def test_no_recording_is_taken_for_a_file_to_replace(folder: Path, capsys: Capture) -> None:
+    kept = header(HANDS, about='{"by": "made by ergon"}') + end()
+    (folder / "y.take").write_bytes(kept)
+    for dry in ([], ["-n"]):
+        assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", *dry]) == 2
+        assert "a recording is not written over" in capsys.readouterr().err
+    assert (folder / "y.take").read_bytes() == kept
+    assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", "-f"]) == 0
+    assert (folder / "y.take").read_bytes() != kept
+
+
+def test_the_group_names_what_is_near(capsys: Capture) -> None:
+    assert app.run(["take", "trimm"]) == 2
+    assert "Did you mean 'trim'?" in capsys.readouterr().err

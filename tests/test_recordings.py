@@ -1,0 +1,246 @@
+"""Recordings of live hands: the layout as docs/takes.md has it, and how a score plays them."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import END, EVENTS, HEADER, ROWS, Axis, chunk, chunks, end, event, header, row, rows
+
+from ergon import _core
+from ergon.exchange.recording import NotRecordingError, from_start
+from ergon.scores.gesture.takes import TakeError, read
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+HANDS = (("rémi", "k2"), ("ada", "k1"))
+EVERY = [
+    (tick, (Axis(1e-3 * tick, -0.5 * tick, 0.25, 3, 7 * tick), Axis(2e-3, 0.1 * tick, -1.5, 25, 9)))
+    for tick in (100, 101, 103, 104)
+]
+BODY = [row(tick, *axes) for tick, axes in EVERY]
+
+
+def saved(tmp_path: Path, *parts: bytes) -> Path:
+    path = tmp_path / "hand.take"
+    path.write_bytes(b"".join(parts))
+    return path
+
+
+def test_every_field_is_read_from_its_bytes(tmp_path: Path) -> None:
+    line = '{"gain": 0.5}'
+    events = chunk(EVENTS, event(101, line) + event(104, "{}"))
+    path = saved(
+        tmp_path,
+        header(HANDS, 48000.0, 48, '{"day": "2026-11-20"}'),
+        rows(*BODY[:3]),
+        events,
+        rows(BODY[3]),
+        end(5),
+    )
+    found = _core.read_recording(path)
+    assert (found.rate, found.frames, found.axes) == (48000.0, 48, list(HANDS))
+    assert found.names == ["rémi", "ada"]
+    assert found.about == '{"day": "2026-11-20"}'
+    assert found.events == [(101, line), (104, "{}")]
+    assert (found.dropped, found.lost_bytes, found.whole, found.finished) == (5, 0, True, True)
+    assert found.damage is None
+    assert found.duration == pytest.approx(5 / 1000)
+    assert found.ticks().tolist() == [100, 101, 103, 104]
+    columns = [
+        found.positions(),
+        found.forces(),
+        found.sent(),
+        found.flags(),
+        found.clocks(),
+    ]
+    for i, column in enumerate(columns):
+        assert column.tolist() == [[axis[i] for axis in axes] for _, axes in EVERY]
+    held = [axes[0].position for _, axes in (EVERY[0], EVERY[1], EVERY[1], *EVERY[2:])]
+    assert found.held()[:, 0].tolist() == held
+
+
+def test_what_is_written_lies_as_the_page_says(tmp_path: Path) -> None:
+    ticks = np.array([5, 6, 9], dtype=np.uint64)
+    x = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
+    made = _core.Recording(44100.0, 44, HANDS, '{"a": 1}', ticks, x)
+    head, body, last = chunks(made.to_bytes())
+    assert head == chunks(header(HANDS, 44100.0, 44, '{"a": 1}'))[0]
+    flat = [row(t, *map(Axis, each)) for t, each in zip([5, 6, 9], x.tolist(), strict=True)]
+    assert body == (ROWS, b"".join(flat))
+    assert last == (END, bytes(8))
+    assert head[0] == HEADER
+
+
+@pytest.mark.parametrize(
+    ("ticks", "x", "words"),
+    [
+        ([1, 1], [[0.0], [0.0]], "its ticks rise"),
+        ([1], [[0.0], [0.0]], "one position for each tick"),
+        ([1, 2], [[0.0, 1.0], [0.0, 1.0]], r"positions must be \(n_frames, 1\)"),
+    ],
+)
+def test_rows_that_contradict_each_other_are_refused(
+    ticks: list[int], x: list[list[float]], words: str
+) -> None:
+    with pytest.raises(_core.EngineError, match=words):
+        _core.Recording(44100.0, 44, [("a", "")], "", np.array(ticks, dtype=np.uint64), np.array(x))
+
+
+def test_a_hand_is_played_by_its_name(tmp_path: Path) -> None:
+    path = saved(tmp_path, header(HANDS), rows(*BODY), end())
+    for channel in ("rémi", "k2"):
+        take = read(path, channel)
+        assert take.x.tolist() == [axes[0].position for _, axes in EVERY]
+        assert take.t == pytest.approx(np.array([0, 1, 3, 4]) * 44 / 44100, abs=1e-15)
+        assert take.damage is None
+    assert read(path, "ada").x.tolist() == [2e-3] * 4
+    with pytest.raises(TakeError, match="say which channel: one of rémi, ada"):
+        read(path)
+    with pytest.raises(TakeError, match="no channel 'remi'") as caught:
+        read(path, "remi")
+    assert caught.value.suggestion == "rémi"
+    assert caught.value.field == "channel"
+    with pytest.raises(TakeError, match="leave out the rate"):
+        read(path, "ada", rate=1000.0)
+    alone = saved(tmp_path, header(), *(rows(row(t, Axis(0.0))) for t in (1, 2)), end())
+    assert read(alone).x.tolist() == [0.0, 0.0]
+
+
+def test_a_hand_on_two_keys_is_told_apart(tmp_path: Path) -> None:
+    path = saved(tmp_path, header((("remi", "k1"), ("remi", "k2"))), rows(*BODY), end())
+    with pytest.raises(TakeError, match=r"no channel 'remi'; there are remi.k1, remi.k2"):
+        read(path, "remi")
+    assert read(path, "k2").x.tolist() == read(path, "remi.k2").x.tolist() == [2e-3] * 4
+
+
+def test_a_cut_file_says_what_is_left(tmp_path: Path) -> None:
+    whole = header(HANDS) + rows(*BODY[:3]) + rows(BODY[3]) + end()
+    path = saved(tmp_path, whole[:-30])
+    take = read(path, "ada")
+    assert len(take.t) == 3
+    assert take.damage == "54 bytes of this recording are damaged; what is left lasts 0.00 s"
+    path.write_bytes(whole[:-17])
+    assert "never finished" in str(read(path, "ada").damage)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "no recording of hands"),
+        (b"t [s],x [mm]\n0,0\n1,1\n", "no recording of hands"),
+        (header()[:8] + b"\x02\0\0\0" + header()[12:], "of version 2"),
+        (header()[:-1], "header of this recording is damaged"),
+        (header(rate=0.0), "header of this recording is damaged"),
+        (header() + end(), "two samples or more"),
+        (header() + rows(row(1, Axis(0.0)), row(2, Axis(float("nan")))), "sample 2 of x is not"),
+        (header() + rows(row(1, Axis(0.0)), row(2, Axis(1e9))), "more than 1,000 m"),
+        (header(rate=2e6, frames=1) + rows(row(1, Axis(0.0)), row(2, Axis(0.0))), "microsecond"),
+    ],
+)
+def test_what_is_no_take_is_refused(tmp_path: Path, data: bytes, words: str) -> None:
+    with pytest.raises(TakeError, match=words):
+        read(saved(tmp_path, data))
+
+
+def test_a_file_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "folder.take").mkdir()
+    with pytest.raises(TakeError, match="no such file"):
+        read(tmp_path / "folder.take")
+    with pytest.raises(_core.EngineError, match="no recording"):
+        _core.read_recording("/dev/zero")
+    with pytest.raises(FileNotFoundError):
+        _core.read_recording(tmp_path / "nowhere.take")
+
+
+def test_a_length_from_a_stranger_takes_no_memory(tmp_path: Path) -> None:
+    path = saved(tmp_path, header(), struct.pack("<IBI", 0xFFFFFFFF, ROWS, 0), bytes(100))
+    found = _core.read_recording(path)
+    assert len(found.ticks()) == 0
+    assert found.lost_bytes == 109
+
+
+SCORE = """
+ergon: 1
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  bell: {modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 1s}}, b: {BUT: {between: [k1, m], K: 9kN/m}}},
+    out: {SOX: m}}
+takes: {hand: {file: hand.FORM, channel: x}}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 0.5s, play: hand}]}
+"""
+
+
+def test_a_recording_sounds_as_the_same_movement_in_a_csv(tmp_path: Path) -> None:
+    ticks = np.arange(3000, 3400, dtype=np.uint64)
+    x = 6e-3 * np.sin(np.arange(400) / 400 * np.pi) ** 2
+    recording = _core.Recording(44100.0, 44, [("x", "k9")], "{}", ticks, x.reshape(-1, 1))
+    (tmp_path / "hand.take").write_bytes(recording.to_bytes())
+    t = (np.arange(400) * 44 / 44100).tolist()
+    lines = [f"{t!r},{x!r}\n" for t, x in zip(t, x.tolist(), strict=True)]
+    (tmp_path / "hand.csv").write_text("t [s],x [m]\n" + "".join(lines))
+    heard = []
+    for form in ("take", "csv"):
+        (tmp_path / "s.yaml").write_text(SCORE.replace("FORM", form))
+        loaded = load(tmp_path / "s.yaml")
+        assert loaded.piece is not None
+        staged = stage(loaded.piece)
+        assert not staged.diagnostics
+        out = np.zeros((44100, staged.simulation.n_out))
+        staged.simulation.process(out)
+        heard.append(out)
+    assert np.abs(heard[0]).max() > 1e-6
+    assert heard[0].tobytes() == heard[1].tobytes()
+
+
+def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
+    """What a real hand did, recorded from a tick on, plays as it did then."""
+    score = SCORE.replace("FORM", "take").replace("{key: k1}", "{hand: live, key: k1}")
+    score = score.replace("parts: {ada: [{at: 0.5s, play: hand}]}", "render: {tail: 1s}")
+    loaded = load("s.yaml", text=score.replace("takes: {hand: {file: hand.take, channel: x}}", ""))
+    assert loaded.piece is not None, loaded.diagnostics
+    x = np.full(900, -2e-3)
+    x[200:600] += 8e-3 * np.sin(np.arange(400) / 400 * np.pi) ** 2
+
+    def heard(positions: np.ndarray) -> np.ndarray:
+        staged = stage(loaded.piece, real={"ada": positions})
+        (hand,) = staged.live
+        assert hand.every == 44
+        out = np.zeros((40_000, staged.simulation.n_out))
+        staged.simulation.process(out)
+        return out
+
+    data = [row(tick, Axis(x[tick])) for tick in range(150, 900) if tick not in (650, 651)]
+    path = saved(tmp_path, header(), rows(*data), end())
+    back = from_start(_core.read_recording(path))
+    assert back.shape == (900, 1)
+    assert np.abs(heard(x)).max() > 1e-6
+    assert heard(back[:, 0].copy()).tobytes() == heard(x).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("every", "words"),
+    [
+        ([], "nothing was recorded"),
+        ([1, 2**40], "longer than"),
+        ([2**40], "begins too late"),
+    ],
+)
+def test_what_cannot_be_played_back(tmp_path: Path, every: list[int], words: str) -> None:
+    data = [row(tick, Axis(0.0)) for tick in every]
+    path = saved(tmp_path, header(), rows(*data), end())
+    with pytest.raises(NotRecordingError, match=words):
+        from_start(_core.read_recording(path))
+
+
+def test_a_damaged_recording_is_a_warning_in_a_score(tmp_path: Path) -> None:
+    every = [row(t, Axis(1e-3 * (t % 3))) for t in range(60)]
+    data = header((("x", ""),)) + rows(*every[:50]) + rows(*every[50:])
+    (tmp_path / "hand.take").write_bytes(data[:-5])
+    (tmp_path / "s.yaml").write_text(SCORE.replace("FORM", "take"))
+    loaded = load(tmp_path / "s.yaml")
+    assert loaded.piece is not None
+    (found,) = (d for d in stage(loaded.piece).diagnostics if d.code == "W314")
+    assert (found.place.line, found.severity) == (7, "warning")
+    assert "hand.take: 334 bytes of this recording are damaged" in found.message
