@@ -3,11 +3,19 @@
 //! A key here is a CEL by the engine's own numbers, and a hand that pulls it along a written path. Two clocks: by the
 //! wall, as a board's firmware goes, or in lockstep, where every packet is one period and nobody is late.
 
-pub mod hand;
-pub mod key;
+mod firmware;
+mod hand;
+mod key;
+mod line;
+mod serve;
+#[cfg(unix)]
+mod terminal;
 
+pub use firmware::{Board, Firmware, Protocol};
 pub use hand::Hand;
 pub use key::{Key, Keys};
+pub use line::Transport;
+pub use serve::{Event, Options, Outcome, serve};
 
 /// A device that cannot be emulated so.
 #[derive(Debug, thiserror::Error)]

@@ -78,9 +78,15 @@ impl FireFader {
     /// Opening the port restarts some boards, so ask until one answers; leave no reply behind.
     fn greet(&mut self) -> Result<(), Gone> {
         let patience = Instant::now() + FIRST_REPLY;
+        // In lockstep every packet is a period: one is enough, however late its reply.
+        let again = if self.lockstep {
+            FIRST_REPLY
+        } else {
+            ASK_AGAIN
+        };
         while self.last.is_none() && Instant::now() < patience {
             self.put([0.0; 2])?;
-            self.take(Instant::now() + ASK_AGAIN)?;
+            self.take(Instant::now() + again)?;
         }
         let quiet = Instant::now() + ASK_AGAIN;
         while self.waiting > 0 && Instant::now() < quiet {

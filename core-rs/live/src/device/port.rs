@@ -145,6 +145,8 @@ mod unix {
         unsafe {
             let flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
             libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, flags | libc::O_NONBLOCK);
+            // The lock on the file keeps others out and ends with us; this would outlive us on a pty.
+            libc::ioctl(fd.as_raw_fd(), libc::TIOCNXCL);
         }
         #[cfg(target_os = "linux")]
         low_latency(fd);

@@ -1,1 +1,279 @@
-//! x
+//! What a board's program does with its packets, period by period; it knows no clock but the one it is told.
+
+use std::time::Duration;
+
+use super::Keys;
+use crate::device::MAX_AXES;
+use crate::device::wire::frame::{self, flag, status};
+use crate::device::wire::{Inbox, firefader, haply};
+
+/// What the board speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// Two faders, bytes.
+    FireFader,
+    /// The open frame.
+    Frame,
+    /// Haply's Inverse Service.
+    Haply,
+}
+
+/// The emulated Haply device's name.
+const HAPLY_ID: &str = "EMUL";
+/// The finger that FireFader's sensor sees.
+const FINGER: u8 = 100;
+
+/// How the board is built.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Board {
+    /// What it speaks.
+    pub protocol: Protocol,
+    /// Whether a packet is a period; else its time is the wall's.
+    pub lockstep: bool,
+    /// No force without a finger.
+    pub touch_gate: bool,
+    /// Greatest force of its motors [N].
+    pub force_max: f64,
+    /// Step of its position sensor [m]; 0: none but the wire's.
+    pub resolution: f64,
+    /// Silence of the host after which it lets go (by the wall only).
+    pub watchdog: Duration,
+    /// What the keys are known to have: mass [kg] and damping [N·s/m].
+    pub known: [f64; 2],
+    /// Where keys end [m].
+    pub range: [f64; 2],
+}
+
+/// A board that runs.
+pub struct Firmware {
+    board: Board,
+    keys: Keys,
+    inbox: Inbox<512>,
+    force: [f64; MAX_AXES],
+    /// FireFader's gate: how long a finger has been there.
+    gate: [f64; MAX_AXES],
+    heard: Option<Duration>,
+    let_go: bool,
+    packets: u64,
+    /// Periods of the wall that are over.
+    wall: u64,
+}
+
+impl Firmware {
+    /// A board with its keys.
+    pub fn new(board: Board, keys: Keys) -> Self {
+        Self {
+            board,
+            keys,
+            inbox: Inbox::new(),
+            force: [0.0; MAX_AXES],
+            gate: [0.0; MAX_AXES],
+            heard: None,
+            let_go: false,
+            packets: 0,
+            wall: 0,
+        }
+    }
+
+    /// The keys.
+    pub fn keys(&self) -> &Keys {
+        &self.keys
+    }
+
+    /// Packets so far.
+    pub fn packets(&self) -> u64 {
+        self.packets
+    }
+
+    /// Go on to a moment, by the wall; says whether it has just let go.
+    pub fn run_to(&mut self, now: Duration) -> bool {
+        if self.board.lockstep {
+            return false;
+        }
+        let rate = self.keys.rate().hertz();
+        let due = (now.as_secs_f64() * rate) as u64;
+        // A machine that slept for more than a second does not catch up.
+        let missed = due.saturating_sub(self.wall).min(rate as u64);
+        for _ in 0..missed {
+            self.keys.step(&self.force);
+        }
+        self.wall = due;
+        let silent = self
+            .heard
+            .is_some_and(|heard| now.saturating_sub(heard) > self.board.watchdog);
+        let lets_go = silent && !self.let_go;
+        if lets_go {
+            self.force = [0.0; MAX_AXES];
+            self.let_go = true;
+        }
+        lets_go
+    }
+
+    /// When the next period by the wall begins [s].
+    pub(super) fn next(&self) -> f64 {
+        (self.wall + 1) as f64 * self.keys.rate().step()
+    }
+
+    /// The forces that act now [N]   (16, the keys' first)
+    pub fn forces(&self) -> &[f64; MAX_AXES] {
+        &self.force
+    }
+
+    /// Take bytes from the host; `reply` gets the answers. A text protocol's messages come whole.
+    pub fn hear(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+        match self.board.protocol {
+            Protocol::FireFader => self.hear_firefader(bytes, now, reply),
+            Protocol::Frame => self.hear_frame(bytes, now, reply),
+            Protocol::Haply => {
+                let text = std::str::from_utf8(bytes).unwrap_or_default();
+                if let Some(force) = haply::parse_command(text, HAPLY_ID) {
+                    self.push(force.iter().copied(), true, now);
+                    reply(self.haply_state().as_bytes());
+                }
+            }
+        }
+    }
+
+    /// What the service says to a newcomer.
+    pub(super) fn greeting(&self) -> Option<String> {
+        (self.board.protocol == Protocol::Haply).then(|| self.haply_state())
+    }
+
+    fn haply_state(&self) -> String {
+        let axes = |of: &[f64; MAX_AXES]| [of[0], of[1], of[2]];
+        haply::state(HAPLY_ID, axes(&self.positions()), axes(&self.force))
+    }
+
+    /// New forces; in lockstep the period they act in. `enabled`: the host wants motors to push.
+    fn push(&mut self, force: impl Iterator<Item = f64>, enabled: bool, now: Duration) {
+        self.packets += 1;
+        self.heard = Some(now);
+        self.let_go = false;
+        for (axis, force) in force.take(self.keys.n()).enumerate() {
+            let open = !self.board.touch_gate || self.finger(axis);
+            let most = force.clamp(-self.board.force_max, self.board.force_max);
+            self.force[axis] = if enabled && open { most } else { 0.0 };
+        }
+        if self.board.lockstep {
+            self.keys.step(&self.force);
+        }
+    }
+
+    /// Whether the gate sees a finger: at once, or by FireFader's filter over its packets.
+    fn finger(&mut self, axis: usize) -> bool {
+        let touched = self.keys.touched(axis);
+        if self.board.protocol != Protocol::FireFader {
+            return touched;
+        }
+        let position = firefader::position_byte(self.keys.positions()[axis]);
+        let open = touched && (5..251).contains(&position);
+        self.gate[axis] = self.gate[axis] * (31.0 / 32.0) + if open { 5.0 } else { 0.0 };
+        self.gate[axis] >= 20.0
+    }
+
+    /// Positions as the sensor has them [m].
+    fn positions(&self) -> [f64; MAX_AXES] {
+        let step = self.board.resolution;
+        if step > 0.0 {
+            self.keys.positions().map(|x| (x / step).round() * step)
+        } else {
+            *self.keys.positions()
+        }
+    }
+
+    fn hear_firefader(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+        let mut packets = Vec::new();
+        self.inbox
+            .feed(bytes, firefader::parse_request, |force| packets.push(force));
+        // By the wall the program takes the newest of what it finds, and answers once.
+        let old = if self.board.lockstep {
+            0
+        } else {
+            packets.len().saturating_sub(1)
+        };
+        for force in packets.drain(..).skip(old) {
+            self.push(force.into_iter(), true, now);
+            let mut answer = firefader::Reply::default();
+            for axis in 0..self.keys.n().min(2) {
+                answer.position[axis] = firefader::position_byte(self.positions()[axis]);
+                answer.cap[axis] = if self.keys.touched(axis) { FINGER } else { 0 };
+            }
+            reply(&answer.bytes());
+        }
+    }
+
+    fn hear_frame(&mut self, bytes: &[u8], now: Duration, reply: &mut dyn FnMut(&[u8])) {
+        let mut packets = Vec::new();
+        let full = self.board.force_max;
+        self.inbox.feed(
+            bytes,
+            |bytes| frame::Request::parse(bytes, full),
+            |packet| packets.push(packet),
+        );
+        for packet in packets {
+            let mut bytes = [0; frame::LONGEST];
+            let len = if packet.n == 0 {
+                self.who(packet.seq).write(&mut bytes)
+            } else if packet.n == self.keys.n() {
+                let had_let_go = self.let_go;
+                if packet.flags & flag::ASK == 0 {
+                    let enabled = packet.flags & flag::ENABLE != 0;
+                    self.push(packet.force.iter().copied(), enabled, now);
+                }
+                self.frame_reply(&packet, had_let_go, now).write(&mut bytes)
+            } else {
+                continue;
+            };
+            reply(&bytes[..len]);
+        }
+    }
+
+    fn frame_reply(
+        &self,
+        packet: &frame::Request,
+        had_let_go: bool,
+        now: Duration,
+    ) -> frame::Reply {
+        let n = self.keys.n();
+        let touched = (0..n).any(|axis| self.keys.touched(axis));
+        let enabled = packet.flags & flag::ENABLE != 0 && (touched || !self.board.touch_gate);
+        let bits = [
+            (touched, status::TOUCHED),
+            (enabled, status::ENABLED),
+            (had_let_go, status::LET_GO),
+        ];
+        let t_us = if self.board.lockstep {
+            self.keys.t_us()
+        } else {
+            now.as_micros() as u32
+        };
+        frame::Reply {
+            seq: packet.seq,
+            t_us,
+            n,
+            wide: packet.wide,
+            status: bits.iter().filter(|bit| bit.0).map(|bit| bit.1).sum(),
+            position: self.positions(),
+        }
+    }
+
+    fn who(&self, seq: u16) -> frame::Who {
+        let [inertia, damping] = self.board.known;
+        let [low, high] = self.board.range;
+        let full = self.board.force_max;
+        let step = self.board.resolution.max(frame::POS_LSB);
+        let rate = self.keys.rate().hertz();
+        let gate = u8::from(self.board.touch_gate) << 1;
+        let lockstep = u8::from(self.board.lockstep) << 2;
+        frame::Who {
+            seq,
+            n: self.keys.n(),
+            traits: gate | lockstep | 8,
+            numbers: [full, full, step, low, high, rate, inertia, damping]
+                .map(|number| number as f32),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

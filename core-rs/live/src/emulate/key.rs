@@ -61,8 +61,9 @@ impl Keys {
         let Ok(rate) = Rate::new(rate) else {
             return refused("a rate is a positive number of periods a second");
         };
-        let good = |x: f64| x.is_finite() && x >= 0.0;
-        if !(key.mass.is_finite() && key.mass > 0.0) || !good(key.stiffness) || !good(key.damping) {
+        let known = |x: f64, least: f64| x.is_finite() && x >= least;
+        let tied = known(key.stiffness, 0.0) && known(key.damping, 0.0);
+        if !known(key.mass, f64::MIN_POSITIVE) || !tied {
             return refused(
                 "a key has a mass above zero, a stiffness and a damping of at least zero",
             );

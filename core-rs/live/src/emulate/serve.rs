@@ -1,1 +1,124 @@
-//! x
+//! An emulated device at work, until its time is over.
+
+use std::time::{Duration, Instant};
+
+use super::firmware::{Board, Firmware};
+use super::line::{Heard, Line, Transport};
+use super::{EmulateError, Hand, Key, Keys};
+
+/// How often the caller is asked whether to go on.
+const ASK: Duration = Duration::from_millis(50);
+/// Longest message that is read.
+const LONGEST: usize = 64 * 1024;
+
+/// A device to emulate.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// How it is built.
+    pub board: Board,
+    /// How it is reached.
+    pub transport: Transport,
+    /// How many keys.
+    pub axes: usize,
+    /// What a key is made of.
+    pub key: Key,
+    /// Periods in a second [Hz].
+    pub rate: f64,
+    /// What is on the keys; the missing are free.
+    pub hands: Vec<Hand>,
+    /// How long; in lockstep by the keys' own time, else by the wall [s].
+    pub seconds: Option<f64>,
+    /// Whether it is over when the host has gone.
+    pub once: bool,
+}
+
+/// What happens meanwhile.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A host can open this.
+    Ready(String),
+    /// The host was silent; no more force.
+    LetGo,
+    /// The host has hung up.
+    HostGone,
+}
+
+/// What has happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// Periods of the keys.
+    pub periods: u64,
+    /// Packets of forces.
+    pub packets: u64,
+    /// Hash of all positions.
+    pub hash: u64,
+}
+
+/// Serve until `seconds` are over, `keep` (asked every 50 ms) says no, or the host has gone and `once` is set.
+///
+/// # Errors
+/// [`EmulateError`] where the device cannot be, or there is no port.
+pub fn serve(
+    options: Options,
+    tell: &mut dyn FnMut(Event),
+    keep: &mut dyn FnMut() -> bool,
+) -> Result<Outcome, EmulateError> {
+    let keys = Keys::new(options.axes, options.key, options.rate, options.hands)?;
+    let lockstep = options.board.lockstep;
+    let rate = keys.rate().hertz();
+    let mut firmware = Firmware::new(options.board, keys);
+    let mut line = Line::open(options.transport)?;
+    tell(Event::Ready(line.address()?));
+    let mut bytes = vec![0; LONGEST];
+    let start = Instant::now();
+    let mut asked = start;
+    loop {
+        let now = start.elapsed();
+        if firmware.run_to(now) {
+            tell(Event::LetGo);
+        }
+        let past = if lockstep {
+            firmware.keys().periods() as f64 / rate
+        } else {
+            now.as_secs_f64()
+        };
+        if options.seconds.is_some_and(|seconds| past >= seconds) {
+            break;
+        }
+        if asked.elapsed() >= ASK {
+            asked = Instant::now();
+            if !keep() {
+                break;
+            }
+        }
+        let wait = if lockstep {
+            ASK
+        } else {
+            Duration::from_secs_f64((firmware.next() - now.as_secs_f64()).clamp(0.0, 0.02))
+        };
+        match line.read(&mut bytes, wait)? {
+            Heard::Nothing => {}
+            Heard::Came => {
+                if let Some(text) = firmware.greeting() {
+                    line.write(text.as_bytes());
+                }
+            }
+            Heard::Bytes(n) => {
+                firmware.run_to(start.elapsed());
+                let answer = &mut |bytes: &[u8]| line.write(bytes);
+                firmware.hear(&bytes[..n], start.elapsed(), answer);
+            }
+            Heard::Gone => {
+                tell(Event::HostGone);
+                if options.once {
+                    break;
+                }
+            }
+        }
+    }
+    Ok(Outcome {
+        periods: firmware.keys().periods(),
+        packets: firmware.packets(),
+        hash: firmware.keys().hash(),
+    })
+}

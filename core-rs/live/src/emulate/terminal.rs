@@ -1,1 +1,113 @@
-//! x
+//! A pseudo-terminal: its other side is a path that opens like a serial port.
+
+use std::ffi::CStr;
+use std::io;
+use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
+use std::time::Duration;
+
+use super::line::Heard;
+
+pub(super) struct Terminal {
+    fd: OwnedFd,
+    path: String,
+    connected: bool,
+}
+
+impl Terminal {
+    pub(super) fn open() -> io::Result<Self> {
+        let mut name = [0_u8; 128];
+        // SAFETY: the calls get valid pointers to locals; both descriptors are owned as soon as they are open.
+        let (fd, path) = unsafe {
+            let (mut master, mut slave) = (-1, -1);
+            let mut raw: libc::termios = std::mem::zeroed();
+            libc::cfmakeraw(&raw mut raw);
+            let opened = libc::openpty(
+                &raw mut master,
+                &raw mut slave,
+                name.as_mut_ptr().cast(),
+                (&raw mut raw).cast(),
+                std::ptr::null_mut(),
+            );
+            if opened != 0 {
+                return Err(io::Error::last_os_error());
+            }
+            // Closed again, so that the host's closing can be seen.
+            drop(OwnedFd::from_raw_fd(slave));
+            let fd = OwnedFd::from_raw_fd(master);
+            let flags = libc::fcntl(fd.as_raw_fd(), libc::F_GETFL);
+            libc::fcntl(fd.as_raw_fd(), libc::F_SETFL, flags | libc::O_NONBLOCK);
+            libc::fcntl(fd.as_raw_fd(), libc::F_SETFD, libc::FD_CLOEXEC);
+            (fd, CStr::from_bytes_until_nul(&name))
+        };
+        let path = path
+            .map_err(io::Error::other)?
+            .to_string_lossy()
+            .into_owned();
+        Ok(Self {
+            fd,
+            path,
+            connected: false,
+        })
+    }
+
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
+    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+        let mut poll = libc::pollfd {
+            fd: self.fd.as_raw_fd(),
+            events: libc::POLLIN,
+            revents: 0,
+        };
+        wait_for(&mut poll, wait);
+        if poll.revents & libc::POLLIN == 0 {
+            if poll.revents & libc::POLLHUP == 0 {
+                return Ok(Heard::Nothing);
+            }
+            if std::mem::take(&mut self.connected) {
+                return Ok(Heard::Gone);
+            }
+            // Nobody has opened it yet, which poll does not wait for.
+            std::thread::sleep(wait.min(Duration::from_millis(1)));
+            return Ok(Heard::Nothing);
+        }
+        // SAFETY: the descriptor is open and the slice valid.
+        let got = unsafe { libc::read(self.fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
+        match usize::try_from(got) {
+            Ok(0) => Ok(Heard::Nothing),
+            Ok(n) => {
+                self.connected = true;
+                Ok(Heard::Bytes(n))
+            }
+            Err(_) => {
+                let error = io::Error::last_os_error();
+                match error.raw_os_error() {
+                    Some(libc::EIO) => Ok(Heard::Nothing),
+                    _ => super::line::quiet(error),
+                }
+            }
+        }
+    }
+
+    pub(super) fn write(&mut self, bytes: &[u8]) {
+        // SAFETY: the descriptor is open and the slice valid. Replies are far shorter than the buffer.
+        unsafe { libc::write(self.fd.as_raw_fd(), bytes.as_ptr().cast(), bytes.len()) };
+    }
+}
+
+#[cfg(target_os = "linux")]
+fn wait_for(poll: &mut libc::pollfd, wait: Duration) {
+    let wait = libc::timespec {
+        tv_sec: wait.as_secs() as libc::time_t,
+        tv_nsec: libc::c_long::from(wait.subsec_nanos() as i32),
+    };
+    // SAFETY: one pollfd and a timespec, both valid.
+    unsafe { libc::ppoll(poll, 1, &raw const wait, std::ptr::null()) };
+}
+
+#[cfg(not(target_os = "linux"))]
+fn wait_for(poll: &mut libc::pollfd, wait: Duration) {
+    // SAFETY: one valid pollfd.
+    unsafe { libc::poll(poll, 1, (wait.as_millis() as i32).max(1)) };
+}

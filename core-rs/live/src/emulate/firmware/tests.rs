@@ -1,0 +1,175 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::device::wire::Found;
+use crate::emulate::{Hand, Key};
+
+fn board(protocol: Protocol, lockstep: bool) -> Board {
+    Board {
+        protocol,
+        lockstep,
+        touch_gate: protocol == Protocol::FireFader,
+        force_max: 10.0,
+        resolution: 0.0,
+        watchdog: Duration::from_millis(50),
+        known: [0.05, 1.0],
+        range: Key::default().range,
+    }
+}
+
+fn firmware(board: Board, n: usize, hand: Hand) -> Firmware {
+    let keys = Keys::new(n, Key::default(), 1000.0, vec![hand; n]).unwrap();
+    Firmware::new(board, keys)
+}
+
+fn ms(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> firefader::Reply {
+    let mut replies = Vec::new();
+    firmware.hear(&firefader::request(force), now, &mut |bytes| {
+        replies.push(firefader::parse_reply(bytes));
+    });
+    let [Found::Whole(reply, 7)] = replies[..] else {
+        panic!("{replies:?}");
+    };
+    reply
+}
+
+#[test]
+fn no_finger_no_force() {
+    let mut free = firmware(board(Protocol::FireFader, true), 2, Hand::Free);
+    for _ in 0..100 {
+        let reply = firefader_reply(&mut free, [1.0, -1.0], ms(0));
+        assert_eq!((reply.position, reply.cap), ([128; 2], [0; 2]));
+    }
+    let mut touched = firmware(board(Protocol::FireFader, true), 2, Hand::Resting);
+    // The gate is a filter over packets: 5, 9.8, 14.5, 19.1, 23.5 of 20.
+    for n in 1..=20 {
+        firefader_reply(&mut touched, [1.0, -1.0], ms(0));
+        let pushed = touched.forces()[0] > 0.0;
+        assert_eq!(pushed, n >= 5, "{n}");
+    }
+    let reply = firefader_reply(&mut touched, [1.0, -1.0], ms(0));
+    assert!(
+        reply.position[0] > 128 && reply.position[1] < 128,
+        "{reply:?}"
+    );
+    assert!(reply.cap[0] > firefader::CAP_TOUCHED);
+}
+
+#[test]
+fn silence_lets_go() {
+    let mut board = board(Protocol::FireFader, false);
+    board.touch_gate = false;
+    let mut firmware = firmware(board, 2, Hand::Resting);
+    firefader_reply(&mut firmware, [1.0, 0.0], ms(10));
+    assert!(!firmware.run_to(ms(59)));
+    assert!(firmware.forces()[0] > 0.9);
+    assert!(firmware.run_to(ms(61)), "after 50 ms");
+    assert_eq!(firmware.forces()[0], 0.0);
+    assert!(!firmware.run_to(ms(200)), "told once");
+    assert_eq!(firmware.keys().periods(), 200);
+    firefader_reply(&mut firmware, [1.0, 0.0], ms(200));
+    assert!(firmware.forces()[0] > 0.9, "and comes back");
+}
+
+#[test]
+fn by_the_wall_only_the_newest_packet_counts() {
+    let mut board = board(Protocol::FireFader, false);
+    board.touch_gate = false;
+    let mut firmware = firmware(board, 2, Hand::Resting);
+    let mut bytes = firefader::request([-1.0, 0.0]).to_vec();
+    bytes.extend(firefader::request([0.5, 0.0]));
+    let mut replies = 0;
+    firmware.hear(&bytes, ms(0), &mut |_| replies += 1);
+    assert_eq!(replies, 1);
+    assert!(firmware.forces()[0] > 0.4);
+}
+
+fn frame_reply(firmware: &mut Firmware, request: frame::Request) -> Found<frame::Reply> {
+    let mut bytes = [0; frame::LONGEST];
+    let len = request.write(10.0, &mut bytes);
+    let mut reply = Found::Short;
+    firmware.hear(&bytes[..len], ms(7), &mut |bytes| {
+        reply = frame::Reply::parse(bytes)
+    });
+    reply
+}
+
+#[test]
+fn a_frame_asked_takes_no_step() {
+    let mut firmware = firmware(board(Protocol::Frame, true), 3, Hand::Resting);
+    let mut request = frame::Request {
+        seq: 9,
+        n: 3,
+        wide: true,
+        flags: flag::ENABLE | flag::ASK,
+        force: [1.0; MAX_AXES],
+    };
+    let Found::Whole(reply, _) = frame_reply(&mut firmware, request) else {
+        panic!("no reply");
+    };
+    assert_eq!((reply.seq, reply.t_us, reply.position[0]), (9, 0, 0.0));
+    assert_eq!(firmware.keys().periods(), 0);
+    request.flags = flag::ENABLE;
+    let Found::Whole(reply, _) = frame_reply(&mut firmware, request) else {
+        panic!("no reply");
+    };
+    // F T²/m after one period from rest.
+    assert!((reply.position[2] - 1e-6 / 0.05).abs() < 1e-18);
+    assert_eq!(
+        (reply.t_us, reply.status),
+        (1000, status::TOUCHED | status::ENABLED)
+    );
+    request.flags = 0;
+    frame_reply(&mut firmware, request);
+    assert_eq!(firmware.forces()[0], 0.0, "not enabled");
+    request.n = 2;
+    assert_eq!(
+        frame_reply(&mut firmware, request),
+        Found::Short,
+        "not for this board"
+    );
+}
+
+#[test]
+fn a_frame_says_who_it_is() {
+    let mut firmware = firmware(board(Protocol::Frame, true), 12, Hand::Free);
+    let request = frame::Request {
+        seq: 3,
+        ..frame::Request::default()
+    };
+    let mut bytes = [0; frame::LONGEST];
+    let len = request.write(10.0, &mut bytes);
+    let mut who = Found::Short;
+    firmware.hear(&bytes[..len], ms(0), &mut |bytes| {
+        who = frame::Who::parse(bytes)
+    });
+    let Found::Whole(who, _) = who else {
+        panic!("{who:?}");
+    };
+    assert_eq!((who.seq, who.n, who.traits), (3, 12, 4 | 8));
+    assert_eq!(who.numbers[..2], [10.0, 10.0]);
+    assert_eq!(who.numbers[6..], [0.05, 1.0]);
+}
+
+proptest! {
+    /// No bytes from a host make a board fail, or push harder than its motors can.
+    #[test]
+    fn any_bytes_are_heard(
+        pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..100), 0..20),
+        lockstep in any::<bool>(),
+    ) {
+        for protocol in [Protocol::FireFader, Protocol::Frame, Protocol::Haply] {
+            let mut firmware = firmware(board(protocol, lockstep), 3, Hand::Resting);
+            for (i, piece) in pieces.iter().enumerate() {
+                firmware.hear(piece, ms(i as u64), &mut |_| ());
+                firmware.run_to(ms(i as u64));
+                prop_assert!(firmware.forces().iter().all(|force| force.abs() <= 10.0));
+                prop_assert!(firmware.keys().positions().iter().all(|x| x.abs() <= 0.05));
+            }
+        }
+    }
+}

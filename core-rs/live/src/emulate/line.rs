@@ -1,0 +1,201 @@
+//! Where an emulated device is heard: a pseudo-terminal, datagrams or a WebSocket, never beyond this machine.
+
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::time::{Duration, Instant};
+
+use tungstenite::protocol::WebSocketConfig;
+use tungstenite::{Message, WebSocket};
+
+use crate::device::wire::haply;
+
+/// The way in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// A pseudo-terminal: what a serial port looks like.
+    Terminal,
+    /// Datagrams at a port of 127.0.0.1; 0: any free one.
+    Udp(u16),
+    /// A WebSocket there.
+    WebSocket(u16),
+}
+
+/// What was heard.
+pub(super) enum Heard {
+    Nothing,
+    /// So many bytes.
+    Bytes(usize),
+    /// Somebody has come.
+    Came,
+    /// The host has gone.
+    Gone,
+}
+
+/// A line to at most one host.
+pub(super) enum Line {
+    #[cfg(unix)]
+    Terminal(super::terminal::Terminal),
+    Udp(Datagrams),
+    WebSocket(Box<Sockets>),
+}
+
+impl Line {
+    pub(super) fn open(transport: Transport) -> io::Result<Self> {
+        let here = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+        Ok(match transport {
+            #[cfg(unix)]
+            Transport::Terminal => Self::Terminal(super::terminal::Terminal::open()?),
+            #[cfg(not(unix))]
+            Transport::Terminal => return Err(io::ErrorKind::Unsupported.into()),
+            Transport::Udp(port) => Self::Udp(Datagrams {
+                socket: UdpSocket::bind(here(port))?,
+                host: None,
+            }),
+            Transport::WebSocket(port) => {
+                let listener = TcpListener::bind(here(port))?;
+                listener.set_nonblocking(true)?;
+                Self::WebSocket(Box::new(Sockets {
+                    listener,
+                    host: None,
+                }))
+            }
+        })
+    }
+
+    /// What a host is told to open.
+    pub(super) fn address(&self) -> io::Result<String> {
+        Ok(match self {
+            #[cfg(unix)]
+            Self::Terminal(terminal) => terminal.path().to_owned(),
+            Self::Udp(line) => line.socket.local_addr()?.to_string(),
+            Self::WebSocket(line) => format!("ws://{}", line.listener.local_addr()?),
+        })
+    }
+
+    /// Wait at most so long for something.
+    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+        match self {
+            #[cfg(unix)]
+            Self::Terminal(terminal) => terminal.read(into, wait),
+            Self::Udp(line) => line.read(into, wait),
+            Self::WebSocket(line) => line.read(into, wait),
+        }
+    }
+
+    /// Answer; a host that has gone meanwhile misses it.
+    pub(super) fn write(&mut self, bytes: &[u8]) {
+        match self {
+            #[cfg(unix)]
+            Self::Terminal(terminal) => terminal.write(bytes),
+            Self::Udp(line) => {
+                if let Some((host, _)) = line.host {
+                    let _ = line.socket.send_to(bytes, host);
+                }
+            }
+            Self::WebSocket(line) => {
+                if let Some(host) = &mut line.host {
+                    let text = String::from_utf8_lossy(bytes).into_owned();
+                    let _ = host.send(Message::text(text));
+                }
+            }
+        }
+    }
+}
+
+/// A host that has been silent for so long may be replaced by another.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+pub(super) struct Datagrams {
+    socket: UdpSocket,
+    /// Who asked last, and when.
+    host: Option<(SocketAddr, Instant)>,
+}
+
+impl Datagrams {
+    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+        // A timeout of zero would be none.
+        self.socket
+            .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
+        let (n, from) = match self.socket.recv_from(into) {
+            Ok(got) => got,
+            Err(error) => return quiet(error),
+        };
+        let now = Instant::now();
+        match self.host {
+            Some((host, at)) if host != from && now.duration_since(at) < PATIENCE => {
+                return Ok(Heard::Nothing);
+            }
+            _ => self.host = Some((from, now)),
+        }
+        Ok(Heard::Bytes(n))
+    }
+}
+
+pub(super) struct Sockets {
+    listener: TcpListener,
+    host: Option<WebSocket<TcpStream>>,
+}
+
+impl Sockets {
+    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+        let Some(host) = &mut self.host else {
+            return self.accept(wait);
+        };
+        host.get_ref()
+            .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
+        match host.read() {
+            Ok(Message::Text(text)) if text.len() <= into.len() => {
+                into[..text.len()].copy_from_slice(text.as_bytes());
+                Ok(Heard::Bytes(text.len()))
+            }
+            Ok(Message::Close(_)) => {
+                self.host = None;
+                Ok(Heard::Gone)
+            }
+            Ok(_) => Ok(Heard::Nothing),
+            Err(tungstenite::Error::Io(error)) if is_quiet(&error) => Ok(Heard::Nothing),
+            Err(_) => {
+                self.host = None;
+                Ok(Heard::Gone)
+            }
+        }
+    }
+
+    fn accept(&mut self, wait: Duration) -> io::Result<Heard> {
+        let stream = match self.listener.accept() {
+            Ok((stream, _)) => stream,
+            Err(error) => {
+                std::thread::sleep(wait.min(Duration::from_millis(1)));
+                return quiet(error);
+            }
+        };
+        stream.set_nonblocking(false)?;
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(haply::LONGEST))
+            .max_frame_size(Some(haply::LONGEST));
+        // Whoever does not speak the protocol is let go.
+        let Ok(socket) = tungstenite::accept_with_config(stream, Some(config)) else {
+            return Ok(Heard::Nothing);
+        };
+        self.host = Some(socket);
+        Ok(Heard::Came)
+    }
+}
+
+pub(super) fn is_quiet(error: &io::Error) -> bool {
+    use io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, TimedOut, WouldBlock};
+    matches!(
+        error.kind(),
+        WouldBlock | TimedOut | Interrupted | ConnectionRefused | ConnectionReset
+    )
+}
+
+pub(super) fn quiet(error: io::Error) -> io::Result<Heard> {
+    if is_quiet(&error) {
+        Ok(Heard::Nothing)
+    } else {
+        Err(error)
+    }
+}

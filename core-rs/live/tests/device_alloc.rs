@@ -1,0 +1,68 @@
+//! Between a wish and the wire nothing is allocated: every driver's send and receive, and every stage of safety.
+#![cfg(unix)]
+
+#[allow(dead_code)] // what the other tests ask of it
+mod emulator;
+
+use std::time::{Duration, Instant};
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use emulator::{Emulator, RATE, options};
+use ergon_live::device::Sample;
+use ergon_live::emulate::{Hand, Protocol, Transport};
+use ergon_live::safety::{Guarded, Limits};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+#[test]
+fn an_exchange_does_not_allocate() {
+    // The emulators have threads of their own: violations are counted by thread.
+    for (kind, protocol, transport, how) in [
+        (
+            "firefader",
+            Protocol::FireFader,
+            Transport::Terminal,
+            "lockstep",
+        ),
+        ("firefader", Protocol::FireFader, Transport::Terminal, ""),
+        ("frame", Protocol::Frame, Transport::Terminal, ""),
+        (
+            "frame+udp",
+            Protocol::Frame,
+            Transport::Udp(0),
+            "lockstep&wide",
+        ),
+        ("frame+udp", Protocol::Frame, Transport::Udp(0), ""),
+        ("haply", Protocol::Haply, Transport::WebSocket(0), ""),
+    ] {
+        let axes = if protocol == Protocol::Haply { 3 } else { 2 };
+        let emulator = Emulator::start(options(
+            protocol,
+            transport,
+            axes,
+            vec![Hand::Resting; axes],
+        ));
+        let device = emulator.open(kind, how);
+        let limits = Limits {
+            ramp: 0.0,
+            ..Limits::of(device.spec())
+        };
+        let mut device = Guarded::new(device, limits, 1.0 / RATE);
+        let (mut sample, mut fresh) = (Sample::default(), 0);
+        reset_violation_count();
+        assert_no_alloc(|| {
+            for tick in 0..200 {
+                let deadline = Instant::now() + Duration::from_millis(1);
+                fresh += u32::from(device.receive(&mut sample, deadline).unwrap());
+                let wish = if tick == 100 { f64::NAN } else { 3.0 };
+                device.send(&[wish, -0.1]).unwrap();
+            }
+            device.zero();
+        });
+        assert_eq!(violation_count(), 0, "{kind}?{how}");
+        assert!(fresh > 0, "{kind}?{how}");
+        drop(device);
+        emulator.end();
+    }
+}

@@ -1,0 +1,412 @@
+//! Drivers and emulated devices, over the wires that real ones have.
+#![cfg(unix)]
+
+mod emulator;
+
+use std::time::{Duration, Instant};
+
+use emulator::{Emulator, RATE, gesture, options};
+use ergon_live::device::{self, Device, DeviceError, Sample, Url};
+use ergon_live::emulate::{Event, Hand, Options, Protocol, Transport};
+use ergon_live::safety::{Guarded, Limits};
+
+fn going(periods: usize, metres: f64) -> Hand {
+    Hand::Going {
+        path: gesture(periods, metres),
+        stiffness: 400.0,
+        damping: 4.0,
+    }
+}
+
+/// Nothing but the clamp.
+fn open_limits(device: &dyn Device) -> Limits {
+    Limits {
+        slew: f64::INFINITY,
+        ramp: 0.0,
+        fade: 0.0,
+        velocity: f64::INFINITY,
+        energy: f64::INFINITY,
+        ..Limits::of(device.spec())
+    }
+}
+
+fn guard(device: Box<dyn Device>) -> Guarded {
+    let limits = open_limits(&device);
+    Guarded::new(device, limits, 1.0 / RATE)
+}
+
+/// Every wire there is, in lockstep: what is opened, how, and whether its numbers travel whole.
+const WIRES: [(&str, Protocol, Transport, &str, bool); 6] = [
+    (
+        "firefader",
+        Protocol::FireFader,
+        Transport::Terminal,
+        "lockstep",
+        false,
+    ),
+    (
+        "frame",
+        Protocol::Frame,
+        Transport::Terminal,
+        "lockstep",
+        false,
+    ),
+    (
+        "frame",
+        Protocol::Frame,
+        Transport::Terminal,
+        "lockstep&wide",
+        true,
+    ),
+    (
+        "frame+udp",
+        Protocol::Frame,
+        Transport::Udp(0),
+        "lockstep",
+        false,
+    ),
+    (
+        "frame+udp",
+        Protocol::Frame,
+        Transport::Udp(0),
+        "lockstep&wide",
+        true,
+    ),
+    (
+        "haply",
+        Protocol::Haply,
+        Transport::WebSocket(0),
+        "lockstep",
+        true,
+    ),
+];
+
+/// A spring of the host's on an emulated key that a hand moves; returns every position and the emulator's hash.
+fn session(wire: usize, pause: Duration) -> (Vec<f64>, u64) {
+    let (kind, protocol, transport, how, _) = WIRES[wire];
+    let axes = if protocol == Protocol::Haply { 3 } else { 2 };
+    let emulator = Emulator::start(options(protocol, transport, axes, vec![going(300, 6e-3)]));
+    let mut device = guard(emulator.open(kind, how));
+    let (mut sample, mut path) = (Sample::default(), Vec::new());
+    let past = Instant::now();
+    assert!(
+        device.receive(&mut sample, past).unwrap(),
+        "X(0) comes first"
+    );
+    for _ in 0..400 {
+        std::thread::sleep(pause);
+        let force = -60.0 * sample.position[0];
+        device.send(&[force]).unwrap();
+        assert!(device.receive(&mut sample, past).unwrap());
+        path.push(sample.position[0]);
+    }
+    let stats = device_stats(&device);
+    assert_eq!((stats.lost, stats.garbage), (0, 0), "{kind}");
+    assert!(stats.round_trip.total() >= 400);
+    drop(device);
+    (path, emulator.end().hash)
+}
+
+fn device_stats(device: &Guarded) -> device::Stats {
+    device.device().stats()
+}
+
+#[test]
+fn in_lockstep_only_the_order_counts() {
+    for (wire, (kind, ..)) in WIRES.iter().enumerate() {
+        let (path, _) = session(wire, Duration::ZERO);
+        let peak = path.iter().fold(0.0, |peak: f64, x| peak.max(*x));
+        assert!(peak > 3e-3 && peak < 6.5e-3, "{kind}: {peak}");
+        let (paced, _) = session(wire, Duration::from_micros(300));
+        assert!(path == paced, "{kind}");
+    }
+}
+
+#[test]
+fn whole_numbers_are_the_same_on_every_wire() {
+    let whole: Vec<_> = (0..WIRES.len()).filter(|&wire| WIRES[wire].4).collect();
+    let paths: Vec<_> = whole
+        .iter()
+        .map(|&wire| session(wire, Duration::ZERO).0)
+        .collect();
+    let in_process = {
+        use ergon_live::device::Emulated;
+        use ergon_live::emulate::{Key, Keys};
+        let keys = Keys::new(2, Key::default(), RATE, vec![going(300, 6e-3)]).unwrap();
+        let mut device = Emulated::new(keys, Key::default());
+        let limits = open_limits(&device);
+        let mut device = Guarded::new(&mut device, limits, 1.0 / RATE);
+        let (mut sample, mut path) = (Sample::default(), Vec::new());
+        device.receive(&mut sample, Instant::now()).unwrap();
+        for _ in 0..400 {
+            device.send(&[-60.0 * sample.position[0]]).unwrap();
+            device.receive(&mut sample, Instant::now()).unwrap();
+            path.push(sample.position[0]);
+        }
+        path
+    };
+    for (wire, path) in whole.into_iter().zip(paths) {
+        assert!(path == in_process, "{:?}", WIRES[wire]);
+    }
+}
+
+#[test]
+fn the_position_hash_repeats_by_any_pace() {
+    for wire in [0, 3] {
+        let (_, fast) = session(wire, Duration::ZERO);
+        let (_, slow) = session(wire, Duration::from_micros(200));
+        assert_eq!(fast, slow, "{:?}", WIRES[wire]);
+    }
+}
+
+/// How far B goes where A is moved by 10 mm, the two tied by a REF through their devices.
+fn duet(kind: &str, protocol: Protocol, transport: Transport, how: &str, k: f64) -> [f64; 2] {
+    let hands = [going(800, 10e-3), Hand::Resting];
+    let emulators =
+        hands.map(|hand| Emulator::start(options(protocol, transport, 2, vec![hand; 2])));
+    let mut devices = [0, 1].map(|i| guard(emulators[i].open(kind, how)));
+    let mut samples = [Sample::default(); 2];
+    let past = Instant::now();
+    let mut peaks = [0.0_f64; 2];
+    let mut before = 0.0;
+    for _ in 0..800 {
+        for (device, sample) in devices.iter_mut().zip(&mut samples) {
+            device.receive(sample, past).unwrap();
+        }
+        let [a, b] = samples.map(|sample| sample.position[0]);
+        (peaks[0], peaks[1]) = (peaks[0].max(a.abs()), peaks[1].max(b.abs()));
+        let e = b - a;
+        let force = k * e
+            + if k > 0.0 {
+                0.1 * RATE * (e - before)
+            } else {
+                0.0
+            };
+        before = e;
+        devices[0].send(&[force]).unwrap();
+        devices[1].send(&[-force]).unwrap();
+    }
+    drop(devices);
+    for emulator in emulators {
+        emulator.end();
+    }
+    peaks
+}
+
+#[test]
+fn two_hands_feel_each_other() {
+    let udp = Transport::Udp(0);
+    let free = duet("frame+udp", Protocol::Frame, udp, "lockstep&wide", 0.0);
+    assert_eq!(free[1], 0.0, "nothing ties them");
+    let tied = duet("frame+udp", Protocol::Frame, udp, "lockstep&wide", 120.0);
+    assert!(tied[1] >= 0.8 * tied[0] && tied[0] > 5e-3, "{tied:?}");
+    let again = duet("frame+udp", Protocol::Frame, udp, "lockstep&wide", 120.0);
+    assert_eq!(tied, again, "to the last bit");
+    // By bytes, on a serial line.
+    let terminal = Transport::Terminal;
+    let bytes = duet(
+        "firefader",
+        Protocol::FireFader,
+        terminal,
+        "lockstep",
+        120.0,
+    );
+    assert!(bytes[1] >= 0.75 * bytes[0] && bytes[0] > 4e-3, "{bytes:?}");
+}
+
+#[test]
+fn a_device_that_dies_gets_no_more_force() {
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    options.board.lockstep = false;
+    let emulator = Emulator::start(options);
+    let mut device = guard(emulator.open("frame+udp", ""));
+    let mut sample = Sample::default();
+    let mut tick = |device: &mut Guarded| {
+        let deadline = Instant::now() + Duration::from_millis(1);
+        let fresh = device.receive(&mut sample, deadline).unwrap();
+        (fresh, device.send(&[1.0]).unwrap().newtons()[0])
+    };
+    tick(&mut device);
+    let alive: Vec<_> = (0..50).map(|_| tick(&mut device)).collect();
+    assert!(
+        alive.iter().any(|(fresh, force)| *fresh && *force == 1.0),
+        "{alive:?}"
+    );
+    emulator.end();
+    let dead: Vec<_> = (0..100).map(|_| tick(&mut device)).collect();
+    assert!(
+        dead[40..]
+            .iter()
+            .all(|(fresh, force)| !fresh && *force == 0.0)
+    );
+    assert!(device.counts().stale >= 60, "{:?}", device.counts());
+}
+
+#[test]
+fn a_serial_device_that_dies_is_gone() {
+    let emulator = Emulator::start(options(Protocol::FireFader, Transport::Terminal, 2, vec![]));
+    let mut device = guard(emulator.open("firefader", "lockstep"));
+    emulator.end();
+    let mut sample = Sample::default();
+    let mut gone = false;
+    for _ in 0..3 {
+        gone |= device.send(&[0.0]).is_err();
+        gone |= device.receive(&mut sample, Instant::now()).is_err();
+    }
+    assert!(gone);
+}
+
+#[test]
+fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
+    let mut options = options(
+        Protocol::Frame,
+        Transport::Udp(0),
+        1,
+        vec![going(2000, 6e-3)],
+    );
+    options.board.lockstep = false;
+    let emulator = Emulator::start(options);
+    let mut device = guard(emulator.open("frame+udp", ""));
+    let mut sample = Sample::default();
+    let start = Instant::now();
+    let mut peak: f64 = 0.0;
+    while start.elapsed() < Duration::from_millis(1500) {
+        device.send(&[0.0]).unwrap();
+        device
+            .receive(&mut sample, Instant::now() + Duration::from_millis(1))
+            .unwrap();
+        peak = peak.max(sample.position[0]);
+        std::thread::sleep(Duration::from_micros(800));
+    }
+    let stats = device_stats(&device);
+    assert!(stats.received > 100 && stats.garbage == 0, "{stats:?}");
+    // Both clocks are this machine's.
+    assert!(stats.drift_ppm.unwrap().abs() < 2e4, "{stats:?}");
+    assert!(peak > 3e-3, "the hand goes by the wall: {peak}");
+    drop(device);
+    let outcome = emulator.end();
+    assert!(outcome.periods > 1000, "{outcome:?}");
+}
+
+#[test]
+fn what_is_not_there_is_named() {
+    let fails = |text: &str| device::open(&Url::parse(text).unwrap()).err().unwrap();
+    let error = fails("firefader:/dev/no-such-port");
+    assert!(matches!(error, DeviceError::Closed { .. }), "{error}");
+    let error = fails("haply:127.0.0.1:1");
+    assert!(error.to_string().contains("ws://"), "{error}");
+    let error = fails("frame+udp://224.0.0.1:9999");
+    assert!(matches!(error, DeviceError::Cannot { .. }), "{error}");
+    let error = fails("emul:?axes=2#2");
+    assert!(error.to_string().contains("axis"), "{error}");
+    let error = fails("emul:?mass=0");
+    assert!(error.to_string().contains("mass"), "{error}");
+    // A board of another kind: it answers, in other bytes.
+    let emulator = Emulator::start(options(Protocol::FireFader, Transport::Terminal, 2, vec![]));
+    let error = fails(&format!("frame:{}", emulator.address));
+    assert!(matches!(error, DeviceError::NoAnswer { .. }), "{error}");
+    emulator.end();
+}
+
+#[test]
+fn a_real_board_has_its_own_time() {
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![]);
+    options.board.lockstep = false;
+    let emulator = Emulator::start(options);
+    let url = format!("frame+udp:{}?lockstep", emulator.address);
+    let error = device::open(&Url::parse(&url).unwrap()).err().unwrap();
+    assert!(error.to_string().contains("lockstep"), "{error}");
+    emulator.end();
+}
+
+/// A host of its own, for the tests below to end: pushes with 1 N as long as it lives.
+#[test]
+#[ignore = "a part of other tests"]
+fn host_process() {
+    let url = Url::parse(&std::env::var("ERGON_TEST_DEVICE").unwrap()).unwrap();
+    let mut device = guard(device::open(&url).unwrap());
+    let mut sample = Sample::default();
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(20) {
+        let deadline = Instant::now() + Duration::from_millis(1);
+        let _ = device.receive(&mut sample, deadline);
+        let _ = device.send(&[1.0]);
+        assert!(
+            std::env::var_os("ERGON_TEST_PANIC").is_none() || start.elapsed().as_millis() < 300,
+            "as asked"
+        );
+    }
+}
+
+/// An emulated key with a spring, pushed by a host that is then ended by a signal or a panic.
+fn ended(kind: &str, mut options: Options, signal: Option<i32>) -> Emulator {
+    options.board.lockstep = false;
+    options.key.stiffness = 100.0;
+    let emulator = Emulator::start(options);
+    let mut host = std::process::Command::new(std::env::current_exe().unwrap());
+    host.args(["--exact", "host_process", "--ignored"])
+        .env("ERGON_TEST_DEVICE", format!("{kind}:{}", emulator.address))
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null());
+    if signal.is_none() {
+        host.env("ERGON_TEST_PANIC", "1");
+    }
+    let mut host = host.spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(700));
+    if let Some(signal) = signal {
+        // SAFETY: the child has not been waited for: the number is its own.
+        unsafe { libc::kill(host.id().cast_signed(), signal) };
+    }
+    host.wait().unwrap();
+    emulator
+}
+
+#[test]
+fn a_host_that_is_killed_leaves_no_force() {
+    let frame = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    let fader = options(
+        Protocol::FireFader,
+        Transport::Terminal,
+        2,
+        vec![Hand::Resting; 2],
+    );
+    for (kind, options) in [("frame+udp", frame), ("firefader", fader)] {
+        let emulator = ended(kind, options, Some(libc::SIGKILL));
+        let patience = Duration::from_secs(5);
+        let told = std::iter::from_fn(|| emulator.events.recv_timeout(patience).ok());
+        assert!(
+            told.into_iter().any(|event| event == Event::LetGo),
+            "{kind}"
+        );
+        emulator.end();
+    }
+}
+
+/// Where the key is after that, asked by a host that pushes nothing; its own watchdog sleeps.
+fn left_at(signal: Option<i32>) -> f64 {
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    options.board.watchdog = Duration::from_secs(60);
+    let emulator = ended("frame+udp", options, signal);
+    // Somebody new is heard after a second of silence.
+    std::thread::sleep(Duration::from_millis(1100));
+    let mut device = emulator.open("frame+udp", "");
+    let mut sample = Sample::default();
+    device.receive(&mut sample, Instant::now()).unwrap();
+    emulator.end();
+    sample.position[0]
+}
+
+#[test]
+fn whoever_ends_a_host_frees_the_hand() {
+    // 1 N on 100 N/m is 10 mm. Nothing can be sent once it is killed; that is what shows the others do.
+    assert!((left_at(Some(libc::SIGKILL)) - 0.01).abs() < 1e-4);
+    for ends in [
+        Some(libc::SIGTERM),
+        Some(libc::SIGINT),
+        Some(libc::SIGSEGV),
+        None,
+    ] {
+        let x = left_at(ends);
+        assert!(x.abs() < 1e-4, "{ends:?}: {x}");
+    }
+}

@@ -1,0 +1,89 @@
+//! Emulated devices in threads, for tests to open.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use ergon_live::device::{self, Device, Url};
+use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
+
+/// A tick of 44 samples at 44.1 kHz.
+pub(crate) const RATE: f64 = 44_100.0 / 44.0;
+
+pub(crate) struct Emulator {
+    pub(crate) address: String,
+    pub(crate) events: Receiver<Event>,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<Outcome>,
+}
+
+pub(crate) fn options(
+    protocol: Protocol,
+    transport: Transport,
+    axes: usize,
+    hands: Vec<Hand>,
+) -> Options {
+    let key = Key::default();
+    Options {
+        board: Board {
+            protocol,
+            lockstep: true,
+            touch_gate: false,
+            force_max: 20.0,
+            resolution: 0.0,
+            watchdog: Duration::from_millis(50),
+            known: [key.mass, key.damping],
+            range: key.range,
+        },
+        transport,
+        axes,
+        key,
+        rate: RATE,
+        hands,
+        seconds: None,
+        once: false,
+    }
+}
+
+impl Emulator {
+    pub(crate) fn start(options: Options) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (tell, events) = channel();
+        let asked = stop.clone();
+        let thread = std::thread::spawn(move || {
+            let tell = &mut |event| drop(tell.send(event));
+            serve(options, tell, &mut || !asked.load(Ordering::Relaxed)).unwrap()
+        });
+        let Ok(Event::Ready(address)) = events.recv_timeout(Duration::from_secs(10)) else {
+            panic!("no emulator");
+        };
+        Self {
+            address,
+            events,
+            stop,
+            thread,
+        }
+    }
+
+    pub(crate) fn open(&self, kind: &str, options: &str) -> Box<dyn Device> {
+        let url = Url::parse(&format!("{kind}:{}?{options}", self.address)).unwrap();
+        device::open(&url).unwrap()
+    }
+
+    pub(crate) fn end(self) -> Outcome {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap()
+    }
+}
+
+/// A path there and back in so many periods, smooth.
+pub(crate) fn gesture(periods: usize, metres: f64) -> Vec<f64> {
+    (0..periods)
+        .map(|n| {
+            let turn = std::f64::consts::TAU * n as f64 / periods as f64;
+            0.5 * metres * (1.0 - libm::cos(turn))
+        })
+        .collect()
+}
