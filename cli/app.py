@@ -17,6 +17,8 @@ COMMANDS: Table = {
     "check": ("check", "check", "Report every mistake in scores, with its place."),
     "compile": ("compile", "compile_score", "Print the stream of ergons as CSV or JSON lines."),
     "render": ("render", "render", "Compute the sound of a score into a WAV file."),
+    "play": ("play", "play", "Play a score through the loudspeakers."),
+    "duet": ("play", "duet", "Play a score with real hands beside written ones."),
     "plan": (
         "plan",
         "plan",

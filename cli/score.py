@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ergon.exchange.level import Level
 from ergon.exchange.wave_header import Bits
@@ -21,6 +21,7 @@ from .outcome import Findings, Refused
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Accuracy, Piece
+    from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Pins
     from ergon.scores.staging.stage import Stage
     from ergon.scores.text.errors import Diagnostic, Severity
@@ -112,6 +113,8 @@ def stage_piece(
     record: bool = False,
     plan: Plan | None = None,
     threads: int = 1,
+    real: Real | None = None,
+    on_fault: Literal["stop", "mute"] = "stop",
 ) -> Staged:
     """Put the piece on its stage, and print what the engine has to say of it.
 
@@ -134,6 +137,8 @@ def stage_piece(
             planned=plan is not None,
             pins=pins,
             threads=threads,
+            real=real,
+            on_fault=on_fault,
         )
     except StageError as error:
         show(console, loaded, error.diagnostics)

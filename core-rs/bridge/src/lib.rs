@@ -14,6 +14,7 @@ mod meter;
 mod mixer;
 mod network;
 mod pcm;
+mod perform;
 mod plan;
 mod recording;
 mod simulation;
@@ -46,6 +47,8 @@ mod _core {
     use super::network::{Certificate, Network};
     #[pymodule_export]
     use super::pcm::{pcm, single};
+    #[pymodule_export]
+    use super::perform::{HandStatus, Performance, Status};
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
     #[pymodule_export]

@@ -9,7 +9,7 @@ use crate::frames::{rows, rows_mut};
 
 /// Routes of outputs to channels, with gains and second-order high-passes.
 #[pyclass(module = "ergon._core")]
-pub(crate) struct Mixer(mixer::Mixer);
+pub(crate) struct Mixer(pub(crate) mixer::Mixer);
 
 #[pymethods]
 impl Mixer {

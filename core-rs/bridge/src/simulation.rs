@@ -18,7 +18,7 @@ pub(crate) struct Snapshot(simulation::Snapshot);
 
 /// Plan + State: steps frames, taps outputs, keeps the ledger.
 #[pyclass(module = "ergon._core")]
-pub(crate) struct Simulation(simulation::Simulation);
+pub(crate) struct Simulation(pub(crate) simulation::Simulation);
 
 #[pymethods]
 impl Simulation {

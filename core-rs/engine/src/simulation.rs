@@ -302,12 +302,18 @@ impl Simulation {
 
     /// Go back to a moment of this simulation.
     pub fn restore(&mut self, snapshot: &Snapshot) {
-        *self = (*snapshot.0).clone();
-        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+        *self = snapshot.0.fork();
+    }
+
+    /// The same at the same moment, to go its own way without allocating.
+    pub fn fork(&self) -> Self {
+        let mut other = self.clone();
+        for playing in other.groups.iter_mut().flat_map(|group| &mut group.units) {
             if let Playing::Island(island) = playing {
                 island.reserve();
             }
         }
+        other
     }
 }
 

@@ -6,6 +6,7 @@
 pub mod audio;
 pub mod device;
 pub mod emulate;
+pub mod perform;
 pub mod realtime;
 pub mod recording;
 pub mod safety;

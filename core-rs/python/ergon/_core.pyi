@@ -6,6 +6,7 @@ SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Literal, Self, final
 
 import numpy as np
@@ -606,3 +607,79 @@ def play_frames(frames: NDArray[np.float32], rate: int, spec: str = "auto") -> s
 
 def survey_audio() -> list[tuple[str, bool, str]]:
     """(backend, whether it is there, what it is or why not) each; starts no server."""
+
+# --- live ---------------------------------------------------------------------------------------
+
+class HandStatus:
+    """How a real hand does: position [m], force felt and force sent [N]."""
+
+    position: float
+    force: float
+    sent: float
+    real: bool
+    touch: bool
+    enabled: bool
+    tripped: bool
+
+class Status:
+    """How a performance goes. `load` and `busiest` are parts of a tick, `latest` is in seconds."""
+
+    frame: int
+    ticks: int
+    late: int
+    latest: float
+    lost: int
+    dropped: int
+    load: float
+    busiest: float
+    filled: int
+    underruns: int
+    played: int
+    alive: bool
+    peaks: list[float]
+    hands: list[HandStatus]
+
+class Performance:
+    """A piece that is being played: one real-time thread, keys on one side, sound on the other."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        mixer: Mixer,
+        *,
+        every: int = 64,
+        audio: str = "auto",
+        gain: float = 1.0,
+        limit: float = 1.0,
+        n_frames: int | None = None,
+        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None]] = (),
+        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = (),
+        bars: Sequence[int] = (),
+        ahead: int | None = None,
+        record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
+    ) -> None:
+        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it);
+        `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
+        hand that comes back takes over; `record`: (file, (player, key) of each hand, JSON about
+        it). Raises EngineError."""
+    def status(self) -> Status: ...
+    def events(self) -> list[tuple[int, str, float]]:
+        """What happened since the last call: (frame, what, number of the hand or board)."""
+    def sound_events(self) -> list[tuple[float, str]]:
+        """What happened to the sound: (seconds, sentence)."""
+    def output(self) -> str:
+        """What it plays on, in words."""
+    def granted(self) -> str | None:
+        """What the system granted the physics thread; None until it runs."""
+    def panic(self) -> None:
+        """Silence within 5 ms and zero force at the next tick."""
+    def release(self) -> None:
+        """After a panic: sound and force again."""
+    def gain(self, gain: float) -> bool:
+        """Another gain, from the next tick on; False where too much is asked at once."""
+    def stop(self) -> None:
+        """Play nothing more."""
+    def wait(self, seconds: float) -> bool:
+        """Wait until the last frame is computed; False when `seconds` came first."""
+    def close(self, patience: float) -> list[tuple[int, str, float]]:
+        """Wait until everything was heard, put everything away; the events that are left."""

@@ -35,7 +35,6 @@ pub struct Recorder;
 impl Recorder {
     /// Begin a recording at `path`, where no file may be, and a thread that writes it.
     ///
-    /// The file has its name from the start: what has been played must survive whatever ends the program.
     /// The file has its name from the start: what has been played must survive whatever ends the program. Call it
     /// from an ordinary thread, whose priority the one that writes inherits.
     pub fn start(

@@ -1,0 +1,80 @@
+"""`ergon play` and `ergon duet`: a score through loudspeakers, with hands beside it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from . import options
+from .console import Console
+
+
+def _playing(command: Any) -> Any:
+    """The options that `play` and `duet` share."""
+    for option in (
+        click.option("--from", "from_", metavar="POSITION", help="Begin here (3|1, B+2, 12.5s)."),
+        click.option(
+            "--audio",
+            default="auto",
+            show_default=True,
+            metavar="WHERE",
+            help="jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
+        ),
+        click.option("--block", type=click.IntRange(16, 8192), help="Frames of the card at a time."),
+        click.option(
+            "--ahead", type=click.IntRange(64, 1 << 20), help="Frames kept ready for the card."
+        ),
+        click.option("--gain", metavar="LEVEL", help="Instead of what a preflight finds: -12dB."),
+        click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
+        click.option("--plain", is_flag=True, help="Print lines, redraw nothing."),
+        click.option("--strict", is_flag=True, help="Exit 5 when sound was late."),
+        options.seed,
+        options.accuracy,
+        options.speaking,
+    ):
+        command = option(command)
+    return command
+
+
+@click.command()
+@options.score
+@_playing
+def play(console: Console, score_path: str, **wishes: Any) -> None:
+    """Play SCORE through the machine's loudspeakers.
+
+    What `ergon render` writes is what sounds. Live players are played by what stands in for them;
+    `ergon duet` puts hands there. Ctrl-C ends it within 5 ms; a second one at once.
+    """
+    from .playing import Wishes, play_score
+
+    play_score(console, score_path, Wishes(**wishes))
+
+
+@click.command()
+@options.score
+@click.option(
+    "--live",
+    multiple=True,
+    metavar="PLAYER=DEVICE",
+    help="A hand on a key, such as remi=firefader:/dev/ttyACM0#1.",
+)
+@click.option(
+    "--guide",
+    multiple=True,
+    metavar="PLAYER[=K]",
+    help="The written hand leads the real key, by so many N/m.",
+)
+@click.option("--standin", multiple=True, metavar="PLAYER=TAKE", help="Another stand-in.")
+@click.option("--record", metavar="FILE.take", help="Keep what the hands do.")
+@click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on a hand [N].")
+@_playing
+def duet(console: Console, score_path: str, **wishes: Any) -> None:
+    """Play SCORE with real hands beside written ones.
+
+    Every `--live` puts a device's axis under a player's key: it moves the key and feels what the
+    key feels. Where no device is given or one is lost, the player's take or part stands in.
+    """
+    from .playing import Wishes, play_score
+
+    play_score(console, score_path, Wishes(**wishes))

@@ -1,0 +1,328 @@
+"""What `play` and `duet` do: stage, preflight, perform, show, end."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.exchange.level import HIGHPASS, NORMALISE_DB
+
+from . import score
+from .console import Console
+from .outcome import DeviceMissing, Late, Refused
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.live.boards import Board
+    from ergon.live.perform import Order
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+_LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
+_SAY = 2.0  # [s] between two lines under --plain
+_AFTER = 10.0  # [s] that what is in the ring may take to be heard
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the options ask for."""
+
+    from_: str | None = None
+    audio: str = "auto"
+    block: int | None = None
+    ahead: int | None = None
+    gain: str | None = None
+    loop: bool = False
+    plain: bool = False
+    strict: bool = False
+    seed: int | None = None
+    method: str | None = None
+    error: str | None = None
+    cents: float | None = None
+    pinned: str | None = None
+    live: Sequence[str] = ()
+    guide: Sequence[str] = ()
+    standin: Sequence[str] = ()
+    record: str | None = None
+    force_max: float | None = None
+
+    @property
+    def plan(self) -> score.Plan:
+        """How exact."""
+        return score.Plan(self.method, self.error, self.cents, self.pinned)
+
+
+def play_score(console: Console, path: str, wishes: Wishes) -> None:
+    """Play a score to its end, or until Ctrl-C."""
+    loaded = score.read(console, path)
+    piece = _standing_in(score.piece_of(loaded), wishes.standin)
+    loaded = replace(loaded, piece=piece)
+    boards = _boards(piece, wishes)
+    real = {player: None for board in boards for _, player in board.axes}
+    staged = score.stage_piece(
+        console, loaded, seed=wishes.seed, plan=wishes.plan, real=real, on_fault="mute"
+    )
+    stage = staged.stage
+    order = _order(console, piece, stage, boards, wishes)
+    from ergon import _core
+    from ergon.live.perform import perform
+
+    while True:
+        try:
+            performance = perform(stage, order)
+        except _core.EngineError as error:
+            raise DeviceMissing(str(error)) from None
+        console.say(performance.output())
+        ended = _Session(console, stage, performance, boards, wishes).run()
+        if not wishes.loop or not ended:
+            return
+        order = replace(order, start=0)
+
+
+def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
+    """The piece with other takes or gestures in the place of absent hands."""
+    players = dict(piece.players)
+    for pair in pairs:
+        name, _, what = pair.partition("=")
+        if name not in players:
+            raise Refused(_no_player(piece, name, "--standin"))
+        if what not in piece.takes and what not in piece.gestures:
+            raise Refused(f"--standin {pair}: no take or gesture is called '{what}'")
+        players[name] = replace(players[name], standin=what)
+    return replace(piece, players=players)
+
+
+def _boards(piece: Piece, wishes: Wishes) -> list[Board]:
+    from ergon.live.boards import BoardError, boards, names, parse
+
+    try:
+        asked = parse(wishes.live)
+        for name in asked:
+            if name not in piece.players:
+                raise Refused(_no_player(piece, name, "--live"))
+        return boards(asked, names() if asked else {})
+    except BoardError as error:
+        raise Refused(f"--live: {error}") from None
+
+
+def _no_player(piece: Piece, name: str, option: str) -> str:
+    from ergon.scores.text.spelling import nearest
+
+    close = nearest(name, piece.players)
+    asked = f"; did you mean '{close}'?" if close else ""
+    return f"{option}: the score has no player '{name}'{asked}"
+
+
+def _order(
+    console: Console, piece: Piece, stage: Stage, boards: Sequence[Board], wishes: Wishes
+) -> Order:
+    from ergon import _core
+    from ergon.live.perform import Order, every
+
+    start = 0
+    if wishes.from_ is not None:
+        start = int(score.instant(piece, wishes.from_, "--from") * stage.rate + 0.5)
+        if start >= stage.n_frames:
+            end = score.where(piece, stage.n_frames / stage.rate)
+            raise Refused(f"--from {wishes.from_}: the piece ends at {end}")
+    master = piece.mix.master
+    limit = master.limit if master is not None and master.limit is not None else 1.0
+    audio = wishes.audio if wishes.block is None else f"{wishes.audio},block={wishes.block}"
+    record = None if wishes.record is None else _recording(wishes.record, stage)
+    return Order(
+        audio=audio,
+        gain=_gain(console, piece, stage, wishes),
+        limit=limit,
+        highpass=HIGHPASS,
+        start=start // every(stage) * every(stage),
+        boards=boards,
+        guides=_guides(piece, boards, wishes.guide),
+        force_max=wishes.force_max,
+        ahead=wishes.ahead,
+        record=record,
+        about={
+            "made": f"by ergon {_core.__version__}",
+            "score": piece.digest(),
+            "title": piece.title,
+            "day": time.strftime("%Y-%m-%d %H:%M:%S"),
+            "seed": piece.seed if wishes.seed is None else wishes.seed,
+            "plan": stage.plan.hash if stage.plan else "",
+            "devices": [
+                {"url": board.url, "axes": {player: axis for axis, player in board.axes}}
+                for board in boards
+            ],
+        },
+    )
+
+
+def _gain(console: Console, piece: Piece, stage: Stage, wishes: Wishes) -> float:
+    """As asked, as the score's master says, or as a preflight finds."""
+    from ergon import _core
+    from ergon.live.preflight import level
+    from ergon.scores.tables.quantities import gain
+    from ergon.scores.text.errors import TextError
+
+    if wishes.gain is not None:
+        try:
+            return gain(wishes.gain)
+        except TextError as error:
+            raise Refused(f"--gain: {error.message}") from None
+    master = piece.mix.master
+    if master is not None and master.normalise is None:
+        return 1.0
+    target = master.normalise if master is not None and master.normalise else None
+    found = level(stage, HIGHPASS, target or _core.decibels(NORMALISE_DB))
+    heard = "" if found.seconds is None else f" (the first {found.seconds:.0f} s were listened to)"
+    from .units import decibels
+
+    gained = f"{decibels(found.gain):+.1f} dB"
+    console.say(f"gain {gained} by a preflight{heard}; --gain sets another")
+    return found.gain
+
+
+def _guides(piece: Piece, boards: Sequence[Board], asked: Sequence[str]) -> dict[str, float]:
+    from ergon.live.perform import GUIDE
+    from ergon.scores.tables.quantities import STIFFNESS, quantity
+    from ergon.scores.text.errors import TextError
+
+    real = {player for board in boards for _, player in board.axes}
+    guides = {}
+    for text in asked:
+        player, is_said, stiffness = text.partition("=")
+        if player not in real:
+            if player not in piece.players:
+                raise Refused(_no_player(piece, player, "--guide"))
+            raise Refused(f"--guide {text}: {player} has no device; add --live {player}=DEVICE")
+        try:
+            guides[player] = quantity(stiffness, STIFFNESS) if is_said else GUIDE[0]
+        except TextError as error:
+            raise Refused(f"--guide {text}: {error.message}") from None
+    return guides
+
+
+def _recording(path: str, stage: Stage) -> Path:
+    if not stage.live:
+        raise Refused("--record keeps what live hands do; this needs a --live hand")
+    target = Path(path)
+    if target.exists():
+        raise Refused(f"{path} is there already, and a recording overwrites nothing")
+    return target
+
+
+class _Session:
+    """A performance from its first frame to its last, and what is shown of it."""
+
+    def __init__(
+        self,
+        console: Console,
+        stage: Stage,
+        performance: _core.Performance,
+        boards: Sequence[Board],
+        wishes: Wishes,
+    ) -> None:
+        from ergon.live.display import Watcher
+
+        self._console, self._stage, self._performance = console, stage, performance
+        self._watcher = Watcher(stage)
+        self._players = [hand.player for hand in stage.live]
+        self._boards = [board.url for board in boards]
+        self._strict = wishes.strict
+        self._redraws = not (wishes.plain or console.json or console.quiet) and sys.stderr.isatty()
+        self._drawn = 0
+        self._said = 0.0
+        self._sound_events = 0
+
+    def run(self) -> bool:
+        """Play to the end; False when a person ended it."""
+        performance = self._performance
+        try:
+            if granted := self._granted():
+                self._console.detail(f"physics: {granted}")
+            while not performance.wait(_LOOK):
+                self._show()
+            self._show(last=True)
+            status = performance.status()
+            self._tell(performance.close(_AFTER))
+        except KeyboardInterrupt:
+            performance.panic()
+            performance.stop()
+            performance.close(0.05)
+            self._clear()
+            raise
+        self._finish(status)
+        return True
+
+    def _granted(self) -> str | None:
+        self._performance.wait(0.02)
+        return self._performance.granted()
+
+    def _show(self, *, last: bool = False) -> None:
+        from ergon.live.display import lines, record
+
+        performance, console = self._performance, self._console
+        self._tell(performance.events())
+        sound = performance.sound_events()
+        for _, sentence in sound[self._sound_events :]:
+            self._say(sentence)
+        self._sound_events = len(sound)
+        status = performance.status()
+        view = self._watcher.look(status)
+        now = time.monotonic()
+        if console.json:
+            if last or now - self._said >= 1.0:
+                self._said = now
+                console.record("playing", **record(view, status.frame))
+        elif self._redraws:
+            import shutil
+
+            self._draw(lines(view, shutil.get_terminal_size().columns - 1))
+        elif last or now - self._said >= _SAY:
+            self._said = now
+            console.say(" | ".join(line.strip() for line in lines(view, 200)))
+
+    def _draw(self, lines: Sequence[str]) -> None:
+        up = f"\x1b[{self._drawn}F" if self._drawn else ""
+        sys.stderr.write(up + "".join(f"\x1b[2K{line}\n" for line in lines))
+        sys.stderr.flush()
+        self._drawn = len(lines)
+
+    def _clear(self) -> None:
+        """The lines stay where they are; what is said next stands below them."""
+        self._drawn = 0
+
+    def _tell(self, events: Sequence[tuple[int, str, float]]) -> None:
+        from ergon.live.display import told
+
+        for event in events:
+            if sentence := told(event, self._players, self._boards):
+                where = score.where(self._stage.piece, event[0] / self._stage.rate)
+                self._say(f"{where} {sentence}")
+
+    def _say(self, sentence: str) -> None:
+        self._clear()
+        if self._console.json:
+            self._console.record("event", message=sentence)
+        else:
+            self._console.say(sentence)
+
+    def _finish(self, status: _core.Status) -> None:
+        self._clear()
+        late, seconds = status.late, status.frame / self._stage.rate
+        fields = {
+            "frames": status.frame,
+            "late_ticks": late,
+            "ticks": status.ticks,
+            "underruns": status.underruns,
+            "dropped": status.dropped,
+        }
+        if self._console.json:
+            self._console.record("played", **fields)
+        else:
+            gaps = f", {status.underruns} gaps" if status.underruns else ""
+            self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
+        if self._strict and (late or status.underruns or status.dropped):
+            raise Late(f"{late} late ticks, {status.underruns} gaps in the sound (--strict)")

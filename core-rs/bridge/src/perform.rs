@@ -1,0 +1,271 @@
+//! A piece that is being played.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use ergon_engine::mix::limiter::Limiter;
+use ergon_live::audio;
+use ergon_live::device::Url;
+use ergon_live::perform::{self, Guide, Hand, How, Keyboard, Stage, What};
+use ergon_live::recording::{Axis, Header};
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+
+use crate::error::said;
+use crate::mixer::Mixer;
+use crate::simulation::Simulation;
+
+/// How often a wait looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(50);
+/// Longer than any piece [s].
+const LONGEST: f64 = 1e6;
+
+/// (positions at each tick, reach, (k, z) of what guides it)
+type HandOf<'py> = (PyReadonlyArray1<'py, f64>, f64, Option<(f64, f64)>);
+/// (url, [(axis, hand)], greatest force)
+type BoardOf = (String, Vec<(usize, usize)>, Option<f64>);
+/// (path, [(player, key)], what else is known as JSON)
+type RecordOf = (PathBuf, Vec<(String, String)>, String);
+
+/// A piece that is being played.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Performance(Mutex<Option<perform::Performance>>);
+
+#[pymethods]
+impl Performance {
+    #[new]
+    #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (simulation, mixer, *, every=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None))]
+    fn new(
+        py: Python<'_>,
+        simulation: &Simulation,
+        mixer: &Mixer,
+        every: usize,
+        audio: &str,
+        gain: f64,
+        limit: f64,
+        n_frames: Option<u64>,
+        hands: Vec<HandOf<'_>>,
+        boards: Vec<BoardOf>,
+        bars: Vec<u64>,
+        ahead: Option<usize>,
+        record: Option<RecordOf>,
+    ) -> PyResult<Self> {
+        let rate = simulation.0.rate();
+        let hand = |(standin, reach, guide): &HandOf<'_>| {
+            Ok(Hand {
+                standin: standin.as_slice()?.to_vec(),
+                reach: *reach,
+                guide: guide.map(|(k, z)| Guide { k, z }),
+            })
+        };
+        let n_channels = mixer.0.n_channels();
+        let stage = Stage {
+            simulation: simulation.0.fork(),
+            mixer: mixer.0.clone(),
+            gain,
+            limiter: Limiter::new(rate, n_channels, limit).map_err(said)?,
+            n_frames,
+            every: every.max(1),
+            hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
+            bars,
+        };
+        let how = How {
+            audio: audio.parse().map_err(said)?,
+            ahead,
+            record: record.map(|(path, axes, about)| {
+                let axis = |(player, key)| Axis { player, key };
+                let header = Header {
+                    rate,
+                    frames: every as u32,
+                    axes: axes.into_iter().map(axis).collect(),
+                    about,
+                };
+                (path, header)
+            }),
+        };
+        py.detach(|| {
+            let period = every as f64 / rate;
+            let boards = boards
+                .into_iter()
+                .map(|board| open(board, period))
+                .collect::<PyResult<_>>()?;
+            perform::Performance::start(stage, boards, how).map_err(said)
+        })
+        .map(|own| Self(Mutex::new(Some(own))))
+    }
+
+    /// How it goes now.
+    fn status(&self) -> PyResult<Status> {
+        self.with(Status::of)
+    }
+
+    /// What happened since the last call: (frame, what, number of the hand or keyboard).
+    fn events(&self) -> PyResult<Vec<Told>> {
+        self.with(|own| std::iter::from_fn(|| own.event()).map(told).collect())
+    }
+
+    /// What happened to the sound: (seconds, sentence).
+    fn sound_events(&self) -> PyResult<Vec<(f64, String)>> {
+        let of = |event: audio::Event| (event.at, event.sentence);
+        self.with(|own| own.output().events().into_iter().map(of).collect())
+    }
+
+    /// What it plays on, in words.
+    fn output(&self) -> PyResult<String> {
+        self.with(|own| own.output().info().sentence)
+    }
+
+    /// What the system granted the physics thread, in words; None until it runs.
+    fn granted(&self) -> PyResult<Option<String>> {
+        self.with(|own| own.granted().map(|granted| granted.to_string()))
+    }
+
+    /// Silence within 5 ms and zero force at the next tick.
+    fn panic(&self) -> PyResult<()> {
+        self.with(|own| own.panic())
+    }
+
+    /// After a panic: sound and force again.
+    fn release(&self) -> PyResult<()> {
+        self.with(|own| own.release())
+    }
+
+    /// Another gain, from the next tick on.
+    fn gain(&self, gain: f64) -> PyResult<bool> {
+        self.with(|own| own.gain(gain))
+    }
+
+    /// Play nothing more.
+    fn stop(&self) -> PyResult<()> {
+        self.with(|own| own.stop())
+    }
+
+    /// Wait until the last frame is computed; False when `seconds` came first.
+    fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<bool> {
+        let until = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, LONGEST));
+        while !self.with(|own| own.is_done())? {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(false);
+            }
+            py.detach(|| std::thread::sleep(left.min(LOOK)));
+            py.check_signals()?;
+        }
+        Ok(true)
+    }
+
+    /// Wait until everything was heard and put everything away; the events that are left.
+    fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<Told>> {
+        let Some(own) = self.own().take() else {
+            return Ok(Vec::new());
+        };
+        let patience = Duration::from_secs_f64(patience.clamp(0.0, LONGEST));
+        let events = py.detach(|| own.close(patience)).map_err(said)?;
+        Ok(events.into_iter().map(told).collect())
+    }
+}
+
+/// (frame, what, number of the hand or keyboard, or seconds)
+type Told = (u64, &'static str, f64);
+
+impl Performance {
+    fn own(&self) -> MutexGuard<'_, Option<perform::Performance>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {
+        let mut own = self.own();
+        let own = own.as_mut();
+        own.map(ask)
+            .ok_or_else(|| said("the performance is closed"))
+    }
+}
+
+fn open((url, axes, most): BoardOf, period: f64) -> PyResult<Keyboard> {
+    let url = Url::parse(&url).map_err(said)?;
+    Keyboard::open(&url, axes, most, period).map_err(said)
+}
+
+fn told(event: perform::Event) -> Told {
+    let (what, number) = match event.what {
+        What::Gone(board) => ("gone", board as f64),
+        What::Back(board) => ("back", board as f64),
+        What::TookOver(hand) => ("took over", hand as f64),
+        What::Lost(late) => ("lost", late.as_secs_f64()),
+        What::Tripped(hand) => ("tripped", hand as f64),
+        What::Muted => ("muted", 0.0),
+        What::Ended => ("ended", 0.0),
+    };
+    (event.frame, what, number)
+}
+
+/// How a performance goes.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct Status {
+    frame: u64,
+    ticks: u64,
+    late: u64,
+    latest: f64,
+    lost: u64,
+    dropped: u64,
+    load: f64,
+    busiest: f64,
+    filled: usize,
+    underruns: u64,
+    played: u64,
+    alive: bool,
+    peaks: Vec<f32>,
+    hands: Vec<HandStatus>,
+}
+
+impl Status {
+    fn of(own: &mut perform::Performance) -> Self {
+        let status = own.status();
+        let sound = own.output().shared();
+        Self {
+            frame: status.frame,
+            ticks: status.ticks,
+            late: status.late,
+            latest: status.latest.as_secs_f64(),
+            lost: status.lost,
+            dropped: status.dropped,
+            load: status.load,
+            busiest: status.busiest,
+            filled: status.filled,
+            underruns: sound.underruns(),
+            played: sound.played(),
+            alive: sound.alive(),
+            peaks: status.peaks.to_vec(),
+            hands: status.hands.iter().map(HandStatus::of).collect(),
+        }
+    }
+}
+
+/// How a hand does.
+#[pyclass(frozen, get_all, from_py_object, module = "ergon._core")]
+#[derive(Clone)]
+pub(crate) struct HandStatus {
+    position: f64,
+    force: f64,
+    sent: f64,
+    real: bool,
+    touch: bool,
+    enabled: bool,
+    tripped: bool,
+}
+
+impl HandStatus {
+    fn of(hand: &perform::HandStatus) -> Self {
+        Self {
+            position: hand.position,
+            force: hand.force,
+            sent: hand.sent,
+            real: hand.real,
+            touch: hand.touch,
+            enabled: hand.enabled,
+            tripped: hand.tripped,
+        }
+    }
+}

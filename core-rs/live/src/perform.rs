@@ -1,0 +1,292 @@
+//! The one thread that owns all physics while it is played: keys on one side of it, the sound card on the other.
+//!
+//! In every tick it exchanges forces and positions with the keys, steps the network for the frames of the tick, and
+//! pushes their sound into the ring. Keys have the first say in when a tick begins, the sound card has the last:
+//! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
+
+mod clock;
+mod hand;
+mod keys;
+mod player;
+mod status;
+
+pub use hand::{Guide, Hand};
+pub use keys::{Keyboard, Slot};
+pub use status::{Event, HandStatus, Status, What};
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use ergon_engine::mix::limiter::Limiter;
+use ergon_engine::mix::mixer::Mixer;
+use ergon_engine::simulation::Simulation;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::audio::{self, AudioError, Output};
+use crate::device::DeviceError;
+use crate::realtime::{self, Granted};
+use crate::recording::{Header, Recorder, RecorderHandle, RecordingError};
+use crate::safety::Guarded;
+use player::Player;
+
+/// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
+/// real-time machine.
+const AHEAD: usize = 1_024;
+/// Things that may happen before anybody asks what did.
+const EVENTS: usize = 4_096;
+const COMMANDS: usize = 256;
+
+/// What is to be played.
+pub struct Stage {
+    /// What moves, at its first frame to be heard.
+    pub simulation: Simulation,
+    /// Outputs to channels.
+    pub mixer: Mixer,
+    /// After the mixer, before the limiter.
+    pub gain: f64,
+    /// The last thing before the loudspeakers.
+    pub limiter: Limiter,
+    /// Frames to play; `None`: until it is stopped.
+    pub n_frames: Option<u64>,
+    /// Frames of a tick.
+    pub every: usize,
+    /// Real hands, in the order of the simulation's.
+    pub hands: Vec<Hand>,
+    /// Frames at which a bar begins, rising: where a hand that comes back takes over.
+    pub bars: Vec<u64>,
+}
+
+/// How it is to be played.
+#[derive(Debug)]
+pub struct How {
+    /// Where the sound goes.
+    pub audio: audio::Spec,
+    /// Frames ahead of the card, if not two of its blocks.
+    pub ahead: Option<usize>,
+    /// A recording of the hands, and what stands at its beginning.
+    pub record: Option<(PathBuf, Header)>,
+}
+
+/// Why nothing can be played.
+#[derive(Debug, thiserror::Error)]
+pub enum PlayError {
+    /// The sound.
+    #[error(transparent)]
+    Audio(#[from] AudioError),
+    /// A key.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The recording.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The system refused a thread.
+    #[error("no thread for the physics: {0}")]
+    Thread(#[source] std::io::Error),
+}
+
+/// Something that is asked of the physics thread.
+pub(crate) enum Command {
+    /// Another gain.
+    Gain(f64),
+    /// A keyboard that came back.
+    Keys(usize, Box<Guarded>),
+}
+
+/// What both sides may touch at any time.
+#[derive(Debug, Default)]
+pub(crate) struct Desk {
+    /// Nothing more is to be played.
+    stop: AtomicBool,
+    /// Forces are zero, sound is silent.
+    panic: AtomicBool,
+    /// The last frame is out.
+    done: AtomicBool,
+    /// What the physics thread runs as: priority + 1, memory locked in the lowest bit.
+    granted: AtomicU64,
+}
+
+/// A piece that is being played. Dropped, it stops.
+pub struct Performance {
+    desk: Arc<Desk>,
+    thread: Option<JoinHandle<Player>>,
+    seekers: Vec<keys::Seeker>,
+    commands: Arc<std::sync::Mutex<Producer<Command>>>,
+    status: triple_buffer::Output<Status>,
+    events: Consumer<Event>,
+    output: Output,
+    recorder: Option<RecorderHandle>,
+}
+
+impl Performance {
+    /// Begin.
+    ///
+    /// # Errors
+    /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
+    pub fn start(stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
+        let rate = stage.simulation.rate();
+        let channels = stage.mixer.n_channels();
+        let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every);
+        let (feed, drain) = audio::ring(channels, 4 * ahead);
+        feed.set_prefill(ahead);
+        let (sink, recorder) = match &how.record {
+            Some((path, header)) => {
+                let (sink, handle) = Recorder::start(path, header)?;
+                (Some(sink), Some(handle))
+            }
+            None => (None, None),
+        };
+        let output = audio::open(&how.audio, rate as u32, channels, drain)?;
+        let info = output.info();
+        let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
+        let (to_events, events) = RingBuffer::new(EVENTS);
+        let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
+        let desk = Arc::new(Desk::default());
+        let commands = Arc::new(std::sync::Mutex::new(to_commands));
+        let mut seekers = Vec::new();
+        let slots: Vec<Slot> = boards
+            .into_iter()
+            .enumerate()
+            .map(|(index, board)| {
+                let (slot, seeker) = board.split(index, commands.clone());
+                seekers.push(seeker);
+                slot
+            })
+            .collect();
+        let links = player::Links {
+            desk: desk.clone(),
+            commands: from_commands,
+            events: to_events,
+            status: to_status,
+            feed,
+            record: sink,
+            shared: output.shared().clone(),
+        };
+        let clock = clock::Clock::new(
+            stage.every as f64 / rate,
+            ahead.max(2 * info.block as usize),
+            slots.iter().any(Slot::is_on_the_clock) && info.paced,
+        );
+        let mut player = Player::new(stage, slots, links, clock);
+        let own = desk.clone();
+        let thread = std::thread::Builder::new()
+            .name("ergon physics".into())
+            .spawn(move || {
+                own.grant(realtime::ask(realtime::PHYSICS));
+                player.run();
+                own.done.store(true, Ordering::Release);
+                // Given back to be freed where time does not count.
+                player
+            })
+            .map_err(PlayError::Thread)?;
+        Ok(Self {
+            desk,
+            thread: Some(thread),
+            seekers,
+            commands,
+            status,
+            events,
+            output,
+            recorder,
+        })
+    }
+
+    /// How it goes now.
+    pub fn status(&mut self) -> Status {
+        *self.status.read()
+    }
+
+    /// The next thing that happened.
+    pub fn event(&mut self) -> Option<Event> {
+        self.events.pop().ok()
+    }
+
+    /// The output that it plays on.
+    pub fn output(&self) -> &Output {
+        &self.output
+    }
+
+    /// What the system granted the physics thread; `None` until it runs.
+    pub fn granted(&self) -> Option<Granted> {
+        self.desk.granted()
+    }
+
+    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Performance::release`].
+    pub fn panic(&self) {
+        self.desk.panic.store(true, Ordering::Release);
+        self.output.shared().panic();
+    }
+
+    /// After a panic: sound and force again.
+    pub fn release(&self) {
+        self.desk.panic.store(false, Ordering::Release);
+        self.output.shared().release();
+    }
+
+    /// Another gain, from the next tick on; false where too much is asked at once.
+    pub fn gain(&self, gain: f64) -> bool {
+        let mut commands = self
+            .commands
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        commands.push(Command::Gain(gain)).is_ok()
+    }
+
+    /// Play nothing more: forces are zero, and what is in the ring ends in a fade.
+    pub fn stop(&self) {
+        self.desk.stop.store(true, Ordering::Release);
+    }
+
+    /// Whether the last frame has been computed.
+    pub fn is_done(&self) -> bool {
+        self.desk.done.load(Ordering::Acquire)
+    }
+
+    /// Wait until everything was heard, and put everything away; the events that are left.
+    ///
+    /// # Errors
+    /// What went wrong with a file that was written.
+    pub fn close(mut self, patience: Duration) -> Result<Vec<Event>, PlayError> {
+        self.end(patience)?;
+        Ok(std::iter::from_fn(|| self.event()).collect())
+    }
+
+    fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
+        self.seekers.clear();
+        if let Some(thread) = self.thread.take() {
+            // A physics thread that panicked has sent zero forces on its way out.
+            drop(thread.join());
+        }
+        let _ = self.output.wait(patience);
+        self.output.close()?;
+        if let Some(recorder) = self.recorder.take() {
+            recorder.stop()?;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Performance {
+    fn drop(&mut self) {
+        self.stop();
+        let _ = self.end(Duration::from_millis(200));
+    }
+}
+
+impl Desk {
+    fn grant(&self, granted: Granted) {
+        let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
+        let value = 4 | priority << 8 | u64::from(granted.locked);
+        self.granted.store(value, Ordering::Release);
+    }
+
+    fn granted(&self) -> Option<Granted> {
+        let value = self.granted.load(Ordering::Acquire);
+        (value != 0).then(|| Granted {
+            fifo: (value >> 8).checked_sub(1).map(|fifo| fifo as i32),
+            locked: value & 1 == 1,
+        })
+    }
+}

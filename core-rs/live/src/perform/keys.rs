@@ -1,0 +1,226 @@
+//! A keyboard: a guarded device whose axes are hands of the piece, and the thread that looks for it when it is gone.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use super::Command;
+use crate::device::{self, MAX_AXES, Sample, Url};
+use crate::safety::{Guarded, Limits};
+
+/// A device that is gone is looked for so often.
+const RETRY: Duration = Duration::from_millis(500);
+const LOOK: Duration = Duration::from_millis(50);
+/// The newest position is waited for during this part of a tick at most.
+const WAIT: f64 = 0.3;
+
+/// A device that is open, and the hands on it.
+pub struct Keyboard {
+    guarded: Box<Guarded>,
+    url: Url,
+    /// Device axis and hand of the piece.
+    axes: Vec<(usize, usize)>,
+    most: Option<f64>,
+    period: f64,
+}
+
+/// The physics thread's side of it.
+pub struct Slot {
+    guarded: Option<Box<Guarded>>,
+    lockstep: bool,
+    pub(super) axes: Vec<(usize, usize)>,
+    pub(super) sample: Sample,
+    forces: [f64; MAX_AXES],
+    pub(super) sent: [f64; MAX_AXES],
+    gone: Arc<AtomicBool>,
+    grave: Producer<Box<Guarded>>,
+    wait: Duration,
+}
+
+/// The side that may wait: opens the device again, frees what is dead.
+pub(super) struct Seeker {
+    thread: Option<JoinHandle<()>>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Keyboard {
+    /// Open the device at `url`, for ticks of `period` [s]; `axes`: (axis of the device, hand of the piece).
+    /// `most`: the greatest force, if that is less than the device's own [N].
+    ///
+    /// # Errors
+    /// What the device's driver says.
+    pub fn open(
+        url: &Url,
+        axes: Vec<(usize, usize)>,
+        most: Option<f64>,
+        period: f64,
+    ) -> Result<Self, device::DeviceError> {
+        Ok(Self {
+            guarded: guard(url, most, period)?,
+            url: url.clone(),
+            axes,
+            most,
+            period,
+        })
+    }
+
+    /// What the device is.
+    pub fn spec(&self) -> &device::Spec {
+        self.guarded.spec()
+    }
+
+    pub(super) fn split(
+        self,
+        index: usize,
+        commands: Arc<Mutex<Producer<Command>>>,
+    ) -> (Slot, Seeker) {
+        let (gone, stop) = (Arc::default(), Arc::default());
+        // One may die while the one before is still to be freed.
+        let (grave, graves) = RingBuffer::new(4);
+        let slot = Slot {
+            lockstep: self.url.lockstep,
+            guarded: Some(self.guarded),
+            axes: self.axes,
+            sample: Sample::default(),
+            forces: [0.0; MAX_AXES],
+            sent: [0.0; MAX_AXES],
+            gone: Arc::clone(&gone),
+            grave,
+            wait: Duration::from_secs_f64(WAIT * self.period),
+        };
+        let search = Search {
+            url: self.url,
+            most: self.most,
+            period: self.period,
+            index,
+            gone,
+            stop: Arc::clone(&stop),
+            graves,
+            commands,
+        };
+        let thread = std::thread::Builder::new()
+            .name("ergon keys".into())
+            .spawn(move || search.run())
+            .ok();
+        (slot, Seeker { thread, stop })
+    }
+}
+
+fn guard(url: &Url, most: Option<f64>, period: f64) -> Result<Box<Guarded>, device::DeviceError> {
+    let device = device::open(url)?;
+    let own = Limits::of(device.spec());
+    let force = most.map_or(own.force, |most| most.min(own.force));
+    Ok(Box::new(Guarded::new(
+        device,
+        Limits { force, ..own },
+        period,
+    )))
+}
+
+impl Slot {
+    /// Whether its ticks come by a clock: not in lockstep, where it waits for us.
+    pub fn is_on_the_clock(&self) -> bool {
+        !self.lockstep
+    }
+
+    pub(super) fn is_there(&self) -> bool {
+        self.guarded.is_some()
+    }
+
+    pub(super) fn tripped(&self, axis: usize) -> bool {
+        self.guarded
+            .as_ref()
+            .is_some_and(|guarded| guarded.tripped(axis))
+    }
+
+    /// The force that an axis is to get [N].
+    pub(super) fn force(&mut self, axis: usize, force: f64) {
+        self.forces[axis] = force;
+    }
+
+    /// No more forces, or forces again.
+    pub(super) fn stop(&mut self, stopped: bool) {
+        if let Some(guarded) = &mut self.guarded {
+            guarded.stop(stopped);
+        }
+    }
+
+    /// Forces out, positions in. False: the device has just gone.
+    pub(super) fn exchange(&mut self) -> bool {
+        let Some(guarded) = &mut self.guarded else {
+            return true;
+        };
+        let deadline = Instant::now() + self.wait;
+        let sent = guarded.send(&self.forces);
+        let done = sent.and_then(|sent| {
+            let newtons = sent.newtons();
+            self.sent[..newtons.len()].copy_from_slice(newtons);
+            self.sample.fresh = guarded.receive(&mut self.sample, deadline)?;
+            Ok(())
+        });
+        if done.is_ok() {
+            return true;
+        }
+        if let Some(dead) = self.guarded.take() {
+            // Freed by the seeker: closing a port takes its time.
+            if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {
+                std::mem::forget(dead);
+            }
+        }
+        self.sent = [0.0; MAX_AXES];
+        self.gone.store(true, Ordering::Release);
+        false
+    }
+
+    /// A device that was found again.
+    pub(super) fn comes_back(&mut self, guarded: Box<Guarded>) {
+        self.forces = [0.0; MAX_AXES];
+        self.guarded = Some(guarded);
+    }
+}
+
+struct Search {
+    url: Url,
+    most: Option<f64>,
+    period: f64,
+    index: usize,
+    gone: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
+    graves: Consumer<Box<Guarded>>,
+    commands: Arc<Mutex<Producer<Command>>>,
+}
+
+impl Search {
+    fn run(mut self) {
+        let mut next = Instant::now();
+        while !self.stop.load(Ordering::Acquire) {
+            std::thread::park_timeout(LOOK);
+            while self.graves.pop().is_ok() {}
+            if !self.gone.load(Ordering::Acquire) || Instant::now() < next {
+                continue;
+            }
+            next = Instant::now() + RETRY;
+            let Ok(guarded) = guard(&self.url, self.most, self.period) else {
+                continue;
+            };
+            self.gone.store(false, Ordering::Release);
+            let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
+            // Where the ring is full nobody plays any more.
+            let _ = commands.push(Command::Keys(self.index, guarded));
+        }
+    }
+}
+
+impl Drop for Seeker {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            // What panicked there has freed what it held.
+            let _ = thread.join();
+        }
+    }
+}

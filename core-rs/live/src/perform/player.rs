@@ -1,0 +1,404 @@
+//! What the physics thread does in a tick. Nothing here allocates, locks or fails.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use rtrb::{Consumer, Producer};
+
+use super::clock::Clock;
+use super::hand::Mover;
+use super::status::{Event, HANDS_MAX, Status, What};
+use super::{Command, Desk, Slot, Stage};
+use crate::audio::{Feed, Shared};
+use crate::recording::{self, RowSink, flag};
+
+/// The load is averaged over this time [s].
+const AVERAGE: f64 = 1.0;
+/// Peaks fall by half within about this time [s].
+const PEAKS: f64 = 0.3;
+/// A tick is late when it begins so much of its length after it was due.
+const LATE: f64 = 0.5;
+/// Without keys on a clock, ticks wait at most so long for room in the ring: the card may be gone for good.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Everything that leads to other threads.
+pub(super) struct Links {
+    pub(super) desk: Arc<Desk>,
+    pub(super) commands: Consumer<Command>,
+    pub(super) events: Producer<Event>,
+    pub(super) status: triple_buffer::Input<Status>,
+    pub(super) feed: Feed,
+    pub(super) record: Option<RowSink>,
+    pub(super) shared: Arc<Shared>,
+}
+
+/// All that plays.
+pub(super) struct Player {
+    stage: Stage,
+    slots: Vec<Slot>,
+    links: Links,
+    clock: Clock,
+    movers: Vec<Mover>,
+    /// Where each hand's key was in the tick before: its speed is taken from that.
+    before: Vec<f64>,
+    felt: Vec<f64>,
+    /// Which slot and axis each hand has.
+    of: Vec<Option<(usize, usize)>>,
+    /// The tick from which a keyboard that came back plays again.
+    waits: Vec<Option<u64>>,
+    rows: Vec<recording::Sample>,
+    heard: Vec<f64>,
+    mixed: Vec<f64>,
+    single: Vec<f32>,
+    /// Frames of the limiter's delay that are still to be left out.
+    ahead: usize,
+    /// Frames that follow the last of the piece: what the limiter still holds.
+    tail: usize,
+    tick: u64,
+    frame: u64,
+    status: Status,
+    panicked: bool,
+}
+
+impl Player {
+    pub(super) fn new(stage: Stage, slots: Vec<Slot>, links: Links, clock: Clock) -> Self {
+        let n = stage.hands.len();
+        let mut of = vec![None; n];
+        for (slot, own) in slots.iter().enumerate() {
+            for &(axis, hand) in &own.axes {
+                of[hand] = Some((slot, axis));
+            }
+        }
+        let latency = stage.limiter.latency();
+        let (every, n_out) = (stage.every, stage.simulation.n_out());
+        let channels = stage.mixer.n_channels();
+        let status = Status {
+            frame: stage.simulation.frame(),
+            ..Status::default()
+        };
+        Self {
+            movers: vec![Mover::default(); n],
+            before: vec![0.0; n],
+            felt: vec![0.0; n],
+            of,
+            waits: vec![None; slots.len()],
+            rows: vec![recording::Sample::default(); n],
+            heard: vec![0.0; every * n_out],
+            mixed: vec![0.0; every * channels],
+            single: vec![0.0; every * channels],
+            ahead: latency,
+            tail: latency,
+            tick: stage.simulation.frame() / every as u64,
+            frame: stage.simulation.frame(),
+            status,
+            panicked: false,
+            stage,
+            slots,
+            links,
+            clock,
+        }
+    }
+
+    /// Play to the end.
+    pub(super) fn run(&mut self) {
+        self.begin();
+        while !self.links.desk.stop.load(Ordering::Acquire) && self.tick() {}
+        for slot in &mut self.slots {
+            slot.stop(true);
+        }
+        self.tell(What::Ended);
+        self.links.status.write(self.status);
+        self.links.feed.close();
+    }
+
+    /// Hands where they are, before the first tick.
+    fn begin(&mut self) {
+        for slot in 0..self.slots.len() {
+            self.exchange(slot);
+            for at in 0..self.slots[slot].axes.len() {
+                let (axis, hand) = self.slots[slot].axes[at];
+                if self.slots[slot].is_there() {
+                    let x = self.slots[slot].sample.position[axis];
+                    (self.movers[hand].real, self.movers[hand].x) = (true, x);
+                    self.before[hand] = x;
+                }
+            }
+        }
+    }
+
+    /// One tick; false once the piece is over.
+    pub(super) fn tick(&mut self) -> bool {
+        let left = match self.stage.n_frames {
+            Some(n_frames) => n_frames.saturating_sub(self.frame),
+            None => u64::MAX,
+        };
+        if left == 0 && self.tail == 0 {
+            return false;
+        }
+        let playing = self.links.shared.played() > 0;
+        let beat = self.clock.tick(self.links.feed.filled(), playing);
+        let began = Instant::now();
+        self.count(beat.late, beat.lost);
+        self.commands();
+        self.keys();
+        self.hands();
+        let n = (self.stage.every as u64).min(left) as usize;
+        self.step(n);
+        self.record();
+        self.load(began.elapsed());
+        self.links.status.write(self.status);
+        self.feed(
+            if n == 0 {
+                self.stage.every.min(self.tail)
+            } else {
+                n
+            },
+            n == 0,
+        );
+        true
+    }
+
+    fn count(&mut self, late: Duration, lost: bool) {
+        let status = &mut self.status;
+        status.late += u64::from(late.as_secs_f64() > LATE * self.clock.period());
+        status.latest = status.latest.max(late);
+        if lost {
+            status.lost += 1;
+            self.tell(What::Lost(late));
+        }
+    }
+
+    fn commands(&mut self) {
+        while let Ok(command) = self.links.commands.pop() {
+            match command {
+                Command::Gain(gain) => {
+                    self.stage.gain = gain;
+                    self.note(format_args!("{{\"gain\":{gain}}}"));
+                }
+                Command::Keys(slot, guarded) => {
+                    self.slots[slot].comes_back(guarded);
+                    self.slots[slot].stop(self.panicked);
+                    self.waits[slot] = Some(self.next_bar());
+                    self.tell(What::Back(slot));
+                }
+            }
+        }
+        let panicked = self.links.desk.panic.load(Ordering::Acquire);
+        if panicked != self.panicked {
+            self.panicked = panicked;
+            self.slots.iter_mut().for_each(|slot| slot.stop(panicked));
+            self.note(format_args!("{{\"panic\":{panicked}}}"));
+        }
+    }
+
+    /// The first tick of the next bar; where there is none, the next tick.
+    fn next_bar(&self) -> u64 {
+        let bars = &self.stage.bars;
+        let next = bars.partition_point(|&bar| bar < self.frame);
+        let frame = bars.get(next).copied().unwrap_or(self.frame);
+        frame.div_ceil(self.stage.every as u64)
+    }
+
+    /// Forces of the tick before go out, positions come in.
+    fn keys(&mut self) {
+        let rate = 1.0 / self.clock.period();
+        for hand in 0..self.movers.len() {
+            let Some((slot, axis)) = self.of[hand] else {
+                continue;
+            };
+            let (own, mover) = (&self.stage.hands[hand], &self.movers[hand]);
+            let force = if mover.real {
+                let v = (mover.x - self.before[hand]) * rate;
+                let lead = own.guidance(self.tick, mover.x, v);
+                (self.felt[hand] + lead) * mover.share()
+            } else {
+                0.0
+            };
+            self.slots[slot].force(axis, force);
+        }
+        for slot in 0..self.slots.len() {
+            self.exchange(slot);
+        }
+    }
+
+    fn exchange(&mut self, slot: usize) {
+        if self.slots[slot].exchange() {
+            return;
+        }
+        self.tell(What::Gone(slot));
+        self.waits[slot] = None;
+        for at in 0..self.slots[slot].axes.len() {
+            let (_, hand) = self.slots[slot].axes[at];
+            let x = self.stage.hands[hand].stands_at(self.tick);
+            self.movers[hand].change(false, x);
+        }
+    }
+
+    /// Where every hand is in this tick.
+    fn hands(&mut self) {
+        for slot in 0..self.slots.len() {
+            if self.waits[slot].is_none_or(|tick| self.tick < tick) || !self.slots[slot].is_there()
+            {
+                continue;
+            }
+            self.waits[slot] = None;
+            for at in 0..self.slots[slot].axes.len() {
+                let (axis, hand) = self.slots[slot].axes[at];
+                let x = self.slots[slot].sample.position[axis];
+                self.movers[hand].change(true, x);
+                self.tell(What::TookOver(hand));
+            }
+        }
+        for (hand, own) in self.stage.hands.iter().enumerate() {
+            let mover = &mut self.movers[hand];
+            self.before[hand] = mover.x;
+            let x = match self.of[hand] {
+                Some((slot, axis)) if mover.real => self.slots[slot].sample.position[axis],
+                _ => own.stands_at(self.tick),
+            };
+            let x = mover.follow(x);
+            self.stage.simulation.hold(hand, x * own.reach, None);
+        }
+    }
+
+    /// The frames of the tick, mixed and limited.
+    fn step(&mut self, n: usize) {
+        let stage = &mut self.stage;
+        let channels = stage.mixer.n_channels();
+        let n_out = stage.simulation.n_out();
+        if n > 0 {
+            let heard = &mut self.heard[..n * n_out];
+            let mixed = &mut self.mixed[..n * channels];
+            // Faults are muted, part by part: nothing is returned.
+            let _ = if n_out == 0 {
+                stage.simulation.skip(n as u64)
+            } else {
+                stage.simulation.process(heard)
+            };
+            stage.mixer.process(heard, mixed);
+            mixed.iter_mut().for_each(|x| *x *= stage.gain);
+            stage.limiter.process(mixed);
+        } else {
+            let n = stage.every.min(self.tail);
+            let mixed = &mut self.mixed[..n * channels];
+            mixed.fill(0.0);
+            stage.limiter.process(mixed);
+        }
+        for (hand, own) in stage.hands.iter().enumerate() {
+            self.felt[hand] = stage.simulation.felt(hand) * own.reach;
+        }
+        self.tick += 1;
+        self.frame += n as u64;
+    }
+
+    /// Frames to the card, without those of the limiter's delay.
+    fn feed(&mut self, n: usize, is_tail: bool) {
+        let channels = self.stage.mixer.n_channels();
+        let skip = self.ahead.min(n);
+        self.ahead -= skip;
+        if is_tail {
+            self.tail -= n;
+        }
+        for (single, x) in self.single.iter_mut().zip(&self.mixed[..n * channels]) {
+            *single = *x as f32;
+        }
+        let falls = (1.0 - self.clock.period() / PEAKS).max(0.0) as f32;
+        self.status.peaks.iter_mut().for_each(|peak| *peak *= falls);
+        for frame in self.single[..n * channels].chunks_exact(channels) {
+            for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
+                *peak = peak.max(x.abs());
+            }
+        }
+        let mut rest = &self.single[skip * channels..n * channels];
+        let asked = Instant::now();
+        loop {
+            let taken = self.links.feed.push(rest);
+            rest = &rest[taken * channels..];
+            let is_over = self.links.desk.stop.load(Ordering::Acquire);
+            if rest.is_empty() || is_over {
+                break;
+            }
+            // Who has a hand on a key is not kept waiting by a card.
+            if self.clock.is_by_keys() || asked.elapsed() > PATIENCE {
+                self.status.dropped += (rest.len() / channels) as u64;
+                break;
+            }
+            self.clock.nap();
+        }
+    }
+
+    fn record(&mut self) {
+        let Some(sink) = &mut self.links.record else {
+            return;
+        };
+        for (hand, row) in self.rows.iter_mut().enumerate() {
+            let status = self.status.hands.get(hand).copied().unwrap_or_default();
+            let sample = self.of[hand].map(|(slot, axis)| (&self.slots[slot].sample, axis));
+            let flags = [
+                (flag::FRESH, sample.is_some_and(|(sample, _)| sample.fresh)),
+                (flag::TOUCH, status.touch),
+                (flag::FORCE_ENABLED, status.enabled),
+                (flag::STAND_IN, !status.real),
+                (flag::TRIPPED, status.tripped),
+            ];
+            *row = recording::Sample {
+                position: self.movers[hand].x,
+                force: self.felt[hand],
+                sent: status.sent as f32,
+                flags: flags
+                    .iter()
+                    .filter(|(_, is)| *is)
+                    .map(|(flag, _)| flag)
+                    .sum(),
+                clock: sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
+            };
+        }
+        if !self.rows.is_empty() {
+            sink.row(self.tick - 1, &self.rows);
+        }
+    }
+
+    fn load(&mut self, took: Duration) {
+        let period = self.clock.period();
+        let load = took.as_secs_f64() / period;
+        let status = &mut self.status;
+        status.load += (load - status.load) * (period / AVERAGE).min(1.0);
+        status.busiest = status.busiest.max(load);
+        (status.frame, status.ticks) = (self.frame, status.ticks + 1);
+        status.filled = self.links.feed.filled();
+        for (hand, mover) in self.movers.iter().enumerate().take(HANDS_MAX) {
+            let own = &mut self.status.hands[hand];
+            (own.position, own.force, own.real) = (mover.x, self.felt[hand], mover.real);
+            let Some((slot, axis)) = self.of[hand] else {
+                continue;
+            };
+            let slot = &self.slots[slot];
+            own.sent = slot.sent[axis];
+            own.touch = mover.real && slot.sample.touch[axis];
+            own.enabled = mover.real && slot.sample.force_enabled[axis];
+            let tripped = slot.tripped(axis);
+            if tripped && !own.tripped {
+                let event = Event {
+                    frame: self.frame,
+                    what: What::Tripped(hand),
+                };
+                let _ = self.links.events.push(event);
+            }
+            own.tripped = tripped;
+        }
+    }
+
+    /// Something happened; where nobody listens it is lost.
+    fn tell(&mut self, what: What) {
+        let frame = self.frame;
+        let _ = self.links.events.push(Event { frame, what });
+    }
+
+    /// Something was consumed besides positions.
+    fn note(&mut self, line: std::fmt::Arguments<'_>) {
+        if let Some(sink) = &mut self.links.record {
+            sink.event(self.tick, line);
+        }
+    }
+}

@@ -1,0 +1,1 @@
+"""A staged piece on hardware: loudspeakers, keys, hands."""

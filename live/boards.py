@@ -1,0 +1,93 @@
+"""Which device axis is whose hand: `remi=firefader:/dev/ttyACM0#1`, and names for devices."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+# A device's name in the user's file with an axis of it, such as tgr0.3.
+_NAMED = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
+_MAX_BYTES = 1 << 20  # a list of devices is small; what is larger is another file
+
+
+class BoardError(Exception):
+    """A device that cannot be meant; `suggestion` says what could."""
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """A device, and its axes as (axis, player)."""
+
+    url: str
+    axes: tuple[tuple[int, str], ...]
+
+
+def config_path() -> Path:
+    """The user's list of devices."""
+    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(base) / "ergon" / "devices.toml"
+
+
+def names(path: Path | None = None) -> dict[str, str]:
+    """Names of devices and their URLs; none where there is no such file. Raises BoardError."""
+    path = config_path() if path is None else path
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise BoardError(f"{path}: larger than any list of devices")
+        table = tomllib.loads(path.read_text(encoding="utf-8")).get("devices", {})
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BoardError(f"{path}: {error}") from None
+    if not isinstance(table, dict) or not all(isinstance(url, str) for url in table.values()):
+        raise BoardError(f'{path}: [devices] holds lines such as tgr0 = "frame:/dev/ttyACM0"')
+    return table
+
+
+def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
+    """Devices with their axes, for `asked` player → device; one for each URL. Raises BoardError."""
+    found: dict[str, list[tuple[int, str]]] = {}
+    for player, text in asked.items():
+        url, axis = resolve(text, known)
+        axes = found.setdefault(url, [])
+        if any(axis == taken for taken, _ in axes):
+            raise BoardError(f"axis {axis} of {url} cannot be two players' hand")
+        axes.append((axis, player))
+    return [Board(url, tuple(axes)) for url, axes in found.items()]
+
+
+def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
+    """(URL, axis) of `URL#3`, or of `name` or `name.3` of the user's file. Raises BoardError."""
+    if ":" in text:
+        url, _, axis = text.partition("#")
+        # Options of a URL stand behind its axis.
+        number, mark, options = axis.partition("?")
+        if axis and not number.isdigit():
+            raise BoardError(f"{text}: an axis is a number from 0 on, as in {url}#0")
+        return url + mark + options, int(number or 0)
+    named = _NAMED.match(text)
+    if named is None:
+        raise BoardError(f"{text}: a device is a URL, such as firefader:/dev/ttyACM0, or a name")
+    url = known.get(named["name"])
+    if url is None:
+        which = ", ".join(known) or f"none yet; {config_path()} may hold them"
+        raise BoardError(f"no device is called {named['name']}; known: {which}")
+    own, axis = resolve(url, {})
+    return own, int(named["axis"]) if named["axis"] is not None else axis
+
+
+def parse(pairs: Sequence[str]) -> dict[str, str]:
+    """`PLAYER=DEVICE` of each `--live`. Raises BoardError."""
+    asked: dict[str, str] = {}
+    for pair in pairs:
+        player, is_pair, device = pair.partition("=")
+        if not is_pair or not player or not device:
+            raise BoardError(f"{pair}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0")
+        if player in asked:
+            raise BoardError(f"{player} has two hands here; one device each")
+        asked[player] = device
+    return asked

@@ -1,0 +1,160 @@
+"""What a player sees while a piece sounds: where it is, who plays what, keys, load, level."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.scores.staging.hands import StagedGesture
+    from ergon.scores.staging.stage import Stage
+
+_METER = 21  # characters; odd, so that the middle is one of them
+_FLOOR_DB = -60.0
+
+
+@dataclass(frozen=True, slots=True)
+class KeyView:
+    """A real hand's key, as it is shown: positions [m], forces [N]."""
+
+    player: str
+    key: str
+    position: float
+    travel: tuple[float, float]
+    force: float
+    real: bool
+    tripped: bool
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One look at a performance."""
+
+    where: str
+    playing: tuple[tuple[str, str], ...]  # (player, what)
+    keys: tuple[KeyView, ...]
+    load: float
+    late: int
+    underruns: int
+    peak_db: float
+
+
+class Watcher:
+    """Looks at a performance of a stage."""
+
+    def __init__(self, stage: Stage) -> None:
+        """Of a stage that is played."""
+        self._stage = stage
+        # A gesture is over when a later one begins; there may be a million.
+        self._gestures: list[StagedGesture] = sorted(stage.gestures, key=lambda g: g.start)
+
+    def look(self, status: _core.Status) -> View:
+        """What is to be seen now."""
+        stage = self._stage
+        seconds = status.frame / stage.rate
+        tempo = stage.piece.tempo_map
+        keys = tuple(
+            KeyView(
+                hand.player,
+                hand.key,
+                own.position,
+                stage.piece.keys[hand.key].travel or (-0.015, 0.015),
+                own.force,
+                own.real,
+                own.tripped,
+            )
+            for hand, own in zip(stage.live, status.hands, strict=False)
+        )
+        peak = max(status.peaks, default=0.0)
+        return View(
+            where=tempo.written(tempo.beats(seconds)),
+            playing=tuple(self._playing(seconds)),
+            keys=keys,
+            load=status.load,
+            late=status.late,
+            underruns=status.underruns,
+            peak_db=20.0 * math.log10(peak) if peak > 0 else -math.inf,
+        )
+
+    def _playing(self, seconds: float) -> list[tuple[str, str]]:
+        from bisect import bisect_right
+
+        upto = bisect_right(self._gestures, seconds, key=lambda gesture: gesture.start)
+        latest: dict[str, str] = {}
+        # Those that began last are enough: a hand plays one thing at a time, and its layers.
+        for gesture in self._gestures[max(0, upto - 64) : upto]:
+            if gesture.stop > seconds:
+                latest[gesture.player] = gesture.name
+        return list(latest.items())
+
+
+def lines(view: View, width: int) -> list[str]:
+    """The view as lines of at most `width` characters; no colours, no meaning by them."""
+    playing = " · ".join(f"{player} {what}" for player, what in view.playing) or "—"
+    level = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
+    counts = f"late {view.late}"
+    if view.underruns:
+        counts += f" · gaps {view.underruns}"
+    shown = [f"{view.where:>9}  {playing}", f"{'':9}  load {view.load:4.0%} · {counts} · {level}"]
+    shown += [_key(key) for key in view.keys]
+    return [line[:width] for line in shown]
+
+
+def _key(key: KeyView) -> str:
+    who = f"{key.player} on {key.key}"
+    hand = "tripped" if key.tripped else "hand" if key.real else "stand-in"
+    meter = meter_of(key.position, *key.travel)
+    return f"{'':9}  {who:16} {meter} {1e3 * key.position:+7.2f} mm {key.force:+7.3f} N  {hand}"
+
+
+def meter_of(x: float, low: float, high: float) -> str:
+    """Where x lies between two ends, as characters."""
+    share = (x - low) / (high - low) if high > low else 0.5
+    at = min(max(round(share * (_METER - 1)), 0), _METER - 1)
+    middle = (_METER - 1) // 2
+    cells = ["·"] * _METER
+    cells[middle] = "+"
+    cells[at] = "#"
+    return "[" + "".join(cells) + "]"
+
+
+def record(view: View, frame: int) -> dict[str, object]:
+    """The view as fields of a JSON line."""
+    return {
+        "frame": frame,
+        "where": view.where,
+        "playing": {player: what for player, what in view.playing},
+        "load": round(view.load, 4),
+        "late": view.late,
+        "underruns": view.underruns,
+        "peak_dbfs": None if not math.isfinite(view.peak_db) else round(view.peak_db, 2),
+        "hands": [
+            {
+                "player": key.player,
+                "key": key.key,
+                "position_m": key.position,
+                "force_n": key.force,
+                "real": key.real,
+                "tripped": key.tripped,
+            }
+            for key in view.keys
+        ],
+    }
+
+
+def told(event: tuple[int, str, float], players: Sequence[str], boards: Sequence[str]) -> str:
+    """What happened, as a sentence; empty for what needs none."""
+    _, what, number = event
+    board = boards[int(number)] if int(number) < len(boards) else "a device"
+    player = players[int(number)] if int(number) < len(players) else "a hand"
+    return {
+        "gone": f"{board} is gone: what stands in for it plays on",
+        "back": f"{board} is back: its hand takes over at the next bar",
+        "took over": f"{player} plays",
+        "lost": f"the physics was held up for {number:.3f} s",
+        "tripped": f"{player}'s key tripped: no force for a while",
+        "muted": "a part went beyond all bounds and is silent",
+    }.get(what, "")

@@ -1,0 +1,108 @@
+"""From a staged piece to a performance: hands, bars, gain, and the physics thread that plays."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+from .boards import Board
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.stage import Stage
+
+# A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
+EVERY = 64
+# A hand is guided by a spring that it can hold against, and a damper that lets it swing in [N/m, N·s/m].
+GUIDE = (120.0, 1.0)
+_BARS_MAX = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """How a piece is to be played; `gain` and `limit` are ratios."""
+
+    audio: str = "auto"
+    gain: float = 1.0
+    limit: float = 1.0
+    highpass: float | None = None
+    start: int = 0
+    boards: Sequence[Board] = ()
+    guides: Mapping[str, float] = field(default_factory=dict)  # player → K [N/m]
+    force_max: float | None = None
+    ahead: int | None = None
+    record: Path | None = None
+    about: Mapping[str, object] = field(default_factory=dict)
+
+
+def every(stage: Stage) -> int:
+    """Frames of a tick."""
+    return stage.live[0].every if stage.live else EVERY
+
+
+def perform(stage: Stage, order: Order) -> _core.Performance:
+    """Begin to play; the stage itself stays where it is. Raises EngineError."""
+    tick = every(stage)
+    simulation = stage.simulation
+    start = simulation.snapshot()
+    _skip(simulation, order.start // tick * tick)
+    numbers = {hand.player: hand.index for hand in stage.live}
+    hands = [
+        (hand.standin, hand.reach, _guide(order.guides.get(hand.player))) for hand in stage.live
+    ]
+    boards = [
+        (board.url, [(axis, numbers[player]) for axis, player in board.axes], order.force_max)
+        for board in order.boards
+    ]
+    record = None
+    if order.record is not None:
+        axes = [(hand.player, hand.key) for hand in stage.live]
+        record = (order.record, axes, json.dumps(dict(order.about), ensure_ascii=False))
+    try:
+        return _core.Performance(
+            simulation,
+            stage.mixer(highpass=order.highpass),
+            every=tick,
+            audio=order.audio,
+            gain=order.gain,
+            limit=order.limit,
+            n_frames=stage.n_frames,
+            hands=hands,
+            boards=boards,
+            bars=bars(stage),
+            ahead=order.ahead,
+            record=record,
+        )
+    finally:
+        simulation.restore(start)
+
+
+def bars(stage: Stage) -> list[int]:
+    """Frames at which a bar begins."""
+    from ergon.scores.clock.positions import parse_position
+
+    tempo = stage.piece.tempo_map
+    found: list[int] = []
+    for bar in range(1, _BARS_MAX):
+        at = tempo.seconds(tempo.resolve(parse_position(f"{bar}|1")))
+        frame = int(at * stage.rate + 0.5)
+        if frame >= stage.n_frames:
+            break
+        found.append(frame)
+    return found
+
+
+def _guide(stiffness: float | None) -> tuple[float, float] | None:
+    return None if stiffness is None else (stiffness, GUIDE[1])
+
+
+def _skip(simulation: _core.Simulation, n_frames: int) -> None:
+    import numpy as np
+
+    block = 4096
+    for at in range(0, n_frames, block):
+        simulation.process(np.zeros((min(block, n_frames - at), simulation.n_out)))

@@ -1,0 +1,55 @@
+"""How loud a piece is before anybody hears it: its gain for loudspeakers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.stage import Stage
+
+_BLOCK = 4096  # frames
+# So much work is worth it [s], by the table of costs: a listener waits no longer.
+_PATIENCE = 5.0
+# What comes after the part that was looked at may be louder: it is kept so far below [dB].
+_ROOM_DB = -6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A gain as a ratio; `seconds`: how much of the piece was listened to, if not all."""
+
+    gain: float
+    peak: float
+    seconds: float | None
+
+
+def level(stage: Stage, highpass: float | None, target: float) -> Level:
+    """The gain that brings the mix's peak to `target`; the stage stays at its frame 0.
+
+    Real hands are played by what stands in for them.
+    """
+    import numpy as np
+
+    from ergon.scores.staging.planning import cost
+
+    work = 0.0 if stage.plan is None else cost(stage.plan)
+    n_frames = stage.n_frames
+    if work * n_frames > _PATIENCE * stage.rate:
+        n_frames = int(_PATIENCE / work * stage.rate)
+    simulation, mixer = stage.simulation, stage.mixer(highpass=highpass)
+    start = simulation.snapshot()
+    peak = 0.0
+    for at in range(0, n_frames, _BLOCK):
+        frames = np.zeros((min(_BLOCK, n_frames - at), simulation.n_out))
+        simulation.process(frames)
+        mixed = np.zeros((len(frames), stage.n_channels))
+        mixer.process(frames, mixed)
+        peak = max(peak, float(np.max(np.abs(mixed), initial=0.0)))
+    simulation.restore(start)
+    if n_frames == stage.n_frames:
+        return Level(target / peak if peak > 0 else 1.0, peak, None)
+    target *= _core.decibels(_ROOM_DB)
+    return Level(target / peak if peak > 0 else 1.0, peak, n_frames / stage.rate)
