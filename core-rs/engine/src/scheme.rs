@@ -138,7 +138,10 @@ impl Scheme {
             if let Kind::Lnl { law, room, .. } = &run.kind {
                 laws.e.resize(laws.e.len().max(run.len), 0.0);
                 if *room == laws.scratch.len() {
-                    laws.scratch.push(law.scratch());
+                    laws.scratch.push(Scratch::default());
+                }
+                if run.len > 1 && laws.scratch[*room].is_empty() {
+                    laws.scratch[*room] = law.scratch();
                 }
             }
         }
