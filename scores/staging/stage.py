@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from ergon import _core
+from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
 from ergon.scores.clock.positions import Position
 from ergon.scores.reading.piece import Manner, Piece, Play, Player
@@ -126,6 +127,7 @@ def stage(
     if seed is not None:
         piece = replace(piece, seed=seed)
     ready = prepare(piece)
+    native.speed_up(ready.network, ready.n_frames)
     plan = None
     try:
         if planned:

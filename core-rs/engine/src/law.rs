@@ -5,20 +5,24 @@
 //! sample where units are algorithmic), the value a force [N].
 
 mod error;
+mod native;
 mod parse;
 mod points;
 mod polynomial;
 mod potential;
 mod program;
 mod runs;
+mod table;
 #[cfg(test)]
 mod tests;
 mod token;
 mod tree;
 
 pub use error::{LawError, Which};
+pub use native::{Entry, FUNCTIONS, Function, NATIVE_LANES};
 pub use parse::Constants;
 pub use runs::Scratch;
+pub use table::Row;
 
 use points::Points;
 use program::Program;
@@ -36,6 +40,7 @@ pub struct Law {
     damping: Option<Program>,
     reach: f64,
     hardening: Option<Hardening>,
+    native: Option<native::Native>,
 }
 
 /// What a hardening spring is made of: f = k·d + q·d³ + z·v.
@@ -109,6 +114,7 @@ impl Law {
             damping: damping.as_ref().map(Program::new),
             reach: 1.0,
             hardening: None,
+            native: None,
         })
     }
 

@@ -6,13 +6,38 @@
 
 mod lanes;
 
+use std::ops::{Deref, DerefMut};
+
 use super::tree::{Binary, Node, Tree, Unary, choose, whole, whole_power};
 
 /// Links per pass: a register is 2 KB, a law's dozen registers stay in the L1 cache, and what it takes to
 /// begin a loop (some 5 ns) counts little.
 pub(super) const LANES: usize = 256;
 
-pub(super) type Register = [f64; LANES];
+/// Numbers of one pass, beginning where a cache line does: a vector then never crosses two.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Register([f64; LANES]);
+
+impl Register {
+    pub(super) fn of(value: f64) -> Self {
+        Self([value; LANES])
+    }
+}
+
+impl Deref for Register {
+    type Target = [f64; LANES];
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl DerefMut for Register {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
+}
 
 /// Register 0 holds d, 1 holds v, 2 + i what step i gives.
 const FIRST: usize = 2;
@@ -21,7 +46,7 @@ const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
 const FEW_REGISTERS: usize = 32;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Step {
+pub(super) enum Step {
     Constant(f64),
     Unary(Unary, usize),
     WholePower(i32, usize),
@@ -92,13 +117,22 @@ impl Program {
 
     /// Room to run in, constants in place.
     pub(super) fn registers(&self) -> Vec<Register> {
-        let mut registers = vec![[0.0; LANES]; FIRST + self.steps.len()];
+        let mut registers = vec![Register::of(0.0); FIRST + self.steps.len()];
         for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
             if let Step::Constant(value) = step {
-                *register = [*value; LANES];
+                *register = Register::of(*value);
             }
         }
         registers
+    }
+
+    pub(super) fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// Where its value is: 0 is d, 1 is v, 2 + i what step i gives.
+    pub(super) fn result(&self) -> usize {
+        self.result
     }
 
     /// Whether anything in it depends on d.

@@ -5,11 +5,13 @@ use super::program::{LANES, Program, Register};
 use super::{Elastic, Law};
 use crate::kernel::wide::wide;
 
-/// Room for [`Law::eval_run`], made by [`Law::scratch`] of the same law; empty, for links alone.
+/// Room for [`Law::eval_run`], made by [`Law::scratch`] of the same law.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     elastic: Vec<Register>,
     damping: Vec<Register>,
+    numbers: Vec<f64>,
+    room: Vec<f64>,
 }
 
 /// What of a law is asked for.
@@ -20,13 +22,6 @@ enum Part {
     Whole,
 }
 
-impl Scratch {
-    /// Whether there is room for a link alone only.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.elastic.is_empty()
-    }
-}
-
 impl Law {
     /// Room for [`Law::eval_run`].
     pub fn scratch(&self) -> Scratch {
@@ -34,11 +29,21 @@ impl Law {
         let elastic = match &self.elastic {
             Elastic::Expression { program, .. } => program.registers(),
             // Where the elongations lie.
-            Elastic::None | Elastic::Points(_) => vec![[0.0; LANES]; 1],
+            Elastic::None | Elastic::Points(_) => vec![Register::of(0.0)],
         };
         Scratch {
             elastic,
             damping: room(self.damping.as_ref()),
+            numbers: self.numbers(),
+            room: vec![0.0; self.room()],
+        }
+    }
+
+    /// Room for runs of one link by [`Law::eval_in`]: a score can have very many.
+    pub(crate) fn scratch_alone(&self) -> Scratch {
+        Scratch {
+            numbers: self.numbers(),
+            ..Scratch::default()
         }
     }
 
@@ -47,7 +52,23 @@ impl Law {
     /// `d`, `v`, `out`: (n_links,); `v` may be empty where the law has no damping. `scratch` is this
     /// law's own: its registers hold the constants.
     pub fn eval_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        if let [out] = out {
+        let mut room = std::mem::take(&mut scratch.room);
+        self.eval_in(d, v, out, scratch, &mut room);
+        scratch.room = room;
+    }
+
+    /// The same with a `room` as large as [`Law::room`] that others use as well.
+    pub(crate) fn eval_in(
+        &self,
+        d: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+        scratch: &mut Scratch,
+        room: &mut [f64],
+    ) {
+        if let Some(native) = &self.native {
+            native.run(d, v, out, &scratch.numbers, room);
+        } else if let [out] = out {
             // Most LNLs of a score are alone in their run.
             *out = self.force(d[0], v.first().copied().unwrap_or_default());
         } else {
@@ -103,7 +124,7 @@ impl Law {
                 out.copy_from_slice(program.run(registers, out.len()));
             }
             Elastic::Points(points) => {
-                for (out, d) in out.iter_mut().zip(&registers[0]) {
+                for (out, d) in out.iter_mut().zip(&registers[0][..]) {
                     *out = points.value(*d);
                 }
             }

@@ -1,7 +1,7 @@
 //! A compiled expression over a run of links: one plain loop for each step, which becomes SIMD code.
 
 use super::super::tree::{Binary, Unary, choose, whole_power};
-use super::{FIRST, LANES, Register, Step};
+use super::{FIRST, Register, Step};
 use crate::maths::lanes;
 
 /// Lanes in the widest vector: a loop over whole vectors has no rest.
@@ -13,9 +13,10 @@ const VECTOR: usize = 8;
 #[inline(always)]
 pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
     // Lanes beyond `n` hold older numbers, and nobody reads what becomes of them.
-    let n = n.next_multiple_of(VECTOR).min(LANES);
+    let (needed, n) = (n, n.next_multiple_of(VECTOR));
     for (i, step) in steps.iter().enumerate() {
         let (before, after) = registers.split_at_mut(FIRST + i);
+        let n = if is_slow(step) { needed } else { n };
         let out = &mut after[0][..n];
         match *step {
             Step::Constant(_) => {}
@@ -32,6 +33,14 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
             }
         }
     }
+}
+
+/// Whether it goes link by link, so that every lane costs.
+#[inline(always)]
+fn is_slow(step: &Step) -> bool {
+    let (tanh, power) = (Unary::Tanh, Binary::Power);
+    matches!(step, Step::Unary(of, _) if *of == tanh)
+        || matches!(step, Step::Binary(of, ..) if *of == power)
 }
 
 /// One loop for each operation: inside a loop nothing is decided.
