@@ -11,6 +11,7 @@ from benches.bank import bank
 from benches.gong import gong
 from benches.growth import growth
 from benches.hammer import hammer
+from benches.laws import laws
 from benches.measure import Row
 from benches.mesh import mesh
 from benches.native import Loops, compiler
@@ -24,6 +25,7 @@ def main(wanted: list[str]) -> int:
     networks = (bank, string, mesh, hammer, gong, quetzalcoatl, growth)
     scenes: dict[str, Callable[[], list[Row]]] = {
         **{scene.__name__: partial(scene, loops) for scene in networks},
+        "laws": laws,
         "gesture": hands.gesture,
         "check": reading.check,
         "start": reading.start,

@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from ergon import _core
+from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
 from ergon.scores.clock.positions import Position
 from ergon.scores.reading.piece import Manner, Piece, Play, Player
@@ -142,6 +143,7 @@ def stage(
     if seed is not None:
         piece = replace(piece, seed=seed)
     ready = prepare(piece, real)
+    native.speed_up(ready.network, ready.n_frames)
     plan = None
     try:
         if planned:

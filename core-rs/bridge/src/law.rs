@@ -1,6 +1,8 @@
 //! LNL laws.
 
 use ergon_engine::law;
+use numpy::{PyReadonlyArray1, PyReadwriteArray1};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 
@@ -52,4 +54,68 @@ impl Law {
     fn is_active(&self, d_max: f64, v_max: f64) -> bool {
         self.0.is_active(d_max, v_max)
     }
+
+    /// Its operations as rows (operation, a, b, c); None where it has no expression.
+    fn rows(&self) -> Option<Vec<Row>> {
+        let rows = self.0.rows()?;
+        Some(rows.iter().map(plain).collect())
+    }
+
+    /// The same law, its runs computed by native code at `address`.
+    fn native(&self, address: usize) -> PyResult<Self> {
+        if address == 0 || self.0.rows().is_none() {
+            return Err(PyValueError::new_err("this law has no native code"));
+        }
+        let mut law = self.0.clone();
+        // SAFETY: `ergon.instruments.native`, the only caller, passes what was compiled of these rows.
+        unsafe { law.set_native(entry(address)) };
+        Ok(Self(law))
+    }
+
+    /// Forces of a run of links at elongations d and rates v, written to `out`; all (n_links,).
+    #[pyo3(signature = (d, v, out, times=1))]
+    fn forces(
+        &self,
+        py: Python<'_>,
+        d: PyReadonlyArray1<'_, f64>,
+        v: PyReadonlyArray1<'_, f64>,
+        mut out: PyReadwriteArray1<'_, f64>,
+        times: usize,
+    ) -> PyResult<()> {
+        let (d, v, out) = (d.as_slice()?, v.as_slice()?, out.as_slice_mut()?);
+        if d.len() != out.len() || v.len() != out.len() {
+            return Err(PyValueError::new_err("d, v and out have one length"));
+        }
+        py.detach(|| {
+            let mut scratch = self.0.scratch();
+            for _ in 0..times {
+                self.0
+                    .eval_run(d, v, std::hint::black_box(&mut *out), &mut scratch);
+            }
+        });
+        Ok(())
+    }
+}
+
+/// (operation, a, b, c)
+pub(crate) type Row = (&'static str, i32, i32, i32);
+
+pub(crate) fn plain(row: &law::Row) -> Row {
+    (row.operation, row.of[0], row.of[1], row.of[2])
+}
+
+/// # Safety
+/// Machine code of that signature begins at `address`, which is not 0.
+pub(crate) unsafe fn entry(address: usize) -> law::Entry {
+    // SAFETY: as above.
+    unsafe { std::mem::transmute(address) }
+}
+
+/// Addresses of the core's functions that native code of a law calls.
+#[pyfunction]
+pub(crate) fn law_functions() -> Vec<(&'static str, usize)> {
+    let functions = law::FUNCTIONS.iter();
+    functions
+        .map(|(name, function)| (*name, *function as usize))
+        .collect()
 }

@@ -34,7 +34,7 @@ mod _core {
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError};
     #[pymodule_export]
-    use super::law::Law;
+    use super::law::{Law, law_functions};
     #[pymodule_export]
     use super::limiter::Limiter;
     #[pymodule_export]

@@ -1,14 +1,16 @@
 //! Networks: what is.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use ergon_engine::generator::{self, BankForm, GeneratorError, Topology};
 use ergon_engine::network::{self, But, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, Word};
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, hertz, refused, word};
-use crate::law::Law;
+use crate::law::{Law, Row, entry, plain};
 use crate::words;
 
 /// (first, count, weight) of modules in an output.
@@ -243,6 +245,28 @@ impl Network {
         self.0
             .lnl(name, a, b, Arc::new(law.0.clone()), rest)
             .map_err(from_engine)
+    }
+
+    /// (rows, links alone in their run, links in longer runs) of every different law that can be native code.
+    fn laws(&self) -> Vec<(Vec<Row>, usize, usize)> {
+        let laws = self.0.laws().into_iter();
+        laws.map(|law| (law.rows.iter().map(plain).collect(), law.alone, law.in_runs))
+            .collect()
+    }
+
+    /// Let the law `laws()[index]` of each (index, address) be computed by native code there.
+    fn native(&mut self, entries: Vec<(usize, usize)>) -> PyResult<()> {
+        let laws = self.0.laws();
+        let mut found = HashMap::new();
+        for (index, address) in entries {
+            let law = laws.get(index).filter(|_| address != 0);
+            let law = law.ok_or_else(|| PyIndexError::new_err("there is no such law"))?;
+            // SAFETY: `ergon.instruments.native`, the only caller, passes what it compiled of these rows.
+            found.insert(law.rows.clone(), unsafe { entry(address) });
+        }
+        // SAFETY: as above; compiled code is kept until the process ends.
+        unsafe { self.0.set_native(&found) };
+        Ok(())
     }
 
     /// The MAT's position is imposed (ENX).

@@ -4,23 +4,28 @@
 //! as a program of another language. `d` is the link's elongation [m], `v` its rate [m/s] (metres per
 //! sample where units are algorithmic), the value a force [N].
 
-mod apart;
 mod error;
+mod native;
 mod parse;
 mod points;
 mod polynomial;
 mod potential;
 mod program;
+mod runs;
+mod table;
 #[cfg(test)]
 mod tests;
 mod token;
 mod tree;
 
 pub use error::{LawError, Which};
+pub use native::{Entry, FUNCTIONS, Function, NATIVE_LANES};
 pub use parse::Constants;
+pub use runs::Scratch;
+pub use table::Row;
 
 use points::Points;
-use program::{LANES, Program, Register};
+use program::Program;
 
 /// Steps of the numerical slopes: relative (the cube root of the rounding unit balances truncation and
 /// rounding of a central difference) and absolute, at rest: a nanometre, or a nanometre per second, far
@@ -35,6 +40,7 @@ pub struct Law {
     damping: Option<Program>,
     reach: f64,
     hardening: Option<Hardening>,
+    native: Option<native::Native>,
 }
 
 /// What a hardening spring is made of: f = k·d + q·d³ + z·v.
@@ -70,13 +76,6 @@ pub struct LawText<'a> {
     pub constants: Constants,
     /// The elastic part as points (d [m], f [N]), d rising.
     pub points: Option<&'a [(f64, f64)]>,
-}
-
-/// Room for [`Law::eval_run`], made by [`Law::scratch`] of the same law.
-#[derive(Clone, Debug)]
-pub struct Scratch {
-    elastic: Vec<Register>,
-    damping: Vec<Register>,
 }
 
 impl Law {
@@ -115,6 +114,7 @@ impl Law {
             damping: damping.as_ref().map(Program::new),
             reach: 1.0,
             hardening: None,
+            native: None,
         })
     }
 
@@ -174,71 +174,6 @@ impl Law {
             Elastic::None => 0.0,
             Elastic::Expression { program, .. } => program.value(d, 0.0),
             Elastic::Points(points) => points.value(d),
-        }
-    }
-
-    /// Room for [`Law::eval_run`].
-    pub fn scratch(&self) -> Scratch {
-        let room = |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
-        let elastic = match &self.elastic {
-            Elastic::Expression { program, .. } => program.registers(),
-            // Where the elongations and the forces lie.
-            Elastic::None | Elastic::Points(_) => vec![[0.0; LANES]; 2],
-        };
-        Scratch {
-            elastic,
-            damping: room(self.damping.as_ref()),
-        }
-    }
-
-    /// Elastic forces of a chunk of links as the law was written, before its reach; the elongations stay in
-    /// the first register.
-    fn elastic_chunk(&self, d: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        let elastic = &mut scratch.elastic;
-        self.load(&mut elastic[0], d);
-        match &self.elastic {
-            Elastic::None => out.fill(0.0),
-            Elastic::Expression { program, .. } => {
-                out.copy_from_slice(program.run(elastic, out.len()));
-            }
-            Elastic::Points(points) => {
-                for (out, d) in out.iter_mut().zip(&elastic[0]) {
-                    *out = points.value(*d);
-                }
-            }
-        }
-    }
-
-    /// Forces of a run of links, each the same bits as [`Law::force`]; nothing is allocated.
-    ///
-    /// `d`, `v`, `out`: (n_links,); `v` may be empty where the law has no damping. `scratch` is this
-    /// law's own: its registers hold the constants.
-    pub fn eval_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        for (chunk, out) in out.chunks_mut(LANES).enumerate() {
-            let (first, n) = (chunk * LANES, out.len());
-            self.elastic_chunk(&d[first..first + n], out, scratch);
-            if let Some(damping) = &self.damping {
-                let registers = &mut scratch.damping;
-                registers[0][..n].copy_from_slice(&scratch.elastic[0][..n]);
-                self.load(&mut registers[1], &v[first..first + n]);
-                for (out, force) in out.iter_mut().zip(damping.run(registers, n)) {
-                    *out += force;
-                }
-            }
-            if self.reach != 1.0 {
-                for out in out {
-                    *out /= self.reach;
-                }
-            }
-        }
-    }
-
-    fn load(&self, register: &mut Register, values: &[f64]) {
-        register[..values.len()].copy_from_slice(values);
-        if self.reach != 1.0 {
-            for value in &mut register[..values.len()] {
-                *value /= self.reach;
-            }
         }
     }
 

@@ -1,5 +1,7 @@
 //! Transcendentals that give the same bytes on every machine (`libm`, compiled with the engine).
 
+pub(crate) mod lanes;
+
 pub use libm::{
     asin, atan2, cos, exp, expm1, floor, fma, log, log1p, log2, log10, pow, sin, sincos, sqrt, tanh,
 };

@@ -13,6 +13,7 @@ mod output;
 mod subset;
 
 pub use kinds::{But, Contact, Error, Side, Tie};
+pub use links::LawUse;
 pub use modes::Tone;
 pub use output::{Output, Term};
 pub(crate) use subset::Subset;

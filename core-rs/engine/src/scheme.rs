@@ -123,6 +123,8 @@ pub(crate) struct Laws {
     pub(crate) room: Vec<f64>,
     /// One for each law                                  (n_laws)
     pub(crate) scratch: Vec<Scratch>,
+    /// For native code, which all laws share            (largest)
+    pub(crate) native: Vec<f64>,
 }
 
 impl Scheme {
@@ -133,12 +135,19 @@ impl Scheme {
             v: Vec::new(),
             room: vec![0.0; self.fused.iter().map(|run| run.len).max().unwrap_or(0)],
             scratch: Vec::new(),
+            native: Vec::new(),
         };
+        let mut alone = Vec::new();
         for run in &self.runs {
             if let Kind::Lnl { law, room, .. } = &run.kind {
                 laws.e.resize(laws.e.len().max(run.len), 0.0);
                 if *room == laws.scratch.len() {
-                    laws.scratch.push(law.scratch());
+                    laws.scratch.push(law.scratch_alone());
+                    laws.native.resize(laws.native.len().max(law.room()), 0.0);
+                    alone.push(true);
+                }
+                if run.len > 1 && std::mem::take(&mut alone[*room]) {
+                    laws.scratch[*room] = law.scratch();
                 }
             }
         }

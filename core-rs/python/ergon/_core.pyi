@@ -75,10 +75,25 @@ class Law:
     ) -> Self: ...
     def force(self, d: float, v: float = 0.0) -> float:
         """Force at elongation d [m] and its rate v [m/s]."""
+    def forces(
+        self,
+        d: NDArray[np.float64],
+        v: NDArray[np.float64],
+        out: NDArray[np.float64],
+        times: int = 1,
+    ) -> None:
+        """Forces [N] of a run of links at d [m] and v [m/s] into `out`, all (n_links,); `times` over."""
+    def rows(self) -> list[tuple[str, int, int, int]] | None:
+        """Its operations (name, operands: 0 is d, 1 v, 2 + i row i); None where it has none."""
+    def native(self, address: int) -> Law:
+        """The same law, computed by the native code of its rows at `address`."""
     def potential(self, d: float) -> float:
         """Energy stored at elongation d [J]; zero at d = 0."""
     def is_active(self, d_max: float, v_max: float) -> bool:
         """Whether damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max: the link can give energy."""
+
+def law_functions() -> list[tuple[str, int]]:
+    """Addresses of the core's functions that native code of a law calls."""
 
 @final
 class Network:
@@ -184,6 +199,10 @@ class Network:
         """One-sided contact of the striker a on b. `magic` chooses K and Z itself from
         `restitution` and the number of `steps` a contact lasts."""
     def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int: ...
+    def laws(self) -> list[tuple[list[tuple[str, int, int, int]], int, int]]:
+        """Rows of every different law, its links alone in a run, its links in longer runs."""
+    def native(self, entries: Sequence[tuple[int, int]]) -> None:
+        """Compute `laws()[index]` by native code at address, for each (index, address)."""
     def impose(self, index: int) -> None:
         """The MAT's position is imposed (ENX): the timeline's `drive` says where it goes."""
     def listen(

@@ -171,7 +171,7 @@ impl Mesh {
                     match part {
                         Part::Elastic => law.spring_run(e, f, scratch),
                         Part::Viscous => law.drag_run(e, de, f, scratch),
-                        Part::Total => law.eval_run(e, de, f, scratch),
+                        Part::Total => law.eval_in(e, de, f, scratch, &mut laws.native),
                     }
                 }
                 _ => {

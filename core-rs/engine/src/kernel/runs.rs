@@ -36,7 +36,7 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
                         e[i] = xb[i] - xa[i] - run.rest;
                         v[i] = (db[i] - da[i]) * rate;
                     }
-                    law.eval_run(e, v, f, &mut laws.scratch[*room]);
+                    law.eval_in(e, v, f, &mut laws.scratch[*room], &mut laws.native);
                 }
             },
         }

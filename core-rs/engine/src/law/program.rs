@@ -1,15 +1,43 @@
 //! A compiled expression: operations on registers, for one link or for a run of them.
 //!
 //! Every step writes a register of its own and reads earlier ones, so that an operation passes over up to
-//! 64 links in one plain loop, which the compiler turns into SIMD code. A single link goes
+//! 256 links in one plain loop, which the compiler turns into SIMD code. A single link goes
 //! through the same operations in the same order: the same bits come out.
+
+mod lanes;
+
+use std::ops::{Deref, DerefMut};
 
 use super::tree::{Binary, Node, Tree, Unary, choose, whole, whole_power};
 
-/// Links per pass: a register is 512 bytes, a law's dozen registers stay in the L1 cache.
-pub(super) const LANES: usize = 64;
+/// Links per pass: a register is 2 KB, a law's dozen registers stay in the L1 cache, and what it takes to
+/// begin a loop (some 5 ns) counts little.
+pub(super) const LANES: usize = 256;
 
-pub(super) type Register = [f64; LANES];
+/// Numbers of one pass, beginning where a cache line does: a vector then never crosses two.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Register([f64; LANES]);
+
+impl Register {
+    pub(super) fn of(value: f64) -> Self {
+        Self([value; LANES])
+    }
+}
+
+impl Deref for Register {
+    type Target = [f64; LANES];
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl DerefMut for Register {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
+}
 
 /// Register 0 holds d, 1 holds v, 2 + i what step i gives.
 const FIRST: usize = 2;
@@ -18,7 +46,7 @@ const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
 const FEW_REGISTERS: usize = 32;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Step {
+pub(super) enum Step {
     Constant(f64),
     Unary(Unary, usize),
     WholePower(i32, usize),
@@ -31,6 +59,7 @@ enum Step {
 pub(super) struct Program {
     steps: Vec<Step>,
     result: usize,
+    reads_d: bool,
 }
 
 impl Program {
@@ -40,6 +69,7 @@ impl Program {
         let mut program = Self {
             steps: Vec::new(),
             result: 0,
+            reads_d: tree.nodes.contains(&Node::Elongation),
         };
         program.result = program.emit(tree, &folded, tree.root);
         program
@@ -87,13 +117,27 @@ impl Program {
 
     /// Room to run in, constants in place.
     pub(super) fn registers(&self) -> Vec<Register> {
-        let mut registers = vec![[0.0; LANES]; FIRST + self.steps.len()];
+        let mut registers = vec![Register::of(0.0); FIRST + self.steps.len()];
         for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
             if let Step::Constant(value) = step {
-                *register = [*value; LANES];
+                *register = Register::of(*value);
             }
         }
         registers
+    }
+
+    pub(super) fn steps(&self) -> &[Step] {
+        &self.steps
+    }
+
+    /// Where its value is: 0 is d, 1 is v, 2 + i what step i gives.
+    pub(super) fn result(&self) -> usize {
+        self.result
+    }
+
+    /// Whether anything in it depends on d.
+    pub(super) fn reads_d(&self) -> bool {
+        self.reads_d
     }
 
     /// The value for one link.
@@ -121,24 +165,9 @@ impl Program {
     }
 
     /// The values for the first `n` lanes; `registers` are this program's, 0 and 1 loaded.
+    #[inline(always)]
     pub(super) fn run<'r>(&self, registers: &'r mut [Register], n: usize) -> &'r [f64] {
-        for (i, step) in self.steps.iter().enumerate() {
-            let (before, after) = registers.split_at_mut(FIRST + i);
-            let out = &mut after[0][..n];
-            let lanes = |register: usize| &before[register][..n];
-            match *step {
-                Step::Constant(_) => {}
-                Step::Unary(operation, a) => unary(operation, out, lanes(a)),
-                Step::WholePower(exponent, a) => whole_powers(exponent, out, lanes(a)),
-                Step::Binary(operation, a, b) => binary(operation, out, lanes(a), lanes(b)),
-                Step::Where(c, a, b) => {
-                    let arguments = lanes(c).iter().zip(lanes(a)).zip(lanes(b));
-                    for (out, ((c, a), b)) in out.iter_mut().zip(arguments) {
-                        *out = choose(*c, *a, *b);
-                    }
-                }
-            }
-        }
+        lanes::run(&self.steps, registers, n);
         &registers[self.result][..n]
     }
 }
@@ -161,57 +190,4 @@ fn fold(tree: &Tree) -> Vec<Option<f64>> {
         });
     }
     known
-}
-
-/// One loop for each operation: inside a loop nothing is decided.
-macro_rules! for_each_of {
-    ($kind:ident: $($name:ident)+; $operation:expr, |$fixed:ident| $body:expr) => {
-        match $operation {
-            $($kind::$name => { const $fixed: $kind = $kind::$name; $body })+
-        }
-    };
-}
-
-fn unary(operation: Unary, out: &mut [f64], a: &[f64]) {
-    for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| {
-        for (out, a) in out.iter_mut().zip(a) {
-            *out = OF.of(*a);
-        }
-    });
-}
-
-fn binary(operation: Binary, out: &mut [f64], a: &[f64], b: &[f64]) {
-    for_each_of!(
-        Binary: Add Subtract Multiply Divide Power Min Max
-            Less LessEqual Greater GreaterEqual Equal NotEqual;
-        operation, |OF| {
-            for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
-                *out = OF.of(*a, *b);
-            }
-        }
-    );
-}
-
-/// [`whole_power`], one multiplication after another over all lanes.
-fn whole_powers(exponent: i32, out: &mut [f64], a: &[f64]) {
-    let size = exponent.unsigned_abs();
-    if size == 0 {
-        return out.fill(1.0);
-    }
-    out.copy_from_slice(a);
-    for bit in (0..size.ilog2()).rev() {
-        for out in &mut *out {
-            *out *= *out;
-        }
-        if size >> bit & 1 == 1 {
-            for (out, a) in out.iter_mut().zip(a) {
-                *out *= a;
-            }
-        }
-    }
-    if exponent < 0 {
-        for out in out {
-            *out = 1.0 / *out;
-        }
-    }
 }

@@ -320,7 +320,7 @@ proptest! {
     #[test]
     fn program_equals_tree_and_run_equals_scalar(
         text in trees(),
-        links in prop::collection::vec((-10.0f64..10.0, -10.0f64..10.0), 1..150),
+        links in prop::collection::vec((-10.0f64..10.0, -10.0f64..10.0), 1..600),
         reach in prop::sample::select(vec![1.0, 0.3, 4.0]),
     ) {
         let constants = constants(&[("k", 2.5)]);
@@ -346,7 +346,7 @@ proptest! {
     }
 
     #[test]
-    fn points_run_equals_scalar(links in prop::collection::vec(-10.0f64..10.0, 1..150)) {
+    fn points_run_equals_scalar(links in prop::collection::vec(-10.0f64..10.0, 1..600)) {
         let points = [(-3.0, -2.0), (0.5, 1.0), (2.0, 1.0), (3.0, 5.0)];
         let text = LawText { points: Some(&points), ..Default::default() };
         let law = Law::new(&text).expect("law").through(0.7).expect("lever");

@@ -1,11 +1,23 @@
 //! Adding links: an <L> point joins exactly one <M> point, and a link two different ones.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::checks::Rule;
 use super::kinds::{But, Contact, Error, Side};
 use super::{LinkKind, Network};
-use crate::law::Law;
+use crate::law::{Entry, Law, Row};
+
+/// A law that links of a network have, whatever its numbers.
+#[derive(Clone, Debug)]
+pub struct LawUse {
+    /// Its operations; see [`Law::rows`].
+    pub rows: Vec<Row>,
+    /// Links alone in their run.
+    pub alone: usize,
+    /// Links in longer runs.
+    pub in_runs: usize,
+}
 
 impl Network {
     /// Add a spring and damper between two MATs (REF; RES without Z, FRO without K).
@@ -105,5 +117,45 @@ impl Network {
         let name = self.full(name);
         self.names.add_links(first, 1, false, name);
         Ok(first)
+    }
+
+    /// Every different law that native code could compute.
+    pub fn laws(&self) -> Vec<LawUse> {
+        let mut laws: Vec<LawUse> = Vec::new();
+        let mut known: HashMap<Vec<Row>, usize> = HashMap::new();
+        for run in &self.runs {
+            let LinkKind::Lnl(law) = &run.kind else {
+                continue;
+            };
+            let Some(rows) = law.rows() else { continue };
+            let at = *known.entry(rows).or_insert_with_key(|rows| {
+                laws.push(LawUse {
+                    rows: rows.clone(),
+                    alone: 0,
+                    in_runs: 0,
+                });
+                laws.len() - 1
+            });
+            match run.len {
+                1 => laws[at].alone += 1,
+                len => laws[at].in_runs += len,
+            }
+        }
+        laws
+    }
+
+    /// Let the laws with the rows of each pair be computed by native code.
+    ///
+    /// # Safety
+    /// Each pair is what [`Law::set_native`] asks for.
+    pub unsafe fn set_native(&mut self, entries: &HashMap<Vec<Row>, Entry>) {
+        for run in &mut self.runs {
+            if let LinkKind::Lnl(law) = &mut run.kind
+                && let Some(entry) = law.rows().and_then(|rows| entries.get(&rows))
+            {
+                // SAFETY: the caller's.
+                unsafe { Arc::make_mut(law).set_native(*entry) };
+            }
+        }
     }
 }

@@ -1,0 +1,110 @@
+//! A compiled expression over a run of links: one plain loop for each step, which becomes SIMD code.
+
+use super::super::tree::{Binary, Unary, choose, whole_power};
+use super::{FIRST, Register, Step};
+use crate::maths::lanes;
+
+/// Lanes in the widest vector: a loop over whole vectors has no rest.
+const VECTOR: usize = 8;
+
+/// Take every step for the first `n` lanes; `registers` are this program's, 0 and 1 loaded.
+///
+/// To be inlined where the loops are compiled for wide vectors.
+#[inline(always)]
+pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
+    // Lanes beyond `n` hold older numbers, and nobody reads what becomes of them.
+    let (needed, n) = (n, n.next_multiple_of(VECTOR));
+    for (i, step) in steps.iter().enumerate() {
+        let (before, after) = registers.split_at_mut(FIRST + i);
+        let n = if is_slow(step) { needed } else { n };
+        let out = &mut after[0][..n];
+        match *step {
+            Step::Constant(_) => {}
+            Step::Unary(operation, a) => unary(operation, out, &before[a][..n]),
+            Step::WholePower(exponent, a) => whole_powers(exponent, out, &before[a][..n]),
+            Step::Binary(operation, a, b) => {
+                binary(operation, out, &before[a][..n], &before[b][..n]);
+            }
+            Step::Where(c, a, b) => {
+                let [c, a, b] = [c, a, b].map(|register| &before[register][..n]);
+                for (out, ((c, a), b)) in out.iter_mut().zip(c.iter().zip(a).zip(b)) {
+                    *out = choose(*c, *a, *b);
+                }
+            }
+        }
+    }
+}
+
+/// Whether it goes link by link, so that every lane costs.
+#[inline(always)]
+fn is_slow(step: &Step) -> bool {
+    let (tanh, power) = (Unary::Tanh, Binary::Power);
+    matches!(step, Step::Unary(of, _) if *of == tanh)
+        || matches!(step, Step::Binary(of, ..) if *of == power)
+}
+
+/// One loop for each operation: inside a loop nothing is decided.
+macro_rules! for_each_of {
+    ($kind:ident: $($name:ident)+; $operation:expr, |$fixed:ident| $body:expr) => {
+        match $operation {
+            $($kind::$name => { const $fixed: $kind = $kind::$name; $body })+
+        }
+    };
+}
+
+#[inline(always)]
+fn unary(operation: Unary, out: &mut [f64], a: &[f64]) {
+    match operation {
+        Unary::Exp => lanes::exp(a, out),
+        _ => for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| {
+            for (out, a) in out.iter_mut().zip(a) {
+                *out = OF.of(*a);
+            }
+        }),
+    }
+}
+
+#[inline(always)]
+fn binary(operation: Binary, out: &mut [f64], a: &[f64], b: &[f64]) {
+    for_each_of!(
+        Binary: Add Subtract Multiply Divide Power Min Max
+            Less LessEqual Greater GreaterEqual Equal NotEqual;
+        operation, |OF| {
+            for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
+                *out = OF.of(*a, *b);
+            }
+        }
+    );
+}
+
+/// [`whole_power`]: squares and cubes in one pass, others one multiplication after another.
+#[inline(always)]
+fn whole_powers(exponent: i32, out: &mut [f64], a: &[f64]) {
+    macro_rules! in_one_pass {
+        ($exponent:literal) => {
+            for (out, a) in out.iter_mut().zip(a) {
+                *out = whole_power(*a, $exponent);
+            }
+        };
+    }
+    match exponent {
+        2 => in_one_pass!(2),
+        3 => in_one_pass!(3),
+        _ => {
+            let size = exponent.unsigned_abs();
+            if size == 0 {
+                return out.fill(1.0);
+            }
+            out.copy_from_slice(a);
+            for bit in (0..size.ilog2()).rev() {
+                out.iter_mut().for_each(|out| *out *= *out);
+                if size >> bit & 1 == 1 {
+                    out.iter_mut().zip(a).for_each(|(out, a)| *out *= a);
+                }
+            }
+            if exponent < 0 {
+                out.iter_mut().for_each(|out| *out = 1.0 / *out);
+            }
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! Forces of a run of links, whole or in their parts: methods of higher order treat the elastic part and
+//! the damping apart.
+
+use super::program::{LANES, Program, Register};
+use super::{Elastic, Law};
+use crate::kernel::wide::wide;
+
+/// Room for [`Law::eval_run`], made by [`Law::scratch`] of the same law.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    elastic: Vec<Register>,
+    damping: Vec<Register>,
+    numbers: Vec<f64>,
+    room: Vec<f64>,
+}
+
+/// What of a law is asked for.
+#[derive(Clone, Copy)]
+enum Part {
+    Elastic,
+    Damping,
+    Whole,
+}
+
+impl Law {
+    /// Room for [`Law::eval_run`].
+    pub fn scratch(&self) -> Scratch {
+        let room = |program: Option<&Program>| program.map(Program::registers).unwrap_or_default();
+        let elastic = match &self.elastic {
+            Elastic::Expression { program, .. } => program.registers(),
+            // Where the elongations lie.
+            Elastic::None | Elastic::Points(_) => vec![Register::of(0.0)],
+        };
+        Scratch {
+            elastic,
+            damping: room(self.damping.as_ref()),
+            numbers: self.numbers(),
+            room: vec![0.0; self.room()],
+        }
+    }
+
+    /// Room for runs of one link by [`Law::eval_in`]: a score can have very many.
+    pub(crate) fn scratch_alone(&self) -> Scratch {
+        Scratch {
+            numbers: self.numbers(),
+            ..Scratch::default()
+        }
+    }
+
+    /// Forces of a run of links, each the same bits as [`Law::force`]; nothing is allocated.
+    ///
+    /// `d`, `v`, `out`: (n_links,); `v` may be empty where the law has no damping. `scratch` is this
+    /// law's own: its registers hold the constants.
+    pub fn eval_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        let mut room = std::mem::take(&mut scratch.room);
+        self.eval_in(d, v, out, scratch, &mut room);
+        scratch.room = room;
+    }
+
+    /// The same with a `room` as large as [`Law::room`] that others use as well.
+    pub(crate) fn eval_in(
+        &self,
+        d: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+        scratch: &mut Scratch,
+        room: &mut [f64],
+    ) {
+        if let Some(native) = &self.native {
+            native.run(d, v, out, &scratch.numbers, room);
+        } else if let [out] = out {
+            // Most LNLs of a score are alone in their run.
+            *out = self.force(d[0], v.first().copied().unwrap_or_default());
+        } else {
+            run(self, Part::Whole, d, v, out, scratch);
+        }
+    }
+
+    /// Elastic forces of a run of links, each as [`Law::spring`]; nothing is allocated.
+    ///
+    /// `d`, `out`: (n_links,); `scratch` is this law's own.
+    pub(crate) fn spring_run(&self, d: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        if let [out] = out {
+            *out = self.spring(d[0]);
+        } else {
+            run(self, Part::Elastic, d, &[], out, scratch);
+        }
+    }
+
+    /// The damping's forces on a run of links; 0 where it has none. Nothing is allocated.
+    ///
+    /// `d`, `v`, `out`: (n_links,); `scratch` is this law's own.
+    pub(crate) fn drag_run(&self, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        if let [out] = out {
+            *out = self.drag(d[0], v[0]);
+        } else {
+            run(self, Part::Damping, d, v, out, scratch);
+        }
+    }
+
+    fn drag(&self, d: f64, v: f64) -> f64 {
+        let damping = self.damping.as_ref();
+        let value = damping.map(|damping| damping.value(d / self.reach, v / self.reach));
+        value.unwrap_or_default() / self.reach
+    }
+
+    /// Whether it has a damping.
+    pub(crate) fn is_damped(&self) -> bool {
+        self.damping.is_some()
+    }
+
+    /// Whether [`Law::potential`] is exact and allocates nothing: no law, a polynomial, or points.
+    pub(crate) fn has_closed_energy(&self) -> bool {
+        !matches!(self.elastic, Elastic::Expression { integral: None, .. })
+    }
+
+    /// Elastic forces of a chunk of links as the law was written, before its reach.
+    #[inline(always)]
+    fn elastic_chunk(&self, d: &[f64], out: &mut [f64], registers: &mut [Register]) {
+        self.load(&mut registers[0], d);
+        match &self.elastic {
+            Elastic::None => out.fill(0.0),
+            Elastic::Expression { program, .. } => {
+                out.copy_from_slice(program.run(registers, out.len()));
+            }
+            Elastic::Points(points) => {
+                for (out, d) in out.iter_mut().zip(&registers[0][..]) {
+                    *out = points.value(*d);
+                }
+            }
+        }
+    }
+
+    /// Add the damping of a chunk of links, before its reach.
+    #[inline(always)]
+    fn damp_chunk(&self, d: &[f64], v: &[f64], out: &mut [f64], registers: &mut [Register]) {
+        let Some(damping) = &self.damping else {
+            return;
+        };
+        if damping.reads_d() {
+            self.load(&mut registers[0], d);
+        }
+        self.load(&mut registers[1], v);
+        for (out, force) in out.iter_mut().zip(damping.run(registers, d.len())) {
+            *out += force;
+        }
+    }
+
+    #[inline(always)]
+    fn load(&self, register: &mut Register, values: &[f64]) {
+        register[..values.len()].copy_from_slice(values);
+        if self.reach != 1.0 {
+            for value in &mut register[..values.len()] {
+                *value /= self.reach;
+            }
+        }
+    }
+}
+
+wide! {
+    fn run(law: &Law, part: Part, d: &[f64], v: &[f64], out: &mut [f64], scratch: &mut Scratch) {
+        for (chunk, out) in out.chunks_mut(LANES).enumerate() {
+            let span = chunk * LANES..chunk * LANES + out.len();
+            let d = &d[span.clone()];
+            match part {
+                // −0 and not 0: added to, it leaves the sign of what is added.
+                Part::Damping => out.fill(if law.is_damped() { -0.0 } else { 0.0 }),
+                Part::Elastic | Part::Whole => law.elastic_chunk(d, out, &mut scratch.elastic),
+            }
+            if let (Part::Damping | Part::Whole, true) = (part, law.is_damped()) {
+                law.damp_chunk(d, &v[span], out, &mut scratch.damping);
+            }
+            if law.reach != 1.0 {
+                out.iter_mut().for_each(|out| *out /= law.reach);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::LawText;
+
+    /// Both parts have the bits of the law asked for one link, also seen through a lever.
+    #[test]
+    fn the_parts_are_those_of_the_whole() {
+        let damping = Some("0.3*v*abs(v) + d");
+        let texts = [Some("2*d + d**3"), Some("tanh(3*d)"), None];
+        for (text, reach) in texts.iter().flat_map(|text| [(*text, 1.0), (*text, 0.7)]) {
+            let law = Law::new(&LawText {
+                law: text,
+                damping,
+                ..LawText::default()
+            });
+            let law = law.and_then(|law| law.through(reach)).expect("a law");
+            let still = Law::new(&LawText {
+                damping,
+                ..LawText::default()
+            });
+            let still = still.and_then(|law| law.through(reach)).expect("a law");
+            let d: Vec<f64> = (0..550).map(|i| 0.01 * f64::from(i - 70)).collect();
+            let v: Vec<f64> = d.iter().map(|d| 0.5 - d * d).collect();
+            let (mut out, mut scratch) = (vec![0.0; d.len()], law.scratch());
+            law.spring_run(&d, &mut out, &mut scratch);
+            for (d, out) in d.iter().zip(&out) {
+                assert_eq!(out.to_bits(), law.spring(*d).to_bits());
+            }
+            law.drag_run(&d, &v, &mut out, &mut scratch);
+            let mut alone = [0.0];
+            law.drag_run(&d[3..4], &v[3..4], &mut alone, &mut Scratch::default());
+            assert_eq!(alone[0].to_bits(), out[3].to_bits());
+            for ((d, v), out) in d.iter().zip(&v).zip(&out) {
+                assert_eq!(*out, still.force(*d, *v));
+            }
+            assert!(law.is_damped());
+            assert_eq!(law.has_closed_energy(), text != Some("tanh(3*d)"));
+        }
+    }
+}

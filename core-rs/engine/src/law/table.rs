@@ -1,0 +1,122 @@
+//! A law as plain data, for a compiler that stands outside: one row for each operation.
+
+use super::native::FIRST_ROW;
+use super::program::{Program, Step};
+use super::tree::{Binary, Unary};
+use super::{Elastic, Law};
+
+/// One operation: its name and its operands. 0 is d, 1 is v, 2 + i what row i gives.
+///
+/// The operand of `constant` is the index of a number; the second of `whole_power` the exponent itself.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Row {
+    /// The operation.
+    pub operation: &'static str,
+    /// Its operands.
+    pub of: [i32; 3],
+}
+
+/// The rows of a whole law, damping and reach included, and its numbers. The last row is the force.
+pub(super) struct Table {
+    pub(super) rows: Vec<Row>,
+    pub(super) constants: Vec<f64>,
+}
+
+impl Law {
+    /// The law's operations, for [`Law::set_native`]; None where it has no expression, or is faster as it is.
+    ///
+    /// Laws with equal rows differ in their numbers only: they can share one piece of code.
+    pub fn rows(&self) -> Option<Vec<Row>> {
+        self.table().map(|table| table.rows)
+    }
+
+    pub(super) fn table(&self) -> Option<Table> {
+        if self.hardens().is_some() {
+            return None;
+        }
+        let mut table = Table {
+            rows: Vec::new(),
+            constants: Vec::new(),
+        };
+        let (mut d, mut v, mut lever) = (0, 1, None);
+        if self.reach != 1.0 {
+            let reach = table.constant(self.reach);
+            d = table.push("divide", [d, reach, 0]);
+            if self.damping.is_some() {
+                v = table.push("divide", [v, reach, 0]);
+            }
+            lever = Some(reach);
+        }
+        let mut force = match &self.elastic {
+            Elastic::None => table.constant(0.0),
+            Elastic::Expression { program, .. } => table.program(program, d, v),
+            Elastic::Points(_) => return None,
+        };
+        if let Some(damping) = &self.damping {
+            let damping = table.program(damping, d, v);
+            force = table.push("add", [force, damping, 0]);
+        }
+        match lever {
+            Some(reach) => table.push("divide", [force, reach, 0]),
+            None => table.push("copy", [force, 0, 0]),
+        };
+        Some(table)
+    }
+}
+
+impl Table {
+    fn push(&mut self, operation: &'static str, of: [i32; 3]) -> i32 {
+        self.rows.push(Row { operation, of });
+        FIRST_ROW + self.rows.len() as i32 - 1
+    }
+
+    fn constant(&mut self, value: f64) -> i32 {
+        self.constants.push(value);
+        self.push("constant", [self.constants.len() as i32 - 1, 0, 0])
+    }
+
+    /// Append a program that reads `d` and `v`; where its value is.
+    fn program(&mut self, program: &Program, d: i32, v: i32) -> i32 {
+        let mut at = vec![d, v];
+        for step in program.steps() {
+            let row = match *step {
+                Step::Constant(value) => self.constant(value),
+                Step::Unary(operation, a) => self.push(unary(operation), [at[a], 0, 0]),
+                Step::WholePower(n, a) => self.push("whole_power", [at[a], n, 0]),
+                Step::Binary(operation, a, b) => self.push(binary(operation), [at[a], at[b], 0]),
+                Step::Where(c, a, b) => self.push("where", [at[c], at[a], at[b]]),
+            };
+            at.push(row);
+        }
+        at[program.result()]
+    }
+}
+
+fn unary(operation: Unary) -> &'static str {
+    match operation {
+        Unary::Negate => "negate",
+        Unary::Abs => "abs",
+        Unary::Sqrt => "sqrt",
+        Unary::Sign => "sign",
+        Unary::Exp => "exp",
+        Unary::Tanh => "tanh",
+    }
+}
+
+fn binary(operation: Binary) -> &'static str {
+    match operation {
+        Binary::Add => "add",
+        Binary::Subtract => "subtract",
+        Binary::Multiply => "multiply",
+        Binary::Divide => "divide",
+        Binary::Power => "power",
+        Binary::Min => "min",
+        Binary::Max => "max",
+        Binary::Less => "less",
+        Binary::LessEqual => "less_equal",
+        Binary::Greater => "greater",
+        Binary::GreaterEqual => "greater_equal",
+        Binary::Equal => "equal",
+        Binary::NotEqual => "not_equal",
+    }
+}

@@ -1,0 +1,125 @@
+//! Transcendentals over many lanes at once, each with the very bits of its scalar.
+//!
+//! The operations and the constants are those of `libm` (FreeBSD's msun, e_exp.c); where it branches,
+//! a lane computes and selects.
+
+use super::exp as one_exp;
+
+const LN2_HI: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
+const LN2_LO: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
+const INV_LN2: f64 = f64::from_bits(0x3ff7_1547_652b_82fe);
+/// Added to a small whole number, it leaves that number in the last bits.
+const TO_BITS: f64 = 6_755_399_441_055_744.0; // 1.5·2⁵²
+const BIAS: u64 = 0x3ff;
+
+/// Where nothing over- or underflows and a lane's exponent fits a number's.
+const TAME: f64 = 708.0;
+
+/// `exp` of each.
+#[inline(always)]
+pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
+    let wild = a.iter().fold(0, |wild, a| {
+        wild | u64::from(a.abs() >= TAME) | u64::from(a.is_nan())
+    });
+    if wild == 0 {
+        for (out, a) in out.iter_mut().zip(a) {
+            *out = tame_exp(*a);
+        }
+    } else {
+        for (out, a) in out.iter_mut().zip(a) {
+            *out = one_exp(*a);
+        }
+    }
+}
+
+/// `exp` for |x| < 708. libm compares the upper halves of numbers; so do the borders here.
+#[inline(always)]
+fn tame_exp(x: f64) -> f64 {
+    const TINY: f64 = f64::from_bits(0x3e30_0001_0000_0000);
+    const HALF_LN2: f64 = f64::from_bits(0x3fd6_2e43_0000_0000);
+    const MORE_LN2: f64 = f64::from_bits(0x3ff0_a2b2_0000_0000);
+    const P: [f64; 5] = [
+        f64::from_bits(0x3fc5_5555_5555_553e),
+        f64::from_bits(0xbf66_c16c_16be_bd93),
+        f64::from_bits(0x3f11_566a_af25_de2c),
+        f64::from_bits(0xbebb_bd41_c5d2_6bf1),
+        f64::from_bits(0x3e66_3769_72be_a4d0),
+    ];
+    let size = x.abs();
+    let one = 1f64.copysign(x);
+    // SAFETY: |x| < 708, so that the product fits.
+    let far: i32 = unsafe { (INV_LN2 * x + 0.5 * one).to_int_unchecked() };
+    let near = if size >= HALF_LN2 { one } else { 0.0 };
+    let k = if size >= MORE_LN2 {
+        f64::from(far)
+    } else {
+        near
+    };
+    let (hi, lo) = (x - k * LN2_HI, k * LN2_LO);
+    let r = hi - lo;
+    let rr = r * r;
+    let c = r - rr * (P[0] + rr * (P[1] + rr * (P[2] + rr * (P[3] + rr * P[4]))));
+    let y = 1.0 + (r * c / (2.0 - c) - lo + hi);
+    let y = y * f64::from_bits((k + TO_BITS).to_bits().wrapping_add(BIAS) << 52);
+    if size < TINY { 1.0 + x } else { y }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn check(numbers: &[f64]) {
+        let mut out = vec![0.0; numbers.len()];
+        exp(numbers, &mut out);
+        for (x, y) in numbers.iter().zip(out) {
+            let one = one_exp(*x);
+            assert!(
+                one.to_bits() == y.to_bits() || (one.is_nan() && y.is_nan()),
+                "{x:e}: {y} {one}"
+            );
+        }
+    }
+
+    #[test]
+    fn at_every_border_the_bits_are_those_of_one() {
+        let borders = [
+            0.0,
+            3.73e-9,
+            0.346_573_590_279_972_64,
+            1.039_720_770_839_917_9,
+            708.0,
+        ];
+        for border in borders.map(f64::to_bits) {
+            // libm looks at the upper half of a number: steps of a hundredth of its last bit.
+            let near: Vec<f64> = (-4000i64..4000)
+                .map(|i| f64::from_bits(border.saturating_add_signed(i * 42_949_673)))
+                .flat_map(|x| [x, -x])
+                .collect();
+            near.chunks(16).for_each(check);
+        }
+        check(&[
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NAN,
+            709.0,
+            710.0,
+            -720.0,
+            -746.0,
+            0.0,
+        ]);
+    }
+
+    proptest! {
+        #[test]
+        fn lanes_have_the_bits_of_one(
+            tame in prop::collection::vec(-708.0f64..708.0, 1..80),
+            small in prop::collection::vec(-2.0f64..2.0, 1..80),
+            any in prop::collection::vec(any::<f64>(), 1..20),
+        ) {
+            check(&tame);
+            check(&small);
+            check(&any);
+        }
+    }
+}

@@ -1,0 +1,153 @@
+"""The source of a law's loops, for numba, from the rows that the core makes of it.
+
+A law without exp, tanh and powers is one loop over all links. Others go in chunks: a loop up to a
+function, the core's own function over the chunk, a loop on. What crosses lies in a room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+Row = tuple[str, int, int, int]  # operation, operands: 0 is d, 1 is v, 2 + i what row i gives
+_FIRST = 2
+_LANES = 64  # the core's NATIVE_LANES
+_OPERATIONS = {
+    "copy": "{0}",
+    "negate": "-{0}",
+    "abs": "abs({0})",
+    "sqrt": "sqrt({0})",
+    "sign": "1.0 if {0} > 0.0 else (-1.0 if {0} < 0.0 else {0})",
+    "add": "{0} + {1}",
+    "subtract": "{0} - {1}",
+    "multiply": "{0} * {1}",
+    "divide": "{0} / {1}",
+    "min": "{1} if {1} < {0} else {0}",
+    "max": "{1} if {1} > {0} else {0}",
+    "less": "1.0 if {0} < {1} else 0.0",
+    "less_equal": "1.0 if {0} <= {1} else 0.0",
+    "greater": "1.0 if {0} > {1} else 0.0",
+    "greater_equal": "1.0 if {0} >= {1} else 0.0",
+    "equal": "1.0 if {0} == {1} else 0.0",
+    "not_equal": "1.0 if {0} != {1} else 0.0",
+    "where": "{1} if {0} != 0.0 else {2}",
+}
+# Functions of the core, and those of them that go link by link.
+_FUNCTIONS = {"exp": 1, "tanh": 1, "power": 2}
+SLOW = {"tanh", "power"}
+
+
+def source(rows: Sequence[Row]) -> str:
+    """Python text of `law(d, v, out, numbers, room, n)`: the forces of n links."""
+    return "\n".join(_Writer(rows).lines())
+
+
+def _operands(row: Row) -> tuple[int, ...]:
+    name, *of = row
+    if name == "constant":
+        return ()
+    if name == "whole_power":
+        return (of[0],)
+    text = _OPERATIONS.get(name, "")
+    return tuple(of[: _FUNCTIONS.get(name, 3 if "{2}" in text else 2 if "{1}" in text else 1)])
+
+
+@dataclass(slots=True)
+class _Writer:
+    rows: Sequence[Row]
+    stage: list[int] = field(default_factory=list)  # of each row: in which loop it is computed
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            # What a function gives can be read in a later loop only.
+            before = [at - _FIRST for at in _operands(row) if at >= _FIRST]
+            after = (self.stage[i] + (self.rows[i][0] in _FUNCTIONS) for i in before)
+            self.stage.append(max(after, default=0))
+
+    def lines(self) -> Iterator[str]:
+        n_numbers = sum(row[0] == "constant" for row in self.rows)
+        yield "def law(d, v, out, numbers, room, n):"
+        yield from (f"    c{i} = numbers[{i}]" for i in range(n_numbers))
+        if not any(row[0] in _FUNCTIONS for row in self.rows):
+            yield "    for i in range(n):"
+            yield from (f"        {line}" for line in self._loop(0, "i"))
+            return
+        yield f"    for first in range(0, n, {_LANES}):"
+        yield f"        m = min({_LANES}, n - first)"
+        for stage in range(max(self.stage) + 1):
+            if inner := list(self._loop(stage, "first + i")):
+                yield "        for i in range(m):"
+                yield from (f"            {line}" for line in inner)
+            yield from (f"        {call}" for call in self._calls(stage))
+
+    def _loop(self, stage: int, link: str) -> Iterator[str]:
+        loaded: set[int] = set()
+        for i, row in enumerate(self.rows):
+            if self.stage[i] != stage or row[0] in _FUNCTIONS or row[0] == "constant":
+                continue
+            for at in _operands(row):
+                if self._is_computed(at) and at not in loaded and self._comes_from_room(at, stage):
+                    yield f"r{at} = room[{_place(at)} + i]"
+                    loaded.add(at)
+            names = [self._name(at, link) for at in _operands(row)]
+            if row[0] == "whole_power":
+                yield from _whole_power(f"r{_FIRST + i}", names[0], row[2])
+            else:
+                yield f"r{_FIRST + i} = {_OPERATIONS[row[0]].format(*names)}"
+        for at in sorted(self._kept(stage)):
+            yield f"room[{_place(at)} + i] = {self._name(at, link)}"
+        if self.stage[-1] == stage:
+            yield f"out[{link}] = r{_FIRST + len(self.rows) - 1}"
+
+    def _calls(self, stage: int) -> Iterator[str]:
+        for i, (name, a, b, _) in enumerate(self.rows):
+            if self.stage[i] == stage and name in _FUNCTIONS:
+                places = ", ".join(str(_place(at)) for at in (a, b, _FIRST + i))
+                yield f"{name}(room, {places}, m)"
+
+    def _kept(self, stage: int) -> set[int]:
+        """What the room must hold after a loop: a function or a later loop reads it."""
+        kept = set()
+        for i, row in enumerate(self.rows):
+            is_call = row[0] in _FUNCTIONS
+            for at in _operands(row):
+                if not self._is_computed(at):
+                    is_read = is_call and self.stage[i] == stage
+                else:
+                    made_here = self.stage[at - _FIRST] == stage and not self._is_call(at)
+                    is_read = made_here and (is_call or self.stage[i] > stage)
+                if is_read:
+                    kept.add(at)
+        return kept
+
+    def _is_computed(self, at: int) -> bool:
+        return at >= _FIRST and self.rows[at - _FIRST][0] != "constant"
+
+    def _is_call(self, at: int) -> bool:
+        return self.rows[at - _FIRST][0] in _FUNCTIONS
+
+    def _comes_from_room(self, at: int, stage: int) -> bool:
+        return self._is_call(at) or self.stage[at - _FIRST] < stage
+
+    def _name(self, at: int, link: str) -> str:
+        if at < _FIRST:
+            return f"{'dv'[at]}[{link}]"
+        row = self.rows[at - _FIRST]
+        return f"c{row[1]}" if row[0] == "constant" else f"r{at}"
+
+
+def _place(at: int) -> int:
+    """Where the room holds a chunk of an operand."""
+    return _LANES * at
+
+
+def _whole_power(name: str, base: str, exponent: int) -> Iterator[str]:
+    """Squares from the exponent's highest bit down, as the core does it."""
+    size = abs(exponent)
+    yield f"{name} = {base if size else 1.0}"
+    for bit in bin(size)[3:]:
+        yield f"{name} = {name} * {name}"
+        if bit == "1":
+            yield f"{name} = {name} * {base}"
+    if exponent < 0:
+        yield f"{name} = 1.0 / {name}"
