@@ -117,6 +117,7 @@ def stage_piece(
 
     With a `plan` as it says, without one every module is stepped as it is written.
     """
+    from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.stage import StageError, stage
 
     piece = piece_of(loaded)
@@ -133,6 +134,7 @@ def stage_piece(
             record=record,
             planned=plan is not None,
             pins=pins,
+            store=of_user(),
             threads=threads,
         )
     except StageError as error:

@@ -13,7 +13,7 @@ from ergon.scores.reading.piece import Manner, Piece, Play, Player
 from ergon.scores.staging.hands import Hands, Sources, StagedGesture, Takes
 from ergon.scores.staging.listening import Listening, listen
 from ergon.scores.staging.overlap import check_overlaps
-from ergon.scores.staging.planning import Pins, make
+from ergon.scores.staging.planning import Pins, Store, make
 from ergon.scores.staging.striking import Striking
 from ergon.scores.staging.travel import check_travel
 from ergon.scores.text.errors import Collector, Diagnostic
@@ -46,6 +46,7 @@ class Stage:
     sources: Sources
     diagnostics: list[Diagnostic]
     plan: _core.Plan | None = None
+    is_plan_kept: bool = False
 
     @property
     def rate(self) -> float:
@@ -116,21 +117,22 @@ def stage(
     record: bool = False,
     planned: bool = False,
     pins: Pins | None = None,
+    store: Store | None = None,
     threads: int = 1,
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
     A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
-    earlier plan. Raises StageError with every mistake that the engine finds.
+    earlier plan, `store` keeps plans. Raises StageError with every mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
     ready = prepare(piece)
-    plan = None
+    plan, is_kept = None, False
     try:
         if planned:
-            made = make(ready.network, ready.timeline, piece.accuracy, pins)
-            plan = made.plan
+            made = make(ready.network, ready.timeline, piece.accuracy, pins, store)
+            plan, is_kept = made.plan, made.is_kept
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
         simulation = _core.Simulation(
@@ -148,6 +150,7 @@ def stage(
         ready.hands.sources,
         ready.collector.finish(),
         plan,
+        is_kept,
     )
 
 
