@@ -21,7 +21,7 @@ from ergon.scores.reading.load import load
 
 SCORES = ("one-gesture", "tempo", "hand", "two-keys")
 _SECONDS, _UPTO = 2.0, 8
-_MAPPED = ("ca", "ca2p", "bm4", "ieq", "modal")
+_MAPPED = ("ca", "ca2p", "bm4")
 _HEAD = """\
 # Charts of what ships
 
