@@ -68,11 +68,17 @@ def plan(
     if console.json:
         for row in rows:
             console.record("plan_row", **_fields(row))
-        console.record("plan", hash=made.hash, cost=_cost(made), plan_s=staged.plan_s)
+        console.record(
+            "plan",
+            hash=made.hash,
+            cost=_cost(made),
+            plan_s=staged.plan_s,
+            kept=staged.stage.is_plan_kept,
+        )
     elif why is not None:
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
-        console.data(_table(rows) + _summary(made, staged.plan_s))
+        console.data(_table(rows) + _summary(made, staged))
 
 
 def _cost(made: Plan) -> float:
@@ -146,10 +152,13 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     )
 
 
-def _summary(made: Plan, plan_s: float) -> str:
+def _summary(made: Plan, staged: score.Staged) -> str:
     cost = _cost(made)
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
-    return f"\ncost {cost:.3g}: {times}; planned in {plan_s:.2g} s; plan sha256 {made.hash[:12]}\n"
+    planned = f"planned in {staged.plan_s:.2g} s"
+    if staged.stage.is_plan_kept:
+        planned += " (kept from before)"
+    return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {made.hash[:12]}\n"
 
 
 def _often(times: int) -> str:

@@ -120,6 +120,7 @@ def stage_piece(
 
     With a `plan` as it says, without one every module is stepped as it is written.
     """
+    from ergon.exchange.plan_store import of_user
     from ergon.scores.staging.stage import StageError, stage
 
     piece = piece_of(loaded)
@@ -136,6 +137,7 @@ def stage_piece(
             record=record,
             planned=plan is not None,
             pins=pins,
+            store=of_user(),
             threads=threads,
             real=real,
             on_fault=on_fault,

@@ -22,13 +22,18 @@ class NotPlanError(ValueError):
     """The file is no plan that this program reads."""
 
 
-def write(path: str, choices: Choices, digest: str, *, force: bool) -> None:
-    """Write a plan; all of it or nothing."""
+def text(choices: Choices, digest: str, **more: object) -> str:
+    """A plan as the text of a file; `more` stands at its head."""
     # A choice a line, so that two plans can be compared by eye and by diff.
     lines = ",\n  ".join(json.dumps(choice, separators=(",", ":")) for choice in choices)
-    text = f'{{"ergon_plan": {VERSION}, "hash": "{digest}", "choices": [\n  {lines}\n]}}\n'
+    head = "".join(f', "{name}": {json.dumps(value)}' for name, value in more.items())
+    return f'{{"ergon_plan": {VERSION}, "hash": "{digest}"{head}, "choices": [\n  {lines}\n]}}\n'
+
+
+def write(path: str, choices: Choices, digest: str, *, force: bool) -> None:
+    """Write a plan; all of it or nothing."""
     with writing(path, binary=True, force=force) as file:
-        file.write(text.encode())
+        file.write(text(choices, digest).encode())
 
 
 def read(path: Path) -> Choices:
@@ -41,6 +46,11 @@ def read(path: Path) -> Choices:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except (ValueError, RecursionError):
         raise NotPlanError("this is no plan: `ergon plan SCORE -o FILE` writes one") from None
+    return decided(found)
+
+
+def decided(found: object) -> Choices:
+    """The choices of what a file holds. Raises NotPlanError with a sentence."""
     if not isinstance(found, dict) or found.get("ergon_plan") != VERSION:
         raise NotPlanError(f"this is no plan of version {VERSION}")
     choices = found.get("choices")

@@ -20,7 +20,8 @@ from ergon.lab.scene import Score
 from ergon.scores.reading.load import load
 
 SCORES = ("one-gesture", "tempo", "hand", "two-keys")
-_SECONDS, _UPTO, _METHOD = 2.0, 8, "ca"
+_SECONDS, _UPTO = 2.0, 8
+_MAPPED = ("ca", "ca2p", "bm4")
 _HEAD = """\
 # Charts of what ships
 
@@ -34,7 +35,8 @@ def main(folder: Path) -> None:
     page = [_HEAD.format(machine=machine())]
     for name in SCORES:
         page.append(_chart(folder, name))
-    page.append(_maps(folder))
+    page.append("## Stability\n")
+    page.extend(_maps(folder, method) for method in _MAPPED)
     write_text(folder / "README.md", "\n".join(page), force=True)
 
 
@@ -55,16 +57,17 @@ def _chart(folder: Path, name: str) -> str:
     )
 
 
-def _maps(folder: Path) -> str:
-    found = survey_all(atlas.built_in(_METHOD), _METHOD, ACCURATE_DB, lambda done: None)
-    title = f"where {_METHOD} is stable, and where right"
-    stem = folder / "stability"
+def _maps(folder: Path, method: str) -> str:
+    found = survey_all(atlas.built_in(method), method, ACCURATE_DB, lambda done: None)
+    title = f"where {method} is stable, and where right"
+    name = "stability" if method == "ca" else f"stability-{method}"
+    stem = folder / name
     write_text(targets(stem)[0], map_table.csv(found, title, ACCURATE_DB), force=True)
     save(lambda: draw_maps.draw(found, title), stem, force=True, png=False)
     print(map_table.lines(found), flush=True)
     return (
-        "## Stability of the CA scheme\n\n![Maps: stable and right](stability.svg)\n\n"
-        "In numbers: [stability.csv](stability.csv).\n"
+        f"![Maps: where {method} is stable, and where right]({name}.svg)\n\n"
+        f"In numbers: [{name}.csv]({name}.csv).\n"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from math import cos, exp, inf, log, pi, sin, sqrt
 
 import numpy as np
@@ -27,9 +28,15 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "trapezoid": (inf, 0.0),
 }
 
-# What steps a scene where a method does not: laws, and networks too small to be a mesh.
+# What steps a scene where a method does not: laws, and contacts of two masses.
 _LINEAR = ("modal", "trapezoid")
 _PLAIN = "ca"
+
+# A method of meshes takes none of fewer masses than this: a scene of one or two stands in it
+# several times over, started alike and joined by springs that see nothing, too weak to count.
+_LEAST = 4
+_WEAK = 1e-9  # of the scene's own stiffness
+_OF_MESHES = ("ca2p", "bm4", "ieq", "trapezoid")
 
 
 def limit(method: str) -> float:
@@ -42,22 +49,27 @@ def damped(method: str) -> float:
     return _LIMITS[method][1]
 
 
-def _of_few(method: str) -> str:
-    """What steps a linear network of one or two masses: no mesh has so few."""
-    return method if method == "modal" else _PLAIN
+def _copies(masses: int, method: str) -> int:
+    """How often a linear scene of so few masses stands in what a method steps."""
+    return _LEAST // masses if method in _OF_MESHES else 1
 
 
 # --- one mass on a spring and a damper ----------------------------------------------------------
 
 
-def cell(kappa: float, zeta: float) -> Bare:
+def cell(kappa: float, zeta: float, method: str = _PLAIN) -> Bare:
     """κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, as a link to a fixed point: let go from 1 mm."""
+    k, z = kappa * _MASS * RATE**2, zeta * _MASS * RATE
 
     def build(network: _core.Network) -> None:
         network.part("cell")
-        mass, ground = network.mas("m", M=_MASS, X0=_START), network.sol("g")
-        network.ref("r", mass, ground, K=kappa * _MASS * RATE**2, Z=zeta * _MASS * RATE)
-        network.listen("m", positions=[(mass, 1, 1.0)])
+        ground = network.sol("g")
+        masses = [network.mas(f"m{i}", M=_MASS, X0=_START) for i in range(_copies(1, method))]
+        for i, mass in enumerate(masses):
+            network.ref(f"r{i}", mass, ground, K=k, Z=z)
+        for i, (one, next_) in enumerate(pairwise(masses)):
+            network.ref(f"j{i}", one, next_, K=_WEAK * k)
+        network.listen("m", positions=[(masses[0], 1, 1.0)])
 
     return Bare(build, RATE)
 
@@ -77,7 +89,6 @@ def cell_exactly(kappa: float, zeta: float, n_frames: int) -> Floats:
 
 def cell_load(kappa: float, zeta: float, method: str) -> float:
     """λ over the limit (Jury for the CA scheme: K + 2Z < 4M): 1 is the border."""
-    method = _of_few(method)
     return (kappa + damped(method) * zeta) / limit(method)
 
 
@@ -115,21 +126,35 @@ def contact(kappa: float) -> Bare:
         "b", a, b, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
 
 
-def coupled(kappa: float) -> Bare:
+def coupled(kappa: float, method: str = _PLAIN) -> Bare:
     """Two cells a fifth apart, joined by a spring."""
-    return _pair(LEFT, RIGHT, lambda network, a, b: network.ref(
-        "k", a, b, K=_stiffness(kappa, LEFT, RIGHT)))  # fmt: skip
+    k = _stiffness(kappa, LEFT, RIGHT)
+    return _pair(LEFT, RIGHT, lambda network, a, b: network.ref("k", a, b, K=k),
+                 _copies(2, method), _WEAK * k)  # fmt: skip
 
 
-def _pair(one: Cell, two: Cell, join: Callable[[_core.Network, int, int], int]) -> Bare:
+def _pair(
+    one: Cell,
+    two: Cell,
+    join: Callable[[_core.Network, int, int], int],
+    copies: int = 1,
+    weak: float = 0.0,
+) -> Bare:
+    """Two cells and what joins them; `weak` [N/m] joins the first ones of its copies."""
+
     def build(network: _core.Network) -> None:
         network.part("pair")
-        a, b = (
-            network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
-            for name, cell in (("a", one), ("b", two))
-        )
-        join(network, a, b)
-        network.listen("b", positions=[(b, 1, 1.0)])
+        pairs = []
+        for _ in range(copies):
+            a, b = (
+                network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
+                for name, cell in (("a", one), ("b", two))
+            )
+            join(network, a, b)
+            pairs.append((a, b))
+        for (before, _), (after, _) in pairwise(pairs):
+            network.ref("j", before, after, K=weak)
+        network.listen("b", positions=[(pairs[0][1], 1, 1.0)])
 
     return Bare(build, RATE)
 
@@ -141,7 +166,7 @@ def contact_load(kappa: float, times: float, method: str) -> float:
 
 def coupled_load(kappa: float, times: float, method: str) -> float:
     """λ over the limit, at `times` the rate."""
-    return _pair_load(LEFT, RIGHT, kappa, times, _of_few(method))
+    return _pair_load(LEFT, RIGHT, kappa, times, method)
 
 
 def _pair_load(one: Cell, two: Cell, kappa: float, times: float, method: str) -> float:

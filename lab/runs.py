@@ -18,6 +18,7 @@ from ergon.lab.scene import Scene
 
 if TYPE_CHECKING:
     from ergon.lab.names import Method
+    from ergon.scores.staging.planning import Pins
 
 _BLOCK = 512  # frames heard between two looks at the clock
 
@@ -80,7 +81,8 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
     """Set a scene up at frame 0.
 
     Raises EngineError where the engine refuses (UnstableError where it would diverge); `unchecked`
-    lets the CA scheme run all the same. Raises StageError where the score itself is at fault.
+    lets the CA scheme run all the same, and a mesh by another method. Raises StageError where the
+    score itself is at fault.
     """
     if setting.precision not in PRECISIONS:
         raise _core.EngineError(f"there is no precision {setting.precision}")
@@ -90,15 +92,35 @@ def start(scene: Scene, setting: Setting, *, ledger: bool = False, unchecked: bo
             whole.network, whole.timeline, ledger=ledger, unchecked=unchecked
         )
         return Run(simulation, setting.oversampling)
-    plan = _core.Plan(
-        whole.network,
-        whole.timeline,
-        method=cast("Method | None", setting.method),
-        error_db=setting.budget_db,
-    )
+    plan = _planned(scene, setting, unchecked=unchecked)
     simulation = _core.Simulation(whole.network, whole.timeline, plan=plan, ledger=ledger)
     chosen = "" if setting.method else describe(plan)
     return Run(simulation, setting.oversampling, chosen)
+
+
+_SURELY = 64  # times finer, nothing that a map shows is refused
+
+
+def _planned(scene: Scene, setting: Setting, *, unchecked: bool) -> _core.Plan:
+    """The plan of a scene; `unchecked`: where it is refused, as it would be decided finer."""
+    method = cast("Method | None", setting.method)
+
+    def plan(finer: int, pins: Pins | None = None) -> _core.Plan:
+        whole = scene.at(scene.rate * setting.oversampling * finer)
+        return _core.Plan(
+            whole.network, whole.timeline, method=method, error_db=setting.budget_db, pins=pins
+        )
+
+    try:
+        return plan(1)
+    except _core.UnstableError as refused:
+        if not unchecked:
+            raise
+        try:
+            # What was decided once is not certified again.
+            return plan(1, plan(_SURELY).choices())
+        except _core.EngineError:
+            raise refused from None
 
 
 def describe(plan: _core.Plan) -> str:

@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol, TypedDict
 
 from ergon import _core
-from ergon.scores.reading.piece import Accuracy
+from ergon.scores.reading.piece import Accuracy, Method
 
 # What is offered where a plan costs too much, the most exact first [dB].
 _LOOSER = (-80.0, -60.0, -40.0, -20.0)
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
+Told = Sequence[tuple[float | None, float | None, float | None, str | None]]
+
+
+class Store(Protocol):
+    """Plans of earlier runs: choices, hash, and what was told of each row."""
+
+    def get(self, key: str) -> tuple[Pins, str, Told] | None:
+        """The plan that was kept under a key."""
+
+    def put(self, key: str, plan: tuple[Pins, str, Told]) -> None:
+        """Keep a plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan, and what is to be said of it: code and sentence."""
+    """A plan, what is to be said of it (code and sentence), and whether all of it was kept."""
 
     plan: _core.Plan
     notes: tuple[tuple[str, str], ...] = ()
+    is_kept: bool = False
 
 
 def cost(plan: _core.Plan) -> float:
@@ -27,40 +41,77 @@ def cost(plan: _core.Plan) -> float:
     return sum(row.cost for row in plan.rows())
 
 
+class _Budget(TypedDict):
+    method: Method | None
+    error_db: float | None
+    cents: float | None
+    upto: float | None
+
+
+def _budget(wished: Accuracy) -> _Budget:
+    return _Budget(
+        method=wished.method, error_db=wished.error, cents=wished.cents, upto=wished.upto
+    )
+
+
+class _Planner:
+    """Plans of one piece; `are_kept` as long as none had to be made anew."""
+
+    def __init__(
+        self, network: _core.Network, timeline: _core.Timeline, store: Store | None
+    ) -> None:
+        self._of = network, timeline
+        self._store = store
+        self.are_kept = store is not None
+
+    def plan(self, wished: Accuracy) -> _core.Plan:
+        """A plan that is kept, or a new one to be kept."""
+        budget = _budget(wished)
+        if self._store is None:
+            return _core.Plan(*self._of, **budget)
+        key = _core.Plan.key(*self._of, **budget)
+        kept = self._store.get(key)
+        if kept is not None:
+            choices, digest, told = kept
+            with contextlib.suppress(_core.EngineError):  # no plan of this: make it anew
+                made = _core.Plan(*self._of, **budget, pins=choices, told=told)
+                if made.hash == digest:
+                    return made
+        self.are_kept = False
+        made = _core.Plan(*self._of, **budget)
+        said = [(row.error_db, row.error_s, row.left_out_db, row.because) for row in made.rows()]
+        self._store.put(key, (made.choices(), made.hash, said))
+        return made
+
+
 def make(
-    network: _core.Network, timeline: _core.Timeline, accuracy: Accuracy, pins: Pins | None = None
+    network: _core.Network,
+    timeline: _core.Timeline,
+    accuracy: Accuracy,
+    pins: Pins | None = None,
+    store: Store | None = None,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
 
     Where `cpu` alone is given: the most exact plan that it can pay for.
     """
-
-    def plan(wished: Accuracy) -> _core.Plan:
-        return _core.Plan(
-            network,
-            timeline,
-            method=wished.method,
-            error_db=wished.error,
-            cents=wished.cents,
-            upto=wished.upto,
-            pins=pins,
-        )
-
     if pins is not None:
-        return Planned(plan(accuracy))
+        return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins))
+    planner = _Planner(network, timeline, store)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
-    made = plan(accuracy)
+    made = planner.plan(accuracy)
     notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]
     if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
-        return Planned(made, tuple(notes))
-    others = {error: plan(Accuracy(error=error)) for error in _LOOSER}
+        return Planned(made, tuple(notes), planner.are_kept)
+    others = {error: planner.plan(Accuracy(error=error)) for error in _LOOSER}
     fits = [error for error, other in others.items() if cost(other) <= accuracy.cpu]
     if is_free and fits:
-        return Planned(others[fits[0]])
+        return Planned(others[fits[0]], is_kept=planner.are_kept)
     cheapest = min((made, *others.values()), key=cost)
     hint = f"error: {fits[0]:g}dB would fit" if fits else f"the least is {cost(cheapest):.0%}"
     excess = f"it takes {cost(made):.0%} of a core, more than the {accuracy.cpu:.0%} it may; {hint}"
-    return Planned(cheapest if is_free else made, (*notes, ("W402", excess)))
+    said = (*notes, ("W402", excess))
+    return Planned(cheapest if is_free else made, said, planner.are_kept)
 
 
 def _missed(plan: _core.Plan, error: float | None) -> list[str]:

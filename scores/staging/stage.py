@@ -16,7 +16,7 @@ from ergon.scores.staging.hands import Hands, Sources, StagedGesture, Takes
 from ergon.scores.staging.listening import Listening, listen
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
-from ergon.scores.staging.planning import Pins, make
+from ergon.scores.staging.planning import Pins, Store, make
 from ergon.scores.staging.striking import Striking
 from ergon.scores.staging.travel import check_travel
 from ergon.scores.text.errors import Collector, Diagnostic
@@ -52,6 +52,7 @@ class Stage:
     sources: Sources
     diagnostics: list[Diagnostic]
     plan: _core.Plan | None = None
+    is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
 
     @property
@@ -129,6 +130,7 @@ def stage(
     record: bool = False,
     planned: bool = False,
     pins: Pins | None = None,
+    store: Store | None = None,
     threads: int = 1,
     real: Real | None = None,
     on_fault: Literal["stop", "mute"] = "stop",
@@ -136,19 +138,19 @@ def stage(
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
     A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
-    earlier plan, `real` the players whose hands are real, with what is known of them. A part that
-    leaves all bounds ends the run, or is muted alone. Raises StageError with every mistake that
-    the engine finds.
+    earlier plan, `store` keeps plans, `real` the players whose hands are real, with what is known of
+    them. A part that leaves all bounds ends the run, or is muted alone. Raises StageError with
+    every mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
     ready = prepare(piece, real)
     native.speed_up(ready.network, ready.n_frames)
-    plan = None
+    plan, is_kept = None, False
     try:
         if planned:
-            made = make(ready.network, ready.timeline, piece.accuracy, pins)
-            plan = made.plan
+            made = make(ready.network, ready.timeline, piece.accuracy, pins, store)
+            plan, is_kept = made.plan, made.is_kept
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
         simulation = _core.Simulation(
@@ -172,6 +174,7 @@ def stage(
         ready.hands.sources,
         ready.collector.finish(),
         plan,
+        is_kept,
         ready.live,
     )
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::plan::{self, Budget, Reason, What};
+use ergon_engine::plan::{self, Budget, Reason, Told, What};
 use ergon_engine::scheme::Word;
 use pyo3::prelude::*;
 
@@ -13,6 +13,8 @@ use crate::words;
 
 /// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
 type Pin = (usize, u32, usize, Vec<Vec<u32>>);
+/// What was told of a row: error [dB] over [s], modes left out [dB], why it is stepped.
+type Said = (Option<f64>, Option<f64>, Option<f64>, Option<String>);
 
 /// What is computed, how, and why the rest is not.
 #[pyclass(frozen, module = "ergon._core")]
@@ -22,7 +24,7 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 impl Plan {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, told=None))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -32,14 +34,38 @@ impl Plan {
         cents: Option<f64>,
         upto: Option<f64>,
         pins: Option<Vec<Pin>>,
+        told: Option<Vec<Said>>,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let budget = budget(method, error_db, cents, upto)?;
         let network = Arc::new(network.0.clone());
         let pins = pins.map(|pins| pins.into_iter().map(choice).collect());
-        py.detach(|| plan::Plan::new(network, &timeline.inner, &budget, pins))
-            .map(|plan| Self(Arc::new(plan)))
-            .map_err(from_engine)
+        let told = told.map(|told| told.into_iter().map(said).collect::<Vec<_>>());
+        py.detach(|| {
+            let plan = plan::Plan::new(network, &timeline.inner, &budget, pins)?;
+            match told {
+                Some(told) => plan.recalled(&told),
+                None => Ok(plan),
+            }
+        })
+        .map(|plan| Self(Arc::new(plan)))
+        .map_err(from_engine)
+    }
+
+    /// A hash of all that a plan is a function of (64 hex digits).
+    #[staticmethod]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None))]
+    fn key(
+        py: Python<'_>,
+        network: &Network,
+        timeline: &Timeline,
+        method: Option<&str>,
+        error_db: Option<f64>,
+        cents: Option<f64>,
+        upto: Option<f64>,
+    ) -> PyResult<String> {
+        let budget = budget(method, error_db, cents, upto)?;
+        Ok(py.detach(|| plan::key(&network.0, &timeline.inner, &budget)))
     }
 
     /// What it does, part by part.
@@ -71,6 +97,14 @@ fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
         times,
         steps,
         kept,
+    }
+}
+
+fn said((db, over, left_out, because): Said) -> Told {
+    Told {
+        error: db.zip(over),
+        left_out,
+        because,
     }
 }
 

@@ -11,6 +11,7 @@ mod choice;
 mod cost;
 mod forest;
 mod islands;
+mod kept;
 mod linear;
 mod loud;
 mod make;
@@ -26,6 +27,7 @@ mod wiring;
 
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
+pub use kept::{Told, key};
 pub use row::{Reason, Row, What};
 
 use std::ops::Range;
@@ -144,6 +146,12 @@ impl Plan {
         pins: Option<Vec<Choice>>,
     ) -> Result<Self, Error> {
         make::make(network, timeline, budget, pins)
+    }
+
+    /// The same, with what was told of an equal plan when its pilot was played.
+    pub fn recalled(mut self, told: &[Told]) -> Result<Self, Error> {
+        kept::recall(&mut self.rows, told)?;
+        Ok(self)
     }
 
     /// The units in at most `most` groups of about the same cost, one after the other.

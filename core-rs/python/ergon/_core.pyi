@@ -448,8 +448,22 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
+        told: Sequence[tuple[float | None, float | None, float | None, str | None]] | None = None,
     ) -> Self:
-        """`pins`: the `choices` of an earlier plan of the same score, to decide the same again."""
+        """`pins`: the `choices` of an earlier plan of the same score, to decide the same again;
+        `told`: error_db, error_s, left_out_db and because of each of its rows, to say the same."""
+
+    @staticmethod
+    def key(
+        network: Network,
+        timeline: Timeline,
+        *,
+        method: Literal["ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"] | None = None,
+        error_db: float | None = None,
+        cents: float | None = None,
+        upto: float | None = None,
+    ) -> str:
+        """A hash of all that a plan is a function of: 64 hex digits."""
     def rows(self) -> list[PlanRow]: ...
     def choices(self) -> list[tuple[int, int, int, list[list[int]]]]:
         """What was decided, island by island: (modules, times it is stepped a frame, how often a

@@ -40,6 +40,26 @@ pub(crate) enum NoModes {
 }
 
 impl NoModes {
+    const ALL: [Self; 12] = [
+        Self::NotLinear,
+        Self::Coupled,
+        Self::OtherRate,
+        Self::Damping,
+        Self::Large,
+        Self::NotFinite,
+        Self::Slow,
+        Self::Handled,
+        Self::ForceHeard,
+        Self::Diverges,
+        Self::Pinned,
+        Self::Stiff,
+    ];
+
+    /// Whether a plan can have told this.
+    pub(crate) fn is_why(text: &str) -> bool {
+        Self::ALL.iter().any(|reason| reason.why() == text)
+    }
+
     /// As the plan tells it.
     pub(crate) fn why(&self) -> &'static str {
         match self {

@@ -1,0 +1,67 @@
+//! Plans that are kept from one run to the next: what a plan is known again by, and what its pilot found.
+
+use std::fmt::{self, Write};
+
+use sha2::{Digest, Sha256};
+
+use super::budget::Budget;
+use super::choice::another;
+use super::linear::NoModes;
+use super::row::{Row, What};
+use crate::network::{Error, Network};
+use crate::timeline::Timeline;
+
+/// What a row says that its choice does not: a pilot found it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Told {
+    /// Error of the waveform [dB], and over how long it was measured [s].
+    pub error: Option<(f64, f64)>,
+    /// How loud the modes that are not computed would be [dB].
+    pub left_out: Option<f64>,
+    /// Why it is not computed in a better way.
+    pub because: Option<String>,
+}
+
+/// SHA-256 of all that a plan of this version is a function of (64 hex digits).
+///
+/// Everything is written as `Debug` writes it: every field that there is or will be, and each number with all
+/// its digits.
+pub fn key(network: &Network, timeline: &Timeline, budget: &Budget) -> String {
+    let mut sink = Sink(Sha256::new());
+    // A hash takes everything: nothing can fail.
+    let _ = write!(sink, "{network:?}\n{timeline:?}\n{budget:?}");
+    let digest = sink.0.finalize();
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+struct Sink(Sha256);
+
+impl Write for Sink {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0.update(text);
+        Ok(())
+    }
+}
+
+/// Give rows back what was told of them; refused where it was told of others.
+pub(super) fn recall(rows: &mut [Row], told: &[Told]) -> Result<(), Error> {
+    if rows.len() != told.len() {
+        return Err(another());
+    }
+    for (row, told) in rows.iter_mut().zip(told) {
+        let numbers = told.error.iter().flat_map(|&(db, over)| [db, over]);
+        let is_number = numbers.chain(told.left_out).all(f64::is_finite);
+        let is_known = told.because.as_deref().is_none_or(NoModes::is_why);
+        if !is_number || !is_known {
+            return Err(another());
+        }
+        match (&mut row.what, told.left_out) {
+            (What::Modes { left_out, .. }, told) => *left_out = told,
+            (_, None) => {}
+            (_, Some(_)) => return Err(another()),
+        }
+        row.error = told.error;
+        row.because.clone_from(&told.because);
+    }
+    Ok(())
+}

@@ -1,0 +1,131 @@
+"""Plans kept from one run to the next, in the user's cache folder; a convenience, never needed.
+
+$XDG_CACHE_HOME/ergon/plans, or ~/.cache/ergon/plans; ERGON_CACHE=off keeps none. A file is a plan
+file (`ergon plan -o`) with its key and what was told of each row; one that is broken or foreign
+counts as none, and a folder that cannot be written is no mistake.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+from ergon import _core
+
+from .plan_file import Choices, NotPlanError, decided, text
+from .safe import RefusedError, writing
+
+Told = Sequence[tuple[float | None, float | None, float | None, str | None]]
+Kept = tuple[Choices, str, Told]  # and a hash of what was decided
+
+_FILES_MAX = 256
+_BYTES_MAX = 32_000_000  # of all files; one alone may take a quarter
+_ONE_MAX = _BYTES_MAX // 4
+_WORDS_MAX = 200  # of a sentence in a row
+_NAME = re.compile("[0-9a-f]{64}[.]json")
+
+
+class PlanStore:
+    """Plans by what they are a function of."""
+
+    def __init__(self, folder: Path) -> None:
+        """Use a folder, which need not exist."""
+        self._folder = folder
+
+    def get(self, key: str) -> Kept | None:
+        """The plan that was kept under a key."""
+        key = _of_this_version(key)
+        path = self._path(key)
+        try:
+            if path.stat().st_size > _ONE_MAX:
+                return None
+            found = json.loads(path.read_text(encoding="utf-8"))
+            kept = _kept(found, key)
+        except (OSError, ValueError, RecursionError):  # NotPlanError is a ValueError
+            return None
+        with contextlib.suppress(OSError):  # the least recently used go first
+            os.utime(path)
+        return kept
+
+    def put(self, key: str, plan: Kept) -> None:
+        """Keep a plan, if that can be."""
+        key = _of_this_version(key)
+        choices, digest, told = plan
+        content = text(choices, digest, key=key, told=told).encode()
+        if len(content) > _ONE_MAX:
+            return
+        with contextlib.suppress(OSError, RefusedError):
+            self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with writing(self._path(key), binary=False, force=True, sync=False) as file:
+                file.write(content)
+            self._forget()
+
+    def _path(self, key: str) -> Path:
+        return self._folder / f"{key}.json"
+
+    def _forget(self) -> None:
+        """Remove what was not used for longest, until there is little enough."""
+        ours = []
+        for path in self._folder.iterdir():
+            if _NAME.fullmatch(path.name):
+                with contextlib.suppress(OSError):  # another run has removed it
+                    stat = path.lstat()
+                    ours.append((stat.st_mtime_ns, path.name, stat.st_size, path))
+        n_bytes = 0
+        for count, (_, _, size, path) in enumerate(sorted(ours, reverse=True), start=1):
+            n_bytes += size
+            if count > _FILES_MAX or n_bytes > _BYTES_MAX:
+                path.unlink(missing_ok=True)
+
+
+def of_user(environment: Mapping[str, str] = os.environ) -> PlanStore | None:
+    """The user's own plans; None where they are to be kept nowhere."""
+    if environment.get("ERGON_CACHE", "").lower() in ("off", "0", "no"):
+        return None
+    base = environment.get("XDG_CACHE_HOME", "")
+    if Path(base).is_absolute():  # others are to be ignored, says the specification
+        return PlanStore(Path(base) / "ergon" / "plans")
+    try:
+        return PlanStore(Path.home() / ".cache" / "ergon" / "plans")
+    except RuntimeError:  # nobody's
+        return None
+
+
+@cache
+def _version() -> str:
+    """What this engine is, to the byte: another one may plan otherwise."""
+    path = _core.__file__
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def _of_this_version(key: str) -> str:
+    return hashlib.sha256(f"{_version()} {key}".encode()).hexdigest()
+
+
+def _kept(found: object, key: str) -> Kept:
+    choices = decided(found)
+    assert isinstance(found, dict)
+    digest, told = found.get("hash"), found.get("told")
+    if found.get("key") != key or not isinstance(digest, str) or not isinstance(told, list):
+        raise NotPlanError("this was kept of another plan")
+    return choices, digest, [_told(row) for row in told]
+
+
+def _told(row: object) -> tuple[float | None, float | None, float | None, str | None]:
+    if isinstance(row, list) and len(row) == 4:
+        db, over, left_out, because = row
+        is_words = because is None or (isinstance(because, str) and len(because) <= _WORDS_MAX)
+        if all(map(_is_number, (db, over, left_out))) and is_words:
+            return db, over, left_out, because
+    raise NotPlanError("a row is [dB, s, dB, why]")
+
+
+def _is_number(value: object) -> bool:
+    return value is None or (isinstance(value, float) and math.isfinite(value))

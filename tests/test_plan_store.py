@@ -1,0 +1,157 @@
+"""Plans kept from one run to the next: the same sound, the same table, nothing to rely on."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from ergon.cli import app
+from ergon.exchange import plan_store
+from ergon.exchange.plan_store import PlanStore, of_user
+from ergon.exchange.wave import hash_samples
+
+Capture = pytest.CaptureFixture[str]
+
+# Modes with some left out, a mesh, and an island by hand: each with something that a pilot tells.
+SCORE = """\
+ergon: 1
+accuracy: {error: -50dB}
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  wire: {modules: {s: {STRING: {masses: 24, M: 4g, f: D4, t60: 2s}}}, out: {SOX: s.17}}
+  gong:
+    modules: {p: {PLATE: {shape: hex, radius: 2, M: 50g, f: 900Hz, t60: 1s, hardening: 1e10}}}
+    out: {SOX: p.centre}
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: 440Hz, t60: 0.5s}}
+      b: {BUT: {between: [k1, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: m}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: knock}]}
+strikes:
+  a: {to: [wire.s.3], at: 0.1s, impulse: 1mNs}
+  c: {to: [gong.p.centre], at: 0.05s, impulse: 3mNs}
+render: {tail: 0.1s, bits: float}
+"""
+
+
+@pytest.fixture(autouse=True)
+def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    Path("a.yaml").write_text(SCORE)
+    return tmp_path / "cache" / "ergon" / "plans"
+
+
+def told(capsys: Capture, *options: str) -> tuple[list[dict], bool]:
+    """The rows of the plan, and whether it was kept from before."""
+    assert app.run(["plan", "a.yaml", "--json", *options]) == 0
+    *rows, plan = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    return [*rows, plan["hash"]], plan["kept"]
+
+
+def sound() -> str:
+    assert app.run(["render", "a.yaml", "-o", "a.wav", "-f"]) == 0
+    return hash_samples(Path("a.wav"))
+
+
+def test_the_same_sound_and_the_same_table(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    fresh, is_kept = told(capsys)
+    assert not is_kept
+    by_fresh = sound()
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    capsys.readouterr()
+    assert told(capsys) == (fresh, False)
+    assert told(capsys) == (fresh, True)
+    assert sound() == by_fresh
+    # What only a pilot knows is among it.
+    assert any(row["error_db"] is not None for row in fresh[:-1])
+    assert any(row["left_out_db"] is not None for row in fresh[:-1])
+    assert any(row["because"] is not None for row in fresh[:-1])
+    capsys.readouterr()
+    assert app.run(["plan", "a.yaml"]) == 0
+    assert "s (kept from before); plan sha256" in capsys.readouterr().out
+
+
+def test_whatever_a_plan_depends_on_makes_another(capsys: Capture):
+    assert not told(capsys)[1]
+    assert not told(capsys, "--error", "-49dB")[1]
+    for old, new in (("4g, f", "4.000000001g, f"), ("6mm", "6.1mm"), ("at: 0.1s", "at: 0.11s")):
+        Path("a.yaml").write_text(SCORE.replace(old, new))
+        assert not told(capsys)[1], new
+    Path("a.yaml").write_text(SCORE.replace("tail: 0.1s", "tail: 0.2s"))
+    assert told(capsys)[1]  # of that it is no function
+
+
+def test_another_version_plans_anew(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
+    assert not told(capsys)[1]
+    monkeypatch.setattr(plan_store, "_version", lambda: "another")
+    assert not told(capsys)[1]
+
+
+SPOILT = [
+    lambda text: "",
+    lambda text: text[: len(text) // 2],
+    lambda text: "[" * 100_000,
+    lambda text: "\x00\xff",
+    lambda text: text.replace('"key": "', '"key": "0'),
+    lambda text: text.replace('"hash": "', '"hash": "0'),
+    lambda text: text.replace('"told": [', '"told": [[null, null, null, null], '),
+    lambda text: text.replace('"told": [', '"told": [[NaN, 1.0, null, null]], "x": ['),
+    lambda text: text.replace("a hand, a path", "\\u001b[2J"),
+    lambda text: text.replace('"choices": [', '"choices": [[7, 1, 1, []],'),
+]
+
+
+@pytest.mark.parametrize("spoil", SPOILT)
+def test_a_broken_file_is_made_anew(capsys: Capture, plans: Path, spoil):
+    fresh, _ = told(capsys)
+    (file,) = plans.iterdir()
+    good = file.read_text()
+    file.write_text(spoil(good))
+    assert file.read_text() != good
+    assert told(capsys) == (fresh, False)
+    assert file.read_text() == good
+    assert told(capsys) == (fresh, True)
+
+
+def test_a_folder_that_cannot_be_written_is_no_mistake(capsys: Capture, plans: Path):
+    plans.parent.mkdir(parents=True)
+    plans.write_text("no folder")
+    assert not told(capsys)[1]
+    assert capsys.readouterr().err == ""
+
+
+def test_little_is_kept(plans: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(plan_store, "_FILES_MAX", 3)
+    store = PlanStore(plans)
+    one = ([(5, 1, 1, [[1, 2]])], "ab", [(-60.5, 0.3, None, None)])
+    stranger = plans / "notes.txt"
+    plans.mkdir(parents=True)
+    stranger.write_text("mine")
+    for at, key in enumerate("abcd"):
+        store.put(key, one)
+        newest = max(plans.glob("*.json"), key=lambda path: path.stat().st_mtime_ns)
+        os.utime(newest, (at, at))
+        if key == "c":
+            assert store.get("a") is not None  # used: it stays
+    assert [store.get(key) is not None for key in "abcd"] == [True, False, True, True]
+    choices, digest, rows = store.get("d") or ([], "", [])
+    assert (list(map(tuple, choices)), digest, list(rows)) == (one[0], one[1], one[2])
+    monkeypatch.setattr(plan_store, "_BYTES_MAX", 10)
+    store.put("e", one)
+    assert list(plans.iterdir()) == [stranger]
+
+
+def test_where_plans_are_kept(tmp_path: Path):
+    assert of_user({"ERGON_CACHE": "off", "XDG_CACHE_HOME": str(tmp_path)}) is None
+    for environment in ({}, {"XDG_CACHE_HOME": ""}, {"XDG_CACHE_HOME": "not/absolute"}):
+        store = of_user(environment)
+        assert store is not None
+        assert store._folder == Path.home() / ".cache" / "ergon" / "plans"
