@@ -21,7 +21,9 @@ def _playing(command: Any) -> Any:
             metavar="WHERE",
             help="jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
         ),
-        click.option("--block", type=click.IntRange(16, 8192), help="Frames of the card at a time."),
+        click.option(
+            "--block", type=click.IntRange(16, 8192), help="Frames of the card at a time."
+        ),
         click.option(
             "--ahead", type=click.IntRange(64, 1 << 20), help="Frames kept ready for the card."
         ),

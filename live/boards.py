@@ -63,21 +63,21 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
 def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
     """(URL, axis) of `URL#3`, or of `name` or `name.3` of the user's file. Raises BoardError."""
     if ":" in text:
-        url, _, axis = text.partition("#")
+        url, _, behind = text.partition("#")
         # Options of a URL stand behind its axis.
-        number, mark, options = axis.partition("?")
-        if axis and not number.isdigit():
+        number, mark, options = behind.partition("?")
+        if behind and not number.isdigit():
             raise BoardError(f"{text}: an axis is a number from 0 on, as in {url}#0")
         return url + mark + options, int(number or 0)
     named = _NAMED.match(text)
     if named is None:
         raise BoardError(f"{text}: a device is a URL, such as firefader:/dev/ttyACM0, or a name")
-    url = known.get(named["name"])
-    if url is None:
+    device, axis = named["name"], named["axis"]
+    if device not in known:
         which = ", ".join(known) or f"none yet; {config_path()} may hold them"
-        raise BoardError(f"no device is called {named['name']}; known: {which}")
-    own, axis = resolve(url, {})
-    return own, int(named["axis"]) if named["axis"] is not None else axis
+        raise BoardError(f"no device is called {device}; known: {which}")
+    own, first = resolve(known[device], {})
+    return own, first if axis is None else int(axis)
 
 
 def parse(pairs: Sequence[str]) -> dict[str, str]:
@@ -86,7 +86,9 @@ def parse(pairs: Sequence[str]) -> dict[str, str]:
     for pair in pairs:
         player, is_pair, device = pair.partition("=")
         if not is_pair or not player or not device:
-            raise BoardError(f"{pair}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0")
+            raise BoardError(
+                f"{pair}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0"
+            )
         if player in asked:
             raise BoardError(f"{player} has two hands here; one device each")
         asked[player] = device

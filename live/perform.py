@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
 EVERY = 64
-# A hand is guided by a spring that it can hold against, and a damper that lets it swing in [N/m, N·s/m].
+# A hand is guided by a spring that it can hold against, and a damper that lets it swing in
+# [N/m, N·s/m].
 GUIDE = (120.0, 1.0)
 _BARS_MAX = 100_000
 

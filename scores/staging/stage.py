@@ -138,8 +138,8 @@ def stage(
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
     A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
-    earlier plan, `store` keeps plans, `real` the players whose hands are real, with what is known of
-    them. A part that leaves all bounds ends the run, or is muted alone. Raises StageError with
+    earlier plan, `store` keeps plans, `real` the players whose hands are real, with what is known
+    of them. A part that leaves all bounds ends the run, or is muted alone. Raises StageError with
     every mistake that the engine finds.
     """
     if seed is not None:
