@@ -120,7 +120,6 @@ def _no_player(piece: Piece, name: str, option: str) -> str:
 def _order(
     console: Console, piece: Piece, stage: Stage, boards: Sequence[Board], wishes: Wishes
 ) -> Order:
-    from ergon import _core
     from ergon.live.perform import Order, every
 
     start = 0
@@ -133,7 +132,7 @@ def _order(
     limit = master.limit if master is not None and master.limit is not None else 1.0
     audio = wishes.audio if wishes.block is None else f"{wishes.audio},block={wishes.block}"
     record = None if wishes.record is None else _recording(wishes.record, stage)
-    return Order(
+    order = Order(
         audio=audio,
         gain=_gain(console, piece, stage, wishes),
         limit=limit,
@@ -144,19 +143,27 @@ def _order(
         force_max=wishes.force_max,
         ahead=wishes.ahead,
         record=record,
-        about={
-            "made": f"by ergon {_core.__version__}",
-            "score": piece.digest(),
-            "title": piece.title,
-            "day": time.strftime("%Y-%m-%d %H:%M:%S"),
-            "seed": piece.seed if wishes.seed is None else wishes.seed,
-            "plan": stage.plan.hash if stage.plan else "",
-            "devices": [
-                {"url": board.url, "axes": {player: axis for axis, player in board.axes}}
-                for board in boards
-            ],
-        },
     )
+    if record is None:
+        return order
+    return replace(order, about=_about(piece, stage, order, wishes))
+
+
+def _about(piece: Piece, stage: Stage, order: Order, wishes: Wishes) -> dict[str, object]:
+    """What stands at the beginning of a recording."""
+    from ergon import _core
+    from ergon.live.recorded import about
+
+    devices = {player: board.url for board in order.boards for _, player in board.axes}
+    return {
+        "made": f"by ergon {_core.__version__}",
+        "day": time.strftime("%Y-%m-%d %H:%M:%S"),
+        "score": {"sha256": piece.digest(), "title": piece.title},
+        "seed": piece.seed if wishes.seed is None else wishes.seed,
+        "plan": stage.plan.hash if stage.plan else "",
+        "level": about(order),
+        "axes": [{"device": devices.get(hand.player)} for hand in stage.live],
+    }
 
 
 def _gain(console: Console, piece: Piece, stage: Stage, wishes: Wishes) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from .summary import dry_run, rendered
 
 if TYPE_CHECKING:
     from ergon.exchange.render import Order
+    from ergon.live.recorded import Recorded
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
@@ -45,6 +46,7 @@ class Wishes:
     error: str | None = None
     cents: float | None = None
     pinned: str | None = None
+    hands: str | None = None
 
     @property
     def plan(self) -> score.Plan:
@@ -87,6 +89,11 @@ class Wishes:
     default=4096,
     help="Frames computed at once; the bytes are the same for any number.",
 )
+@click.option(
+    "--hands",
+    metavar="FILE.take",
+    help="What live hands did (ergon duet --record), at the level that was heard.",
+)
 @options.accuracy
 @click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
 @options.force
@@ -121,6 +128,7 @@ def render_file(console: Console, path: str, wishes: Wishes, dry: bool = False) 
 
 
 def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bool) -> None:
+    recorded = _recorded(console, loaded, wishes)
     staged = score.stage_piece(
         console,
         loaded,
@@ -128,9 +136,12 @@ def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bo
         rate=wishes.rate,
         plan=wishes.plan,
         threads=wishes.threads,
+        real=None if recorded is None else recorded.hands,
     )
     stage = staged.stage
     order = order_of(path, staged.piece, stage, wishes)
+    if recorded is not None:
+        order = replace(order, level=recorded.level)
     if dry:
         dry_run(console, stage, order)
         return
@@ -147,6 +158,24 @@ def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bo
         score.show(console, loaded, [stage.fault(error)])
         raise Diverged from error
     rendered(console, done, order, staged.plan_s, stage.network)
+
+
+def _recorded(console: Console, loaded: Loaded, wishes: Wishes) -> Recorded | None:
+    """What hands did, where a recording is given."""
+    if wishes.hands is None:
+        return None
+    from ergon.live.recorded import NotThisError, read
+
+    piece = score.piece_of(loaded)
+    try:
+        recorded = read(
+            Path(wishes.hands), piece if wishes.rate is None else replace(piece, rate=wishes.rate)
+        )
+    except NotThisError as error:
+        raise Refused(f"--hands {error}") from None
+    for doubt in recorded.doubts:
+        console.warn(f"{wishes.hands}: {doubt}")
+    return recorded
 
 
 def order_of(path: str, piece: Piece, stage: Stage, wishes: Wishes) -> Order:

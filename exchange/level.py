@@ -23,11 +23,15 @@ HIGHPASS = 8.0  # [Hz]
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """Peak to bring the file to and ceiling of its limiter, as ratios; default high-pass [Hz]."""
+    """Peak to bring the file to and ceiling of its limiter, as ratios; default high-pass [Hz].
+
+    `gain`, a ratio, where no peak is asked for.
+    """
 
     normalise: float | None = None
     limit: float | None = None
     highpass: float | None = None
+    gain: float = 1.0
 
     @classmethod
     def said(cls, bits: Bits, *, normalise: float | None, limit: float | None) -> Level:

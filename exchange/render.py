@@ -164,6 +164,7 @@ def _open(
     file = stack.enter_context(writing(path, binary=True, force=order.force))
     writer = WaveWriter(file, order.format, order.n_frames, order.stamp)
     finish = Finish(writer, stage.rate, order.start, order.stop, limit)
+    finish.gain = order.level.gain
     held = None
     if order.level.normalise is not None:
         folder = None if path == "-" else Path(path).resolve().parent

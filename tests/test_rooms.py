@@ -20,7 +20,7 @@ MAY = {
     READING: {TEXT, TABLES, CLOCK, GESTURE, "instruments"},
     STAGING: {TEXT, TABLES, CLOCK, GESTURE, READING, "instruments", "_core"},
     "lab": {"scores", "instruments", "exchange", "_core"},
-    "live": {"scores", "_core"},
+    "live": {"scores", "exchange", "_core"},
     "cli": {"scores", "instruments", "exchange", "lab", "live", "view", "_core"},
 }
 

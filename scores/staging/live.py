@@ -26,7 +26,10 @@ _BLOCK = 4096  # frames
 
 @dataclass(frozen=True, slots=True)
 class LiveHand:
-    """A real hand on a key. `standin` (n_ticks,) [m] is what plays while nobody is there."""
+    """A real hand on a key. `standin` (n_ticks,) [m] is what plays while nobody is there.
+
+    Its part, or what stands in for it, lasts `ticks`.
+    """
 
     player: str
     key: str
@@ -34,6 +37,7 @@ class LiveHand:
     every: int  # frames of a tick
     reach: float
     standin: NDArray[np.float64]
+    ticks: int
 
 
 def stand_ins(piece: Piece) -> dict[str, None]:
@@ -64,11 +68,24 @@ def join(
         key = piece.keys[player.key]
         if not _is_alone(piece, player, real, collector):
             continue
-        positions = standin(piece, player, every, collector) if known is None else known
+        stood_in = standin(piece, player, every, collector)
+        positions = _known(known, stood_in)
         index = timeline.hand(
             assembly.mats[key.name, key.struck], every, positions=positions * key.reach
         )
-        yield LiveHand(name, key.name, index, every, key.reach, positions)
+        yield LiveHand(name, key.name, index, every, key.reach, positions, len(stood_in))
+
+
+def _known(known: NDArray[np.float64] | None, stood_in: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What is known of a hand; before it was there its stand-in, which `known` marks by NaN."""
+    import numpy as np
+
+    if known is None:
+        return stood_in
+    late = np.flatnonzero(np.isnan(known))
+    if not len(late):
+        return known
+    return np.concatenate([stood_in[np.minimum(late, len(stood_in) - 1)], known[len(late) :]])
 
 
 def _every(piece: Piece, real: Real, collector: Collector) -> int:

@@ -210,8 +210,8 @@ def _network(piece: Piece, assembly: Assembly) -> list[int]:
 
 
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
-    """When the last of what real hands are known to do ends [s]."""
-    return max((hand.every * len(hand.standin) / piece.rate for hand in live), default=0.0)
+    """When the last of what real hands are to do ends [s]."""
+    return max((hand.every * hand.ticks / piece.rate for hand in live), default=0.0)
 
 
 def _play(

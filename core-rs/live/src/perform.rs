@@ -169,7 +169,7 @@ impl Performance {
             ahead.max(2 * info.block as usize),
             slots.iter().any(Slot::is_on_the_clock) && info.paced,
         );
-        let mut player = Player::new(stage, slots, links, clock);
+        let mut player = Player::new(stage, slots, links, clock, info.paced);
         let own = desk.clone();
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())

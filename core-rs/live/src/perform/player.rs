@@ -59,10 +59,18 @@ pub(super) struct Player {
     frame: u64,
     status: Status,
     panicked: bool,
+    /// By a clock: the card's, or the keys'.
+    paced: bool,
 }
 
 impl Player {
-    pub(super) fn new(stage: Stage, slots: Vec<Slot>, links: Links, clock: Clock) -> Self {
+    pub(super) fn new(
+        stage: Stage,
+        slots: Vec<Slot>,
+        links: Links,
+        clock: Clock,
+        paced: bool,
+    ) -> Self {
         let n = stage.hands.len();
         let mut of = vec![None; n];
         for (slot, own) in slots.iter().enumerate() {
@@ -93,6 +101,7 @@ impl Player {
             frame: stage.simulation.frame(),
             status,
             panicked: false,
+            paced,
             stage,
             slots,
             links,
@@ -353,6 +362,11 @@ impl Player {
                     .sum(),
                 clock: sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
             };
+        }
+        // Where no clock presses, the disk is waited for.
+        let asked = Instant::now();
+        while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE {
+            self.clock.nap();
         }
         if !self.rows.is_empty() {
             sink.row(self.tick - 1, &self.rows);

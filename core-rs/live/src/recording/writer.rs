@@ -150,6 +150,11 @@ impl RowSink {
         self.kept(kept)
     }
 
+    /// Whether there is room for a row now.
+    pub fn has_room(&self) -> bool {
+        self.rows.slots() >= self.row.len()
+    }
+
     /// Rows and events that found no room.
     pub fn dropped(&self) -> u64 {
         self.shared.dropped.load(Ordering::Relaxed)
