@@ -4,7 +4,6 @@ The servers run without a sound card. What is heard there is captured by a secon
 """
 
 import contextlib
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from captured import compare
-from servers import Jack, Pulse, until
+from servers import Jack, Pulse, jack_name, until
 
 from ergon import _core
 from ergon.exchange import wave_header
@@ -26,17 +25,23 @@ def noise(n_frames: int, n_channels: int, seed: int = 1) -> np.ndarray:
     return np.concatenate([np.zeros((RATE // 2, n_channels), np.float32), sound])
 
 
+@pytest.fixture(scope="module")
+def name() -> Iterator[str]:
+    with jack_name() as name:
+        yield name
+
+
 @pytest.fixture(autouse=True)
-def no_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def no_server(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No test hears a server that is not its own."""
-    monkeypatch.setenv("JACK_DEFAULT_SERVER", f"ergon-{os.getpid()}-{tmp_path.name[-12:]}")
+    monkeypatch.setenv("JACK_DEFAULT_SERVER", name)
     monkeypatch.setenv("PULSE_SERVER", f"unix:{tmp_path}/pulse.sock")
     monkeypatch.delenv("JACK_NO_AUTOCONNECT", raising=False)
 
 
 @pytest.fixture
-def jack() -> Iterator[Jack]:
-    server = Jack(os.environ["JACK_DEFAULT_SERVER"])
+def jack(name: str) -> Iterator[Jack]:
+    server = Jack(name)
     with server.run():
         yield server
 
@@ -227,11 +232,12 @@ def playing_until(out: _core.AudioOut, true, what: str) -> None:
     until(so, what, limit=20.0)
 
 
-def test_a_jack_server_that_dies_is_found_again():
-    server = Jack(os.environ["JACK_DEFAULT_SERVER"])
-    with server.run():
+def test_a_jack_server_that_dies_is_found_again(name: str):
+    server = Jack(name)
+    with server.run() as process:
         out = _core.AudioOut("auto", RATE, 2)
         playing_until(out, lambda: out.played > RATE // 10, "sound")
+        process.kill()
     playing_until(out, lambda: not out.alive, "the loss")
     lost = out.played
     # The performance goes on by the clock, unheard.
@@ -281,9 +287,10 @@ def test_pulse_converts_to_the_rate_of_its_sink(tmp_path: Path):
 
 def test_a_pulse_server_that_dies_is_found_again(tmp_path: Path):
     server = Pulse(tmp_path, channels=2)
-    with server.run():
+    with server.run() as process:
         out = _core.AudioOut("pulse", RATE, 2)
         playing_until(out, lambda: out.played > RATE // 10, "sound")
+        process.kill()
     playing_until(out, lambda: not out.alive, "the loss")
     with server.run():
         playing_until(out, lambda: out.alive, "the return")
