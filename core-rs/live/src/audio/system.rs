@@ -100,7 +100,7 @@ fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn 
             returned,
             gone,
         })),
-        Err(error) => Err((returned.try_recv().ok(), missing(error))),
+        Err(error) => Err((returned.try_recv().ok().map(Box::new), missing(error))),
     }
 }
 
