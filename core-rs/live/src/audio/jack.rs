@@ -20,7 +20,7 @@ pub use self::capture::Capture;
 /// Frames that are sorted into the ports at a time.
 const SLICE: usize = 256;
 /// While the server runs as fast as it is fed, its callback waits for the physics; no longer than this.
-const PATIENCE: Duration = Duration::from_millis(500);
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// A client of the server that runs; starts none.
 pub(super) fn open(
