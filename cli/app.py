@@ -30,6 +30,7 @@ COMMANDS: dict[str, tuple[str, str, str]] = {
         "stability",
         "Draw where a method fails, as predicted and as it is.",
     ),
+    "emulate": ("emulate", "emulate", "Be a force-feedback device that is not there."),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),

@@ -4,6 +4,7 @@
 //! longer belongs in `ergon-engine`.
 
 mod chance;
+mod emulator;
 mod error;
 mod frames;
 mod law;
@@ -26,6 +27,8 @@ use pyo3::prelude::*;
 mod _core {
     #[pymodule_export]
     use super::chance::Chance;
+    #[pymodule_export]
+    use super::emulator::emulate;
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError};
     #[pymodule_export]
