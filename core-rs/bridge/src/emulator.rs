@@ -1,5 +1,6 @@
 //! Emulated devices, served until they are over or somebody presses Ctrl-C.
 
+use std::cell::RefCell;
 use std::time::Duration;
 
 use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
@@ -90,22 +91,25 @@ fn going(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> 
 }
 
 fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
-    let (mut untold, mut stopped) = (None, None);
-    let outcome = py.detach(|| {
+    let (outcome, error) = py.detach(|| {
+        // A signal's exception comes up wherever Python runs next: in what is told, or when it is asked for.
+        let error = RefCell::new(None);
+        let python = |call: &dyn Fn(Python<'_>) -> PyResult<()>| {
+            if error.borrow().is_none() {
+                *error.borrow_mut() = Python::attach(call).err();
+            }
+            error.borrow().is_none()
+        };
         let mut say = |event: Event| {
-            let (name, what) = match event {
+            let told = match event {
                 Event::Ready(address) => ("ready", address),
                 Event::LetGo => ("let-go", String::new()),
                 Event::HostGone => ("host-gone", String::new()),
             };
-            let told = Python::attach(|py| tell.call1(py, (name, what)).map(drop));
-            untold = untold.take().or(told.err());
+            python(&|py| tell.call1(py, told.clone()).map(drop));
         };
-        let mut keep = || {
-            stopped = Python::attach(|py| py.check_signals()).err();
-            stopped.is_none()
-        };
-        serve(options, &mut say, &mut keep)
+        let outcome = serve(options, &mut say, &mut || python(&|py| py.check_signals()));
+        (outcome, error.into_inner())
     });
     let Outcome {
         periods,
@@ -115,5 +119,5 @@ fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
     // Told after Ctrl-C too.
     let over = format!("{periods} {packets} {hash:016x}");
     tell.call1(py, ("over", over))?;
-    stopped.or(untold).map_or(Ok(()), Err)
+    error.map_or(Ok(()), Err)
 }

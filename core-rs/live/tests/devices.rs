@@ -289,6 +289,40 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
 }
 
 #[test]
+fn a_service_is_told_when_its_host_falls_silent() {
+    let mut options = options(
+        Protocol::Haply,
+        Transport::WebSocket(0),
+        3,
+        vec![Hand::Resting; 3],
+    );
+    options.board.lockstep = false;
+    options.board.watchdog = Duration::from_secs(60);
+    options.key.stiffness = 100.0;
+    let emulator = Emulator::start(options);
+    let mut device = guard(emulator.open("haply", ""));
+    let mut sample = Sample::default();
+    let mut push = |force: f64| {
+        let deadline = Instant::now() + Duration::from_millis(5);
+        device.receive(&mut sample, deadline).unwrap();
+        device.send(&[force]).unwrap();
+        sample.position[0]
+    };
+    let start = Instant::now();
+    let mut pushed = 0.0;
+    while start.elapsed() < Duration::from_millis(800) {
+        pushed = push(1.0);
+    }
+    assert!((pushed - 0.01).abs() < 1e-3, "1 N on 100 N/m: {pushed}");
+    std::thread::sleep(Duration::from_millis(1200));
+    push(0.0);
+    let left = (0..20).map(|_| push(0.0)).last().unwrap();
+    assert!(left.abs() < 1e-4, "it was let go meanwhile: {left}");
+    drop(device);
+    emulator.end();
+}
+
+#[test]
 fn what_is_not_there_is_named() {
     let fails = |text: &str| device::open(&Url::parse(text).unwrap()).err().unwrap();
     let error = fails("firefader:/dev/no-such-port");
