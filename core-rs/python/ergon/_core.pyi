@@ -4,7 +4,7 @@ Sizes: n_mat MATs, n_lia LIAs, n_out outputs, n_frames frames, n_channels loudsp
 SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules, hertz.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Literal, Self, final
@@ -716,3 +716,35 @@ class Performance:
         """Wait until the last frame is computed; False when `seconds` came first."""
     def close(self, patience: float) -> list[tuple[int, str, float]]:
         """Wait until everything was heard, put everything away; the events that are left."""
+# --- devices ------------------------------------------------------------------------------------
+
+def emulate(
+    protocol: Literal["firefader", "frame", "haply"],
+    transport: Literal["pty", "udp", "ws"],
+    tell: Callable[[str, str], object],
+    *,
+    port: int = 0,
+    paths: Sequence[_Floats],
+    hand: tuple[float, float],
+    axes: int,
+    mass: float,
+    stiffness: float,
+    damping: float,
+    travel: float,
+    force_max: float,
+    resolution: float,
+    rate: float,
+    lockstep: bool,
+    touch_gate: bool,
+    watchdog: float,
+    seconds: float | None = None,
+    once: bool = False,
+) -> None:
+    """Be a device of `axes` keys (mass [kg], stiffness [N/m], damping [Ns/m], travel [m], motors of
+    force_max [N], a sensor's resolution [m]) at rate [Hz], until Ctrl-C or `seconds`, heard on 127.0.0.1 alone.
+
+    Hands of stiffness [N/m] and damping [Ns/m] `hand` go `paths`, each (n,) [m] by period; an empty
+    one is a resting finger, a missing one none. `tell(event, what)` hears: ready and the address,
+    let-go (silence of the host for `watchdog` [s]), host-gone, and over with periods, packets and the
+    hash of all positions.
+    """

@@ -117,8 +117,31 @@ mod unix {
         }
     }
 
+    /// Where this thread keeps the number of its last error.
+    fn errno() -> *mut i32 {
+        #[cfg(target_os = "linux")]
+        // SAFETY: it has no conditions.
+        unsafe {
+            libc::__errno_location()
+        }
+        #[cfg(target_os = "macos")]
+        // SAFETY: it has no conditions.
+        unsafe {
+            libc::__error()
+        }
+        #[cfg(not(any(target_os = "linux", target_os = "macos")))]
+        std::ptr::null_mut()
+    }
+
     extern "C" fn on_signal(signal: i32) {
+        let errno = errno();
+        // SAFETY: not null, it is this thread's own. What was interrupted must find it as it was.
+        let before = (!errno.is_null()).then(|| unsafe { *errno });
         zero_all();
+        if let Some(number) = before {
+            // SAFETY: as above.
+            unsafe { *errno = number };
+        }
         let known = SIGNALS.iter().position(|&known| known == signal);
         if let Some(before) = known.and_then(|index| BEFORE[index].get()) {
             // A fault happens again when we return, another signal is raised again: then the former handler has it.
