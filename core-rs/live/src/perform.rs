@@ -11,7 +11,7 @@ mod player;
 mod status;
 
 pub use hand::{Guide, Hand};
-pub use keys::{Keyboard, Slot};
+pub use keys::{Borne, Keyboard, Slot};
 pub use status::{Event, HandStatus, Status, What};
 
 use std::path::PathBuf;
@@ -118,6 +118,7 @@ pub struct Performance {
     events: Consumer<Event>,
     output: Output,
     recorder: Option<RecorderHandle>,
+    borne: Vec<Borne>,
 }
 
 impl Performance {
@@ -125,7 +126,7 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
-    pub fn start(stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
+    pub fn start(stage: Stage, mut boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
         let rate = stage.simulation.rate();
         let channels = stage.mixer.n_channels();
         let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every);
@@ -140,6 +141,10 @@ impl Performance {
         };
         let output = audio::open(&how.audio, rate as u32, channels, drain)?;
         let info = output.info();
+        let borne = boards
+            .iter_mut()
+            .flat_map(|board| board.guard(&stage.hands))
+            .collect();
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
         let (to_events, events) = RingBuffer::new(EVENTS);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
@@ -190,6 +195,7 @@ impl Performance {
             events,
             output,
             recorder,
+            borne,
         })
     }
 
@@ -201,6 +207,11 @@ impl Performance {
     /// The next thing that happened.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop().ok()
+    }
+
+    /// How much of the scene's force each real hand gets.
+    pub fn borne(&self) -> &[Borne] {
+        &self.borne
     }
 
     /// The output that it plays on.
@@ -234,9 +245,10 @@ impl Performance {
         commands.push(Command::Gain(gain)).is_ok()
     }
 
-    /// Play nothing more: forces are zero, and what is in the ring ends in a fade.
+    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
     pub fn stop(&self) {
         self.desk.stop.store(true, Ordering::Release);
+        self.output.shared().panic();
     }
 
     /// Whether the last frame has been computed.

@@ -111,6 +111,9 @@ class Network:
     def part(self, name: str, *, ca_rate: float | None = None) -> None:
         """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
         Z of the discrete network at that rate, which then is the truth (GENESIS habit)."""
+    def pressed(self) -> Network:
+        """A copy at rest with every contact closed and every law the stiffest spring that it is
+        within a millimetre: what a hand meets at worst."""
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int: ...
     def sol(self, name: str, *, X0: float = 0.0) -> int: ...
     def cel(
@@ -685,13 +688,14 @@ class Performance:
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
-        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None]] = (),
+        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = (),
         boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = (),
         bars: Sequence[int] = (),
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
     ) -> None:
-        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it);
+        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it,
+        the scene's force in each tick after it was 1 m away for one [N/m]);
         `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
         hand that comes back takes over; `record`: (file, (player, key) of each hand, JSON about
         it). Raises EngineError."""
@@ -700,6 +704,9 @@ class Performance:
         """What happened since the last call: (frame, what, number of the hand or board)."""
     def sound_events(self) -> list[tuple[float, str]]:
         """What happened to the sound: (seconds, sentence)."""
+    def borne(self) -> list[tuple[int, float, float, float]]:
+        """How much of the scene's force each real hand gets: (hand, part of it, stiffness met
+        [N/m], stiffness borne [N/m])."""
     def output(self) -> str:
         """What it plays on, in words."""
     def granted(self) -> str | None:

