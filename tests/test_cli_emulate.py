@@ -121,7 +121,8 @@ def test_a_hand_moves_a_firefader_the_same_way_by_any_pace():
 
 
 def test_silence_lets_go_by_the_wall():
-    with emulator("firefader", "--no-gate", "--stiffness", "100N/m") as device:
+    key = ("--no-gate", "--stiffness", "100N/m", "--watchdog", "400ms")
+    with emulator("firefader", *key) as device:
         with serial(device.url) as port:
             for _ in range(200):
                 reply = exchange(port, bytes([0x7F, 64, 0]))

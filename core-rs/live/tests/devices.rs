@@ -3,6 +3,7 @@
 
 mod emulator;
 
+use std::io::{BufRead, BufReader};
 use std::time::{Duration, Instant};
 
 use emulator::{Emulator, RATE, gesture, options};
@@ -281,7 +282,7 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
     let stats = device_stats(&device);
     assert!(stats.received > 100 && stats.garbage == 0, "{stats:?}");
     // Both clocks are this machine's.
-    assert!(stats.drift_ppm.unwrap().abs() < 2e4, "{stats:?}");
+    assert!(stats.drift_ppm.unwrap().abs() < 1e5, "{stats:?}");
     assert!(peak > 3e-3, "the hand goes by the wall: {peak}");
     drop(device);
     let outcome = emulator.end();
@@ -353,6 +354,9 @@ fn a_real_board_has_its_own_time() {
     emulator.end();
 }
 
+/// What it says when the key has long been where 1 N takes it.
+const PUSHES: &str = "it pushes";
+
 /// A host of its own, for the tests below to end: pushes with 1 N as long as it lives.
 #[test]
 #[ignore = "a part of other tests"]
@@ -361,12 +365,16 @@ fn host_process() {
     let mut device = guard(device::open(&url).unwrap());
     let mut sample = Sample::default();
     let start = Instant::now();
+    let mut told = false;
     while start.elapsed() < Duration::from_secs(20) {
         let deadline = Instant::now() + Duration::from_millis(1);
         let _ = device.receive(&mut sample, deadline);
         let _ = device.send(&[1.0]);
-        if start.elapsed() < Duration::from_millis(300) {
+        if start.elapsed() < Duration::from_millis(900) {
             continue;
+        }
+        if !std::mem::replace(&mut told, true) {
+            eprintln!("{PUSHES}");
         }
         match std::env::var("ERGON_TEST_END").as_deref() {
             Ok("panic") => panic!("as asked"),
@@ -391,15 +399,16 @@ fn ended(kind: &str, mut options: Options, end: End) -> Emulator {
     options.key.stiffness = 100.0;
     let emulator = Emulator::start(options);
     let mut host = std::process::Command::new(std::env::current_exe().unwrap());
-    host.args(["--exact", "host_process", "--ignored"])
+    host.args(["--exact", "host_process", "--ignored", "--nocapture"])
         .env("ERGON_TEST_DEVICE", format!("{kind}:{}", emulator.address))
         .stdout(std::process::Stdio::null())
-        .stderr(std::process::Stdio::null());
+        .stderr(std::process::Stdio::piped());
     if let End::Itself(how) = end {
         host.env("ERGON_TEST_END", how);
     }
     let mut host = host.spawn().unwrap();
-    std::thread::sleep(Duration::from_millis(700));
+    let mut said = BufReader::new(host.stderr.take().unwrap()).lines();
+    assert!(said.any(|line| line.unwrap() == PUSHES));
     if let End::Signal(signal) = end {
         // SAFETY: the child has not been waited for: the number is its own.
         unsafe { libc::kill(host.id().cast_signed(), signal) };
