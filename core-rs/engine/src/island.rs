@@ -11,6 +11,7 @@ pub(crate) mod mesh;
 pub(crate) mod modal;
 
 pub(crate) mod record;
+pub(crate) mod slow;
 
 pub use build::Options;
 pub(crate) use build::at_rest;

@@ -5,7 +5,7 @@ mod join;
 
 use std::sync::Arc;
 
-use super::free::{FreeKey, Room};
+use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
 use super::quintic::Knot;
 use super::script::{Gesture, Leg, Report, Touch};
@@ -37,7 +37,7 @@ pub(crate) struct VoiceScript {
 /// What moves of a voice.
 #[derive(Clone, Debug)]
 pub(crate) struct Voice {
-    free: Body,
+    free: Motion,
     /// Imposed points inside the free key, at this frame.
     targets: Vec<Target>,
     room: Room,
@@ -112,16 +112,17 @@ impl Voice {
     pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[Arc<Gesture>], n: u64) -> bool {
         let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
-        let moves = self.free.x[i].abs() + self.free.d[i].abs() * script.free.scheme.rate > AT_REST;
+        let moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate
+            > AT_REST;
         !script.layer || moves || script.gestures.iter().any(own)
     }
 
     /// How far a layer takes its key now [m].
     pub(crate) fn deviation(&self, script: &VoiceScript) -> f64 {
-        self.free.x[script.free.struck]
+        self.free.body.x[script.free.struck]
     }
 
-    pub(crate) fn new(script: &VoiceScript, free: Body) -> Self {
+    pub(crate) fn new(script: &VoiceScript, free: Motion) -> Self {
         let laws = script.free.scheme.laws();
         let room = Room {
             coast: free.clone(),
@@ -166,7 +167,7 @@ impl Voice {
         }
         script
             .free
-            .strike_and_move(&mut self.free, force, &mut self.targets);
+            .strike_and_move(&mut self.free, n, force, &mut self.targets);
     }
 
     /// Hold what was asked against what was done.
@@ -178,7 +179,7 @@ impl Voice {
             .or_else(|| self.begun.checked_sub(1).map(|last| script.gestures[last]));
         let Some(gesture) = latest else { return };
         let report = &mut scene.reports[gesture];
-        let free = self.free.x[script.free.struck];
+        let free = self.free.body.x[script.free.struck];
         report.low = report.low.min(free);
         report.high = report.high.max(free);
         if !self.asked.is_nan() && !script.layer {
@@ -197,15 +198,19 @@ impl Voice {
     /// Position, velocity and acceleration of the key that the gesture is written for.
     fn motion(&self, script: &VoiceScript, scene: &Scene<'_>, touch: Touch, n: u64) -> Knot {
         let (scheme, body, i) = match touch {
-            Touch::Open => (&*script.free.scheme, &self.free, script.free.struck),
+            Touch::Open => (&*script.free.scheme, &self.free.body, script.free.struck),
             Touch::Tracked => (scene.scheme, &*scene.body, script.struck),
         };
         let (x, before) = (body.x[i], body.x[i] - body.d[i]);
         let next = kernel::predict(scheme, body, i);
         let rate = scheme.rate;
+        let [v_lacks, a_lacks] = match touch {
+            Touch::Open => self.free.lack(i),
+            Touch::Tracked => [0.0; 2],
+        };
         let (v, a) = (
-            (next - before) * (0.5 * rate),
-            (next - 2.0 * x + before) * (rate * rate),
+            (next - before) * (0.5 * rate) + v_lacks * rate,
+            (next - 2.0 * x + before + a_lacks) * (rate * rate),
         );
         Knot {
             t: n as f64 / rate,
