@@ -290,6 +290,7 @@ fn hands(
         targets: &mut state.targets,
         reports: &mut state.reports,
         stream: &mut state.stream,
+        bodies: &mut state.bodies,
         layers: &state.layers,
     };
     for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
@@ -303,7 +304,7 @@ fn hands(
 fn strike(script: &Script, state: &mut State, n: u64) {
     let scheme = &script.scheme;
     let t = 1.0 / scheme.rate;
-    let body = &mut state.body;
+    let (body, bodies) = (&mut state.body, &mut state.bodies);
     while let Some(push) = script
         .pushes
         .get(state.pushed)
@@ -323,6 +324,9 @@ fn strike(script: &Script, state: &mut State, n: u64) {
             );
         }
         body.push(mat, push.force);
+        bodies
+            .iter_mut()
+            .for_each(|body| body.struck(mat, push.force));
     }
     while let Some(ergon) = script
         .ergons
@@ -339,7 +343,9 @@ fn strike(script: &Script, state: &mut State, n: u64) {
         let mass = t * t / scheme.w[mat];
         let velocity = kernel::centred(scheme, body, mat);
         let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);
-        body.push(mat, impulse * scheme.rate);
+        let force = impulse * scheme.rate;
+        body.push(mat, force);
+        bodies.iter_mut().for_each(|body| body.struck(mat, force));
         let (mass, speed, source) = (ergon.mass, ergon.speed, ergon.source);
         state.stream.push(
             n,

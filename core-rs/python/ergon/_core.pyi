@@ -91,9 +91,12 @@ class Network:
     n_mat: int
     n_lia: int
     n_out: int
-    def part(self, name: str, *, ca_rate: float | None = None) -> None:
+    def part(
+        self, name: str, *, ca_rate: float | None = None, every: int | None = None
+    ) -> None:
         """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
-        Z of the discrete network at that rate, which then is the truth (GENESIS habit)."""
+        Z of the discrete network at that rate, which then is the truth (GENESIS habit). A plan lets
+        its own springs pull once `every` so many frames, where it may (E4)."""
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int: ...
     def sol(self, name: str, *, X0: float = 0.0) -> int: ...
     def cel(
@@ -330,7 +333,7 @@ class PlanRow:
     n_mat: int  # MATs that move
     n_lia: int
     what: Literal[
-        "stepped", "oscillators", "modes", "ca2p", "bm4", "ieq", "trapezoid", "unheard", "still"
+        "stepped", "oscillators", "modes", "ca2p", "bm4", "ieq", "trapezoid", "e4", "unheard", "still"
     ]
     modes: tuple[int, int] | None  # computed, of how many
     left_out_db: float | None  # the other modes together, relative to all
@@ -341,6 +344,10 @@ class PlanRow:
     cost: float  # seconds of work for a second of sound, by the table of costs
     word: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
+    every: int | None  # frames from one pull of its own springs to the next
+    radius: float | None  # largest eigenvalue of what it and all it touches do from pull to pull
+    preserved: bool  # slow, and not heard: at most -75 dB up to 10 frames, -70 dB up to 20
+    stays: str | None  # parts that have a rate of their own and go at every frame, and why
 
 @final
 class Plan:
@@ -364,6 +371,8 @@ class Plan:
     def choices(self) -> list[tuple[int, int, int, list[list[int]]]]:
         """What was decided, island by island: (modules, times it is stepped a frame, how often a
         step contacts are computed, 0 for a bank; of each body its modes, or its method)."""
+    def stay(self) -> list[tuple[str, str]]:
+        """Parts that have a rate of their own and go at every frame all the same: (name, why)."""
     hash: str  # of what was decided: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------

@@ -45,9 +45,25 @@ impl Motion {
         }
     }
 
+    /// The velocity [m a frame] that a MAT lacks where a path lets it go.
+    fn release(&self, mat: usize) -> f64 {
+        self.slow.iter().map(|slow| slow.release(mat)).sum()
+    }
+
+    /// What a MAT that is led along a path is to be given before its springs pull, at the end of this frame.
+    pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
+        let mut given = 0.0;
+        for slow in &mut self.slow {
+            let own = slow.release_at_pull(mat);
+            slow.give(mat, own);
+            given += own;
+        }
+        given
+    }
+
     /// What two frames do not tell of the velocity [m a frame] of a MAT and its change a frame.
-    pub(crate) fn lack(&self, mat: usize) -> [f64; 2] {
-        let each = self.slow.iter().map(|slow| slow.lack(mat));
+    pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
+        let each = self.slow.iter().map(|slow| slow.lack(mat, is_led));
         each.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
     }
 }
@@ -152,6 +168,11 @@ impl FreeKey {
         });
         kernel::contacts(scheme, &[], &room.targets, coast);
         kernel::needed(scheme, coast, struck, x)
+    }
+
+    /// The force on the struck MAT with which it goes on by itself where a path ends [N].
+    pub(crate) fn release(&self, motion: &Motion) -> f64 {
+        motion.release(self.struck) / self.scheme.w[self.struck]
     }
 
     /// Add a force on the struck MAT and move from frame n to n + 1.

@@ -9,6 +9,7 @@ use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
 use super::quintic::Knot;
 use super::script::{Gesture, Leg, Report, Touch};
+use crate::island::inside;
 use crate::island::record::Stream;
 use crate::kernel;
 use crate::scheme::Scheme;
@@ -46,6 +47,8 @@ pub(crate) struct Voice {
     now: Option<Running>,
     /// The key is held on its path in this frame: the ergon is known once all other forces are.
     held: Option<Held>,
+    /// A path led it to this frame.
+    is_led: bool,
     /// Number of gestures begun (also those that only join so far).
     begun: usize,
     /// Where the key is wanted at the present frame [m]; NaN: nowhere.
@@ -90,6 +93,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) gestures: &'a [Arc<Gesture>],
     pub(crate) reports: &'a mut [Report],
     pub(crate) stream: &'a mut Stream,
+    pub(crate) bodies: &'a mut [inside::Playing],
     /// How far layers take each key from where its gesture wants it [m]   (n_keys)
     pub(crate) layers: &'a [f64],
 }
@@ -136,6 +140,7 @@ impl Voice {
             flight: Flight::default(),
             now: None,
             held: None,
+            is_led: false,
             begun: 0,
             asked: f64::NAN,
         }
@@ -160,8 +165,21 @@ impl Voice {
         let here = std::mem::replace(&mut self.asked, f64::NAN);
         let force = match ask {
             Some(ask) => self.answer(script, scene, n, &ask, here),
+            None if self.is_led => {
+                let force = script.free.release(&self.free);
+                scene.body.push(script.struck, force);
+                force
+            }
             None => 0.0,
         };
+        self.is_led = matches!(ask, Some(Ask::Pass(_)));
+        if self.is_led {
+            let given = self.free.release_at_pull(script.free.struck);
+            if given != 0.0 {
+                let bodies = scene.bodies.iter_mut();
+                bodies.for_each(|body| body.give(script.struck, given));
+            }
+        }
         if let Some(now) = self.now.as_ref().filter(|now| now.struck_until == n + 1) {
             self.asked = now.aim;
         }
@@ -205,7 +223,7 @@ impl Voice {
         let next = kernel::predict(scheme, body, i);
         let rate = scheme.rate;
         let [v_lacks, a_lacks] = match touch {
-            Touch::Open => self.free.lack(i),
+            Touch::Open => self.free.lack(i, self.is_led),
             Touch::Tracked => [0.0; 2],
         };
         let (v, a) = (

@@ -82,6 +82,20 @@ impl Playing {
         }
     }
 
+    /// What a hand gives a MAT of the island at the end of this frame [m a frame].
+    pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
+        if let Self::Slow(slow) = self {
+            slow.give(mat, velocity);
+        }
+    }
+
+    /// A strike on a MAT of the island in this frame [N], whose force is in the sum already.
+    pub(crate) fn struck(&mut self, mat: usize, force: f64) {
+        if let Self::Slow(slow) = self {
+            slow.strike(mat, force);
+        }
+    }
+
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         match self {
             Self::Modal(modal) => modal.step(n, force),

@@ -2,6 +2,8 @@
 //!
 //! Its ports move frame by frame; what nothing else touches moves straight from kick to kick.
 
+mod led;
+
 use std::sync::Arc;
 
 use crate::integrate::flow::Flow;
@@ -33,6 +35,9 @@ pub(crate) struct Slow {
     pub(crate) is_inner: Vec<f64>,
     /// The discrete network is the truth.
     pub(crate) is_discrete: bool,
+    /// Of each port that is struck, by the frames since the last kick: what a step of a metre a frame leaves undone of
+    /// positions and velocities until the next   (n_ports, R; [n, n])
+    pub(crate) missing: Vec<Vec<[Vec<f64>; 2]>>,
     /// Outputs that hear it, each a weighted sum of positions.
     pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
 }
@@ -51,6 +56,11 @@ pub(crate) struct Playing {
     since: u32,
     /// Distances from rest   (n)
     bent: Vec<f64>,
+    /// What strikes since the last kick left undone of positions and velocities   (n)
+    undone: [Vec<f64>; 2],
+    is_struck: bool,
+    /// What a hand gives one of its MATs at the end of this frame [m a frame].
+    given: (usize, f64),
 }
 
 impl Slow {
@@ -62,6 +72,7 @@ impl Slow {
                 .filter_map(|&(own, there)| Some((own, mat(there)?)))
                 .collect(),
             heard: Vec::new(),
+            missing: Vec::new(),
             ..self.clone()
         }
     }
@@ -98,12 +109,16 @@ impl Playing {
             };
             was.push(x[own] - (body.d[mat] - curve));
         }
+        let n = x.len();
         Self {
             x,
             v,
             kick,
             was,
             since: 0,
+            undone: [vec![0.0; n], vec![0.0; n]],
+            is_struck: false,
+            given: (0, 0.0),
             bent,
             plan: Arc::new(plan.clone()),
         }
@@ -139,6 +154,21 @@ impl Playing {
         }
     }
 
+    /// A strike on a MAT of the island in this frame [N]: what its springs would answer before they pull again.
+    pub(crate) fn strike(&mut self, mat: usize, force: f64) {
+        let port = self.plan.ports.iter().position(|port| port.1 == mat);
+        let Some(port) = port else { return };
+        let step = force * self.plan.w[self.plan.ports[port].0];
+        if let Some(missing) = self.plan.missing[port].get(self.since as usize) {
+            self.is_struck = true;
+            for (undone, missing) in self.undone.iter_mut().zip(missing) {
+                for (undone, missing) in undone.iter_mut().zip(missing) {
+                    *undone += step * missing;
+                }
+            }
+        }
+    }
+
     /// From frame `n` to the next, by the forces that the ports feel (n_mat).
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let plan = &*self.plan;
@@ -147,6 +177,8 @@ impl Playing {
             self.v[own] += plan.w[own] * force[mat];
             self.x[own] += self.v[own];
         }
+        let (own, given) = std::mem::take(&mut self.given);
+        self.v[own] += given;
         self.since += 1;
         let every = plan.flow.every;
         if (n + 1) % u64::from(every) != 0 {
@@ -157,6 +189,9 @@ impl Playing {
             self.x[own] += f64::from(self.since) * self.v[own];
         }
         self.since = 0;
+        if self.is_struck {
+            add_up(&mut self.x, &mut self.undone[0]);
+        }
         for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&plan.rest) {
             *bent = rest - x;
         }
@@ -164,24 +199,12 @@ impl Playing {
         self.v.fill(0.0);
         dense::apply(&plan.flow.keep.entries, &self.kick, &mut self.v);
         dense::apply(&plan.flow.pull.entries, &self.bent, &mut self.v);
+        if self.is_struck {
+            add_up(&mut self.v, &mut self.undone[1]);
+            self.is_struck = false;
+        }
         for (kick, v) in self.kick.iter_mut().zip(&self.v) {
             *kick = v - *kick;
-        }
-    }
-
-    /// What the velocity [m a frame] and its change a frame lack, as two frames tell them of a port in the island:
-    /// a spring that kicks now and then pulls all the time.
-    pub(crate) fn lack(&self, mat: usize) -> [f64; 2] {
-        let port = self.plan.ports.iter().find(|port| port.1 == mat);
-        let Some(&(own, _)) = port else {
-            return [0.0; 2];
-        };
-        let every = f64::from(self.plan.flow.every);
-        let pull = self.kick[own] / every;
-        if self.since == 0 {
-            [0.0, pull - self.kick[own]]
-        } else {
-            [pull * (f64::from(self.since) - 0.5 * every), pull]
         }
     }
 
@@ -216,6 +239,13 @@ impl Playing {
     /// Whether all of it is within reason.
     pub(crate) fn sound(&self) -> bool {
         self.x.iter().all(|&x| sound(x))
+    }
+}
+
+/// Add what is due, and be done with it.
+fn add_up(to: &mut [f64], due: &mut [f64]) {
+    for (to, due) in to.iter_mut().zip(due) {
+        *to += std::mem::take(due);
     }
 }
 

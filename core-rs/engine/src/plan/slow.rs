@@ -1,6 +1,6 @@
 //! Slow linear parts of an island: which of their masses go once every R frames, and by what flow.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::body::heard;
 use super::forest::{Forest, ends};
 use super::wiring::Body;
 use crate::gesture::script::Touch;
-use crate::integrate::flow::Flow;
+use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
 use crate::island::slow::Slow;
 use crate::maths;
@@ -82,8 +82,12 @@ fn bodies(
     if wired.is_empty() {
         return Err("nothing in it is linear".to_owned());
     }
+    let strikes = timeline.strikes.iter().map(|strike| strike.mat);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
+    let struck: BTreeSet<u32> = strikes.chain(ergons).collect();
+    let is_struck = |mat: usize| struck.contains(&(mat as u32));
     let slow = |body: Body| {
-        let slow = Slow::of(network, timeline.rate, part, every, &body)?;
+        let slow = Slow::of(network, timeline.rate, (part, every), &body, is_struck)?;
         Ok((body, slow))
     };
     wired.into_iter().map(slow).collect()
@@ -171,9 +175,9 @@ impl Slow {
     fn of(
         network: &Network,
         rate: Rate,
-        part: usize,
-        every: u32,
+        (part, every): (usize, u32),
         body: &Body,
+        is_struck: impl Fn(usize) -> bool,
     ) -> Result<Self, String> {
         let n = body.mats.len();
         if n > MASSES_MAX {
@@ -206,7 +210,8 @@ impl Slow {
         if !matches!(turn.partial_cmp(&TURN_MAX), Some(std::cmp::Ordering::Less)) {
             return Err(too_fast());
         }
-        let flow = Flow::new(&own.k, &own.z, every, is_discrete).ok_or_else(too_fast)?;
+        let frame = frame(&own.k, &own.z, is_discrete);
+        let flow = Flow::new(&frame, every).ok_or_else(too_fast)?;
         let outputs = heard(&subset.network).map_err(|why| why.why().to_owned())?;
         let slot = |mat: usize| own.free.binary_search(&mat).ok();
         let rows = outputs.rows.into_iter().map(|row| {
@@ -221,9 +226,17 @@ impl Slow {
             .filter_map(|&mat| Some((slot(subset.mat(mat as usize)?)?, mat as usize)))
             .collect();
         let is_port = |own: usize| ports.iter().any(|port| port.0 == own);
+        let missing = |&(own, mat): &(usize, usize)| {
+            if is_struck(mat) {
+                missing(&flow, &frame, own, is_discrete)
+            } else {
+                Vec::new()
+            }
+        };
         let mats = subset.network.mats();
         Ok(Self {
             part,
+            missing: ports.iter().map(missing).collect(),
             rest: own.rest(&modes.eigenvalues, &modes.eigenvectors),
             x0: own.free.iter().map(|&i| mats.x0[i]).collect(),
             v0: own.free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
@@ -240,6 +253,26 @@ impl Slow {
             network: Arc::new(subset.network),
         })
     }
+}
+
+/// What pushes of a mass at each frame between two kicks leave undone.
+fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[Vec<f64>; 2]> {
+    let n = flow.keep.n;
+    let mut moved = vec![0.0; 2 * n];
+    moved[n + own] = 1.0;
+    // The CA network has moved on by a push at the very next frame; motion follows it from where it is.
+    if is_discrete {
+        moved[own] = 1.0;
+    } else {
+        moved = frame.apply(&moved);
+    }
+    let mut found = Vec::new();
+    for frames in 1..=flow.every {
+        found.push(flow.missing(own, frames, &moved));
+        moved = frame.apply(&moved);
+    }
+    found.reverse();
+    found
 }
 
 /// What holds masses together, in units of a frame.
