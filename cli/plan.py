@@ -181,7 +181,9 @@ def _why(row: PlanRow) -> list[str]:
         if row.left_out_db is not None:
             said.append(f"  The others would be {row.left_out_db:.0f} dB below the rest together.")
     elif row.every is not None:
-        said.append(f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4).")
+        said.append(
+            f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
+        )
         if row.radius is not None:
             said.append(f"  From pull to pull nothing grows: |λ| is {row.radius:.9g} at most.")
     elif row.what == "stepped":

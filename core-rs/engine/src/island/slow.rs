@@ -181,7 +181,7 @@ impl Playing {
         self.v[own] += given;
         self.since += 1;
         let every = plan.flow.every;
-        if (n + 1) % u64::from(every) != 0 {
+        if !(n + 1).is_multiple_of(u64::from(every)) {
             return;
         }
         for &own in &plan.inner {
@@ -217,6 +217,25 @@ impl Playing {
     pub(crate) fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
         let all = self.x.iter_mut().chain(&mut self.v).chain(&mut self.was);
         all.for_each(visit);
+    }
+
+    /// Set it going from rest, each mass with an energy by chance.
+    pub(crate) fn stir(&mut self, mut chance: impl FnMut() -> f64) {
+        self.x.fill(0.0);
+        self.was.fill(0.0);
+        for (v, w) in self.v.iter_mut().zip(&self.plan.w) {
+            *v = chance() * w.sqrt();
+        }
+    }
+
+    /// Its energy, about [in units of a frame]: of its motion, and of its springs as they pull.
+    pub(crate) fn energy(&self) -> f64 {
+        let plan = &*self.plan;
+        let pulled = plan.flow.pull.apply(&self.x);
+        let each = self.x.iter().zip(&self.v).zip(pulled.iter().zip(&plan.w));
+        let every = f64::from(plan.flow.every);
+        each.map(|((x, v), (pull, w))| 0.5 * (v * v + x * pull / every) / w)
+            .sum()
     }
 
     /// Whether it is in some part.

@@ -16,7 +16,7 @@ use crate::state::Body;
 const DENSE_MAX: usize = 240;
 /// Eigenvalues on the unit circle are off it by rounding, double ones (a mass that nothing holds) by its root.
 const ROUNDING: f64 = 3e-7;
-/// A large island is followed so many kicks, and may grow by so much at each: what beats there may look like.
+/// A large island is followed so many kicks, and may grow by so much at each: what its energy swings by.
 const KICKS: usize = 2_000;
 const BEATS: f64 = 3e-5;
 /// Kicks that fall together more seldom than this are not followed [frames].
@@ -230,7 +230,7 @@ impl<'a> Map<'a> {
     fn radius(&mut self) -> (f64, bool) {
         let n = self.len();
         if n > DENSE_MAX {
-            return (self.followed(n), true);
+            return (self.followed(), true);
         }
         let mut matrix = DMatrix::zeros(n, n);
         let mut column = vec![0.0; n];
@@ -254,32 +254,76 @@ impl<'a> Map<'a> {
         (crate::maths::pow(largest, 1.0 / self.kicks), false)
     }
 
-    /// How much a motion that has some of everything grows a kick: between the largest that it is in the second
+    /// How much a motion that has some of everything grows a kick: between the most energy that it has in the second
     /// quarter of a while, and in the last.
-    fn followed(&mut self, n: usize) -> f64 {
-        let mut state: Vec<f64> = (0..n)
-            .map(|i| {
-                ((i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 / 8_388_608.0 - 1.0
-            })
-            .collect();
-        let times = (KICKS as f64 / self.kicks).ceil() as usize;
-        let (mut scale, mut quarters) = (0.0, [f64::NEG_INFINITY; 4]);
+    fn followed(&mut self) -> f64 {
+        self.stir();
+        let times = (KICKS as f64 / self.kicks).ceil().max(4.0) as usize;
+        let mut quarters = [0.0_f64; 4];
         for step in 0..times {
-            self.apply(&mut state);
-            let norm = state.iter().map(|x| x * x).sum::<f64>().sqrt();
-            if !norm.is_finite() {
+            self.place();
+            for n in 0..self.frames {
+                self.frame(n);
+            }
+            let energy = self.energy();
+            if !energy.is_finite() {
                 return f64::INFINITY;
             }
-            if norm == 0.0 {
-                return 0.0;
-            }
-            scale += crate::maths::log(norm);
-            state.iter_mut().for_each(|x| *x /= norm);
             let quarter = &mut quarters[4 * step / times];
-            *quarter = quarter.max(scale);
+            *quarter = quarter.max(energy);
         }
-        let apart = 0.5 * times as f64 * self.kicks;
-        crate::maths::exp((quarters[3] - quarters[1]) / apart)
+        if quarters[1] <= 0.0 {
+            return 0.0; // all of it has come to rest
+        }
+        // Of the amplitude, half as fast as of the energy, over half the while.
+        let apart = times as f64 * self.kicks;
+        crate::maths::pow(quarters[3] / quarters[1], 1.0 / apart)
+    }
+
+    /// Everything at 0, and moving with about the same energy.
+    fn stir(&mut self) {
+        let mut count = 0_u64;
+        let mut chance = || {
+            count += 1;
+            let bits = count.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+            bits as f64 / 8_388_608.0 - 1.0
+        };
+        for &i in &self.stepped {
+            (self.body.x[i], self.body.d[i]) = (0.0, chance() * self.scheme.w[i].sqrt());
+        }
+        for slow in &mut self.slow {
+            slow.stir(&mut chance);
+        }
+        for modes in &mut self.modes {
+            modes.before.fill(0.0);
+            for (now, own) in modes.now.iter_mut().zip(&modes.modal.modes) {
+                *now = chance() * own.gain.sqrt();
+            }
+        }
+    }
+
+    /// About the energy of all [in units of a frame].
+    fn energy(&self) -> f64 {
+        let Body { x, d, .. } = &self.body;
+        let Scheme { w, kappa, .. } = &self.scheme;
+        let each = self.stepped.iter();
+        let stepped: f64 = each
+            .map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i])
+            .sum();
+        let bent = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
+        let links: f64 = self.links.iter().map(|link| link.k * bent(link)).sum();
+        let slow: f64 = self.slow.iter().map(Playing::energy).sum();
+        let of = |modes: &Modes<'_>| -> f64 {
+            let pairs = modes.now.iter().zip(&modes.before);
+            let each = pairs.zip(&modes.modal.modes);
+            each.map(|((now, before), own)| {
+                let step = now - before;
+                (step * step + (1.0 - own.a + own.b) * now * now) / own.gain
+            })
+            .sum()
+        };
+        let modes: f64 = self.modes.iter().map(of).sum();
+        slow + 0.5 * (stepped + links + modes)
     }
 }
 

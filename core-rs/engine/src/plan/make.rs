@@ -171,7 +171,10 @@ impl Maker<'_> {
                         .ok_or_else(another)?,
                     None => pilot::pilot(&assemble, self.budget)?,
                 };
-                judged = multirate::certify(&found.island);
+                // Where all of it goes more often its map is another.
+                if found.island.isle.times > 1 {
+                    judged = multirate::certify(&found.island);
+                }
                 if let Ok(growth) = judged {
                     break (found, growth);
                 }

@@ -19,8 +19,8 @@ use crate::scheme::{Scheme, moves};
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
-/// More masses than this are no cheaper by dense products, however slow.
-const MASSES_MAX: usize = 300;
+/// More masses than this are hardly cheaper by dense products, and their flow takes seconds to compute.
+const MASSES_MAX: usize = 120;
 /// A mode that turns further than this between two kicks [rad] is not seen well enough by them.
 const TURN_MAX: f64 = 0.9 * PI;
 /// Stiffness below this part of the stiffest is rounding: nothing holds a body in such a mode.
