@@ -298,6 +298,19 @@ def test_written_points_are_met(every: int, gesture: dict[str, Any]):
     assert all(report.missed == 0 for report in simulation.reports())
 
 
+def test_layers_add_up_on_a_slow_key():
+    network, timeline, key, _ = lone_key(44)
+    timeline.gesture(key, [0.05, 0.1, 0.25], [2e-3, 5e-3, 1e-3], ["smooth"] * 3)
+    for start in (0.08, 0.1):
+        t = [start, start + 0.03, start + 0.0612]
+        timeline.gesture(key, t, [0.0, 2e-3, 1e-3], ["smooth"] * 3, layer=True)
+    simulation = _core.Simulation(network, timeline, plan=_core.Plan(network, timeline))
+    simulation.process(np.zeros((int(0.3 * RATE), 1)))
+    report = simulation.reports()[0]
+    assert report.compared > 8000
+    assert report.worst < 1e-9
+
+
 def test_a_key_that_joins_a_gesture_from_a_swing_does_so_without_a_blow():
     def bend(every: int | None) -> float:
         network, timeline, key, struck = lone_key(every)

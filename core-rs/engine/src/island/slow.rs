@@ -59,8 +59,8 @@ pub(crate) struct Playing {
     /// What strikes since the last kick left undone of positions and velocities   (n)
     undone: [Vec<f64>; 2],
     is_struck: bool,
-    /// What a hand gives one of its MATs at the end of this frame [m a frame].
-    given: (usize, f64),
+    /// What hands give its ports at the end of this frame [m a frame]   (n_ports)
+    given: Vec<f64>,
 }
 
 impl Slow {
@@ -118,7 +118,7 @@ impl Playing {
             since: 0,
             undone: [vec![0.0; n], vec![0.0; n]],
             is_struck: false,
-            given: (0, 0.0),
+            given: vec![0.0; plan.ports.len()],
             bent,
             plan: Arc::new(plan.clone()),
         }
@@ -177,8 +177,9 @@ impl Playing {
             self.v[own] += plan.w[own] * force[mat];
             self.x[own] += self.v[own];
         }
-        let (own, given) = std::mem::take(&mut self.given);
-        self.v[own] += given;
+        for (&(own, _), given) in plan.ports.iter().zip(&mut self.given) {
+            self.v[own] += std::mem::take(given);
+        }
         self.since += 1;
         let every = plan.flow.every;
         if !(n + 1).is_multiple_of(u64::from(every)) {

@@ -39,8 +39,9 @@ impl Playing {
 
     /// Give it to a port of the island at the end of this frame.
     pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
-        if let Some(&(own, _)) = self.plan.ports.iter().find(|port| port.1 == mat) {
-            self.given = (own, velocity);
+        let ports = self.plan.ports.iter().zip(&mut self.given);
+        for (_, given) in ports.filter(|(port, _)| port.1 == mat) {
+            *given += velocity;
         }
     }
 
