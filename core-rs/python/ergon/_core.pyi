@@ -655,6 +655,7 @@ def survey_audio() -> list[tuple[str, bool, str]]:
 
 # --- live ---------------------------------------------------------------------------------------
 
+@final
 class HandStatus:
     """How a real hand does: position [m], force felt and force sent [N]."""
 
@@ -666,6 +667,7 @@ class HandStatus:
     enabled: bool
     tripped: bool
 
+@final
 class Status:
     """How a performance goes. `load` and `busiest` are parts of a tick, `latest` is in seconds."""
 
@@ -684,11 +686,12 @@ class Status:
     peaks: list[float]
     hands: list[HandStatus]
 
+@final
 class Performance:
     """A piece that is being played: one real-time thread, keys on one side, sound on the other."""
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         simulation: Simulation,
         mixer: Mixer,
         *,
@@ -697,12 +700,12 @@ class Performance:
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
-        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = (),
-        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = (),
-        bars: Sequence[int] = (),
+        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = ...,
+        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = ...,
+        bars: Sequence[int] = ...,
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
-    ) -> None:
+    ) -> Self:
         """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it,
         the scene's force in each tick after it was 1 m away for one [N/m]);
         `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
