@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
+_NOT_HERE = ("N401",)  # that a live hand is not there: here it is, or its absence is seen
 _LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
 _SAY = 2.0  # [s] between two lines under --plain
 _AFTER = 10.0  # [s] that what is in the ring may take to be heard
@@ -58,7 +59,7 @@ class Wishes:
 
 def play_score(console: Console, path: str, wishes: Wishes) -> None:
     """Play a score to its end, or until Ctrl-C."""
-    loaded = score.read(console, path)
+    loaded = score.read(console, path, leave_out=_NOT_HERE)
     piece = _standing_in(score.piece_of(loaded), wishes.standin)
     loaded = replace(loaded, piece=piece)
     boards = _boards(piece, wishes)

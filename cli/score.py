@@ -79,12 +79,15 @@ class Staged:
     plan_s: float
 
 
-def read(console: Console, path: str) -> Loaded:
-    """Load a score and print its diagnostics; `-` is stdin."""
+def read(console: Console, path: str, *, leave_out: Sequence[str] = ()) -> Loaded:
+    """Load a score and print its diagnostics, but for some codes; `-` is stdin."""
     from ergon.scores.reading.load import load
 
     text = _stdin() if path == STDIN else None
     loaded = load(path, text=text)
+    loaded = replace(
+        loaded, diagnostics=[one for one in loaded.diagnostics if one.code not in leave_out]
+    )
     console.diagnostics(loaded.diagnostics, loaded.files, loaded.left_out)
     return loaded
 
