@@ -74,7 +74,8 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
 
     while True:
         try:
-            performance = perform(stage, order)
+            with console.progress("going there", order.start, stage.rate) as progress:
+                performance = perform(stage, order, progress.at)
         except _core.EngineError as error:
             raise DeviceMissing(str(error)) from None
         console.say(performance.output())
@@ -192,7 +193,7 @@ def _about(piece: Piece, stage: Stage, order: Order, wishes: Wishes) -> dict[str
 def _gain(console: Console, piece: Piece, stage: Stage, wishes: Wishes) -> float:
     """As asked, as the score's master says, or as a preflight finds."""
     from ergon import _core
-    from ergon.live.preflight import level
+    from ergon.live.preflight import length, level
     from ergon.scores.tables.quantities import gain
     from ergon.scores.text.errors import TextError
 
@@ -205,7 +206,8 @@ def _gain(console: Console, piece: Piece, stage: Stage, wishes: Wishes) -> float
     if master is not None and master.normalise is None:
         return 1.0
     target = master.normalise if master is not None and master.normalise else None
-    found = level(stage, HIGHPASS, target or _core.decibels(NORMALISE_DB))
+    with console.progress("listening beforehand", length(stage), stage.rate) as progress:
+        found = level(stage, HIGHPASS, target or _core.decibels(NORMALISE_DB), progress.at)
     heard = "" if found.seconds is None else f" (the first {found.seconds:.0f} s were listened to)"
     from .units import decibels
 
