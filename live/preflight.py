@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
 
 if TYPE_CHECKING:
+    from ergon.exchange.frozen import Checked
     from ergon.scores.staging.stage import Stage
 
 _BLOCK = 4096  # frames
@@ -26,7 +28,9 @@ class Level:
     seconds: float | None
 
 
-def level(stage: Stage, highpass: float | None, target: float) -> Level:
+def level(
+    stage: Stage, highpass: float | None, target: float, frozen: Sequence[Checked] = ()
+) -> Level:
     """The gain that brings the mix's peak to `target`; the stage stays at its frame 0.
 
     Real hands are played by what stands in for them.
@@ -45,6 +49,8 @@ def level(stage: Stage, highpass: float | None, target: float) -> Level:
     for at in range(0, n_frames, _BLOCK):
         frames = np.zeros((min(_BLOCK, n_frames - at), simulation.n_out))
         simulation.process(frames)
+        for stem in frozen:
+            stem.join(frames, at)
         mixed = np.zeros((len(frames), stage.n_channels))
         mixer.process(frames, mixed)
         peak = max(peak, float(np.max(np.abs(mixed), initial=0.0)))

@@ -663,6 +663,7 @@ class Status:
     latest: float
     lost: int
     dropped: int
+    missed: int
     load: float
     busiest: float
     filled: int
@@ -690,11 +691,13 @@ class Performance:
         bars: Sequence[int] = (),
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
+        frozen: Sequence[tuple[Path, int, int, Sequence[int]]] = (),
     ) -> None:
         """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it);
         `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
         hand that comes back takes over; `record`: (file, (player, key) of each hand, JSON about
-        it). Raises EngineError."""
+        it); `frozen`: (file, bytes before its doubles, frames, outputs) of parts that were computed
+        before. Raises EngineError."""
     def status(self) -> Status: ...
     def events(self) -> list[tuple[int, str, float]]:
         """What happened since the last call: (frame, what, number of the hand or board)."""
