@@ -31,6 +31,7 @@ COMMANDS: Table = {
         "stability",
         "Draw where a method fails, as predicted and as it is.",
     ),
+    "emulate": ("emulate", "emulate", "Be a force-feedback device that is not there."),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),

@@ -50,7 +50,7 @@ def _playing(command: Any) -> Any:
 @options.score
 @_playing
 def play(console: Console, score_path: str, **wishes: Any) -> None:
-    """Play SCORE through the machine's loudspeakers.
+    """Play a score through the loudspeakers.
 
     What `ergon render` writes is what sounds. Live players are played by what stands in for them;
     `ergon duet` puts hands there. Ctrl-C ends it within 5 ms; a second one at once.
@@ -79,7 +79,7 @@ def play(console: Console, score_path: str, **wishes: Any) -> None:
 @click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on a hand [N].")
 @_playing
 def duet(console: Console, score_path: str, **wishes: Any) -> None:
-    """Play SCORE with real hands beside written ones.
+    """Play a score with real hands beside written ones.
 
     Every `--live` puts a device's axis under a player's key: it moves the key and feels what the
     key feels. Where no device is given or one is lost, the player's take or part stands in.

@@ -94,10 +94,32 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
         except _core.EngineError as error:
             raise DeviceMissing(str(error)) from None
         console.say(performance.output())
+        _borne(console, stage, performance)
         ended = _Session(console, stage, performance, boards, wishes).run()
         if not wishes.loop or not ended:
             return
         order = replace(order, start=0)
+
+
+# A key that gets less of the scene's force than this feels another instrument.
+_LEAST = 0.02
+
+
+def _borne(console: Console, stage: Stage, performance: _core.Performance) -> None:
+    """Tell whose forces are scaled; refuse where hardly anything would be left."""
+    for hand, part, met, limit in performance.borne():
+        if part >= 1.0:
+            continue
+        live = stage.live[hand]
+        why = (
+            f"{live.player} on {live.key}: the scene is {met:,.0f} N/m stiff there, and the device "
+            f"bears {limit:,.0f} N/m at {stage.rate / live.every:.0f} Hz"
+        )
+        if part < _LEAST:
+            performance.panic()
+            performance.stop()
+            raise Refused(f"{why}; soften what {live.key} touches, or set a reach")
+        console.warn(f"{why}; its forces are scaled to {part:.0%}")
 
 
 def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:

@@ -3,8 +3,8 @@
     DIR/frozen.json   {"made": …, "ergon_frozen": 1, "score": …, "seed": …, "stems": […]}
     DIR/01_gong.wav   a channel for each output of a part: doubles, before gains and high-passes
 
-Outputs and not channels: one mixer goes over all of a piece, so that a bit of it is the same whatever
-was frozen.
+Outputs and not channels: one mixer goes over all of a piece, and no bit of it depends on what was
+frozen.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from ergon import _core
 
 from .boards import Board
+from .guard import response
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import Checked
@@ -49,13 +50,22 @@ def every(stage: Stage) -> int:
 
 def perform(stage: Stage, order: Order) -> _core.Performance:
     """Begin to play; the stage itself stays where it is. Raises EngineError."""
+    import numpy as np
+
     tick = every(stage)
     simulation = stage.simulation
     start = simulation.snapshot()
     _skip(simulation, order.start // tick * tick)
     numbers = {hand.player: hand.index for hand in stage.live}
+    played = {player for board in order.boards for _, player in board.axes}
     hands = [
-        (hand.standin, hand.reach, _guide(order.guides.get(hand.player))) for hand in stage.live
+        (
+            hand.standin,
+            hand.reach,
+            _guide(order.guides.get(hand.player)),
+            response(stage, hand) if hand.player in played else np.zeros(0),
+        )
+        for hand in stage.live
     ]
     boards = [
         (board.url, [(axis, numbers[player]) for axis, player in board.axes], order.force_max)

@@ -1,9 +1,11 @@
 """Sound servers for tests: each with a name, socket and folder of its own, stopped when done."""
 
 import contextlib
+import fcntl
 import os
 import shutil
 import subprocess
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,8 +38,12 @@ def running(command: list[str], **how: object) -> Iterator[subprocess.Popen[byte
     try:
         yield process
     finally:
-        process.kill()
-        process.wait()
+        process.terminate()
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def until(true, what: str, limit: float = 10.0) -> None:
@@ -45,6 +51,24 @@ def until(true, what: str, limit: float = 10.0) -> None:
     while not true():
         assert time.monotonic() < end, f"{what} within {limit} s"
         time.sleep(0.01)
+
+
+@contextlib.contextmanager
+def jack_name() -> Iterator[str]:
+    """A name for a JACK server that nobody else uses meanwhile.
+
+    JACK's registry has eight places for all names of all time: one that was killed keeps its own
+    until a server of the same name comes. So there are few names, and they are lent.
+    """
+    for i in range(4):
+        with open(Path(tempfile.gettempdir()) / f"ergon-test-{i}.lock", "w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                continue
+            yield f"ergon-test-{i}"
+            return
+    pytest.fail("four test runs use JACK at once")
 
 
 class Jack:
@@ -57,7 +81,7 @@ class Jack:
     def run(self) -> Iterator[subprocess.Popen[bytes]]:
         from ergon import _core
 
-        # Real-time where it is granted: without, jackd would not start for want of the right.
+        # Real-time where it is granted; jackd goes on without.
         server = [need("jackd"), "-R", "-P", "60", "-n", self.name]
         driver = ["-d", "dummy", "-r", self.rate, "-p", self.block, "-C", 2, "-P", self.channels]
         environment = os.environ | {"JACK_NO_AUDIO_RESERVATION": "1"}

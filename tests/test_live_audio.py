@@ -4,7 +4,8 @@ The servers run without a sound card. What is heard there is captured by a secon
 """
 
 import contextlib
-import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from captured import compare
-from servers import Jack, Pulse, until
+from servers import Jack, Pulse, jack_name, until
 
 from ergon import _core
 from ergon.exchange import wave_header
@@ -26,17 +27,23 @@ def noise(n_frames: int, n_channels: int, seed: int = 1) -> np.ndarray:
     return np.concatenate([np.zeros((RATE // 2, n_channels), np.float32), sound])
 
 
+@pytest.fixture(scope="module")
+def name() -> Iterator[str]:
+    with jack_name() as name:
+        yield name
+
+
 @pytest.fixture(autouse=True)
-def no_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def no_server(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No test hears a server that is not its own."""
-    monkeypatch.setenv("JACK_DEFAULT_SERVER", f"ergon-{os.getpid()}-{tmp_path.name[-12:]}")
+    monkeypatch.setenv("JACK_DEFAULT_SERVER", name)
     monkeypatch.setenv("PULSE_SERVER", f"unix:{tmp_path}/pulse.sock")
     monkeypatch.delenv("JACK_NO_AUTOCONNECT", raising=False)
 
 
 @pytest.fixture
-def jack() -> Iterator[Jack]:
-    server = Jack(os.environ["JACK_DEFAULT_SERVER"])
+def jack(name: str) -> Iterator[Jack]:
+    server = Jack(name)
     with server.run():
         yield server
 
@@ -73,6 +80,31 @@ def test_a_file_has_its_name_only_when_it_is_whole(tmp_path: Path):
         _core.AudioOut(f"file:{path}", RATE, 2)
     with pytest.raises(_core.EngineError, match=str(tmp_path)):
         _core.AudioOut(f"file:{tmp_path}/nowhere/a.wav", RATE, 2)
+
+
+def test_a_full_disk_is_said_and_keeps_what_there_is(tmp_path: Path):
+    path = tmp_path / "a.wav"
+    code = f"""
+import resource, numpy as np
+from ergon import _core
+resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))
+out = _core.AudioOut("file:{path}", 48000, 2)
+try:
+    out.play(np.ones((200_000, 2), np.float32))
+    assert out.finish(30.0), "the performance goes on"
+    assert not out.alive
+    print(out.events[0][2])
+    out.close()
+except _core.EngineError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    event, error = done.stdout.splitlines()
+    assert "playing on in silence" in event
+    assert "could not be written" in error
+    (part,) = tmp_path.iterdir()
+    assert str(part) in error
+    assert part.stat().st_size == 2**20
 
 
 def test_the_clock_takes_frames_by_time():
@@ -140,7 +172,7 @@ def captured(sound: np.ndarray, spec: str = "jack") -> Iterator[_core.AudioOut]:
     result = compare(capture.finish(), sound)
     assert result.wrong == 0, result
     # The machine may be late, and then says so; a run in which it was not is exact.
-    assert result.exact or out.xruns or out.underruns, result
+    assert result.exact or out.xruns or out.underruns or out.events, result
 
 
 def test_jack_hears_every_bit(jack: Jack):
@@ -154,17 +186,15 @@ def test_jack_hears_every_bit(jack: Jack):
         assert out.alive
 
 
-def test_jack_freewheels_bit_for_bit_and_faster_than_the_clock(jack: Jack):
+def test_jack_freewheels_bit_for_bit(jack: Jack):
     sound = noise(10 * RATE, jack.channels)
     capture = _core.JackCapture("capture", jack.channels, len(sound) + 60 * RATE)
     out = _core.AudioOut("jack", RATE, jack.channels, capacity=16384)
     assert capture.connect("ergon", 5.0)
-    began = time.monotonic()
     assert capture.freewheel(True)
     until(lambda: out.freewheeling, "freewheeling")
     out.play(sound)
     assert out.finish(60.0)
-    took = time.monotonic() - began
     assert capture.freewheel(False)
     until(lambda: not out.freewheeling, "the clock again")
     out.close()
@@ -172,7 +202,6 @@ def test_jack_freewheels_bit_for_bit_and_faster_than_the_clock(jack: Jack):
     result = compare(capture.finish(), sound)
     assert result.exact, result
     assert out.underruns == 0
-    assert took < len(sound) / RATE
 
 
 def test_an_underrun_is_counted_and_fades(jack: Jack):
@@ -227,11 +256,12 @@ def playing_until(out: _core.AudioOut, true, what: str) -> None:
     until(so, what, limit=20.0)
 
 
-def test_a_jack_server_that_dies_is_found_again():
-    server = Jack(os.environ["JACK_DEFAULT_SERVER"])
-    with server.run():
+def test_a_jack_server_that_dies_is_found_again(name: str):
+    server = Jack(name)
+    with server.run() as process:
         out = _core.AudioOut("auto", RATE, 2)
         playing_until(out, lambda: out.played > RATE // 10, "sound")
+        process.kill()
     playing_until(out, lambda: not out.alive, "the loss")
     lost = out.played
     # The performance goes on by the clock, unheard.
@@ -281,9 +311,10 @@ def test_pulse_converts_to_the_rate_of_its_sink(tmp_path: Path):
 
 def test_a_pulse_server_that_dies_is_found_again(tmp_path: Path):
     server = Pulse(tmp_path, channels=2)
-    with server.run():
+    with server.run() as process:
         out = _core.AudioOut("pulse", RATE, 2)
         playing_until(out, lambda: out.played > RATE // 10, "sound")
+        process.kill()
     playing_until(out, lambda: not out.alive, "the loss")
     with server.run():
         playing_until(out, lambda: out.alive, "the return")

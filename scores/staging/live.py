@@ -34,6 +34,7 @@ class LiveHand:
     player: str
     key: str
     index: int  # among the hands of the engine
+    mat: int
     every: int  # frames of a tick
     reach: float
     standin: NDArray[np.float64]
@@ -70,10 +71,9 @@ def join(
             continue
         stood_in = standin(piece, player, every, collector)
         positions = _known(known, stood_in)
-        index = timeline.hand(
-            assembly.mats[key.name, key.struck], every, positions=positions * key.reach
-        )
-        yield LiveHand(name, key.name, index, every, key.reach, positions, len(stood_in))
+        mat = assembly.mats[key.name, key.struck]
+        index = timeline.hand(mat, every, positions=positions * key.reach)
+        yield LiveHand(name, key.name, index, mat, every, key.reach, positions, len(stood_in))
 
 
 def _known(known: NDArray[np.float64] | None, stood_in: NDArray[np.float64]) -> NDArray[np.float64]:

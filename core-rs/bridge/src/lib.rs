@@ -5,6 +5,7 @@
 
 mod audio;
 mod chance;
+mod emulator;
 mod error;
 mod frames;
 mod law;
@@ -31,6 +32,8 @@ mod _core {
     use super::audio::{AudioOut, JackCapture, play_frames, survey_audio};
     #[pymodule_export]
     use super::chance::Chance;
+    #[pymodule_export]
+    use super::emulator::emulate;
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError};
     #[pymodule_export]

@@ -43,6 +43,11 @@ impl Network {
         self.0.outputs().len()
     }
 
+    /// A copy at rest with every contact closed and every law a spring.
+    fn pressed(&self) -> Self {
+        Self(self.0.pressed())
+    }
+
     /// Start a part: modules added from now on belong to it.
     #[pyo3(signature = (name, *, ca_rate=None))]
     fn part(&mut self, name: &str, ca_rate: Option<f64>) -> PyResult<()> {

@@ -21,8 +21,13 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Longer than any piece [s].
 const LONGEST: f64 = 1e6;
 
-/// (positions at each tick, reach, (k, z) of what guides it)
-type HandOf<'py> = (PyReadonlyArray1<'py, f64>, f64, Option<(f64, f64)>);
+/// (positions at each tick, reach, (k, z) of what guides it, the scene's response)
+type HandOf<'py> = (
+    PyReadonlyArray1<'py, f64>,
+    f64,
+    Option<(f64, f64)>,
+    PyReadonlyArray1<'py, f64>,
+);
 /// (url, [(axis, hand)], greatest force)
 type BoardOf = (String, Vec<(usize, usize)>, Option<f64>);
 /// (path, [(player, key)], what else is known as JSON)
@@ -57,11 +62,12 @@ impl Performance {
         frozen: Vec<StemOf>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
-        let hand = |(standin, reach, guide): &HandOf<'_>| {
+        let hand = |(standin, reach, guide, response): &HandOf<'_>| {
             Ok(Hand {
                 standin: standin.as_slice()?.to_vec(),
                 reach: *reach,
                 guide: guide.map(|(k, z)| Guide { k, z }),
+                response: response.as_slice()?.to_vec(),
             })
         };
         let n_channels = mixer.0.n_channels();
@@ -115,6 +121,12 @@ impl Performance {
     fn sound_events(&self) -> PyResult<Vec<(f64, String)>> {
         let of = |event: audio::Event| (event.at, event.sentence);
         self.with(|own| own.output().events().into_iter().map(of).collect())
+    }
+
+    /// How much of the scene's force each real hand gets: (hand, part, stiffness met [N/m], borne [N/m]).
+    fn borne(&self) -> PyResult<Vec<(usize, f64, f64, f64)>> {
+        let of = |borne: &perform::Borne| (borne.hand, borne.scale, borne.stiffness, borne.limit);
+        self.with(|own| own.borne().iter().map(of).collect())
     }
 
     /// What it plays on, in words.

@@ -10,6 +10,7 @@ mod links;
 mod modes;
 mod names;
 mod output;
+mod pressed;
 mod subset;
 
 pub use kinds::{But, Contact, Error, Side, Tie};

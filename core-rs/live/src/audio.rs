@@ -15,6 +15,11 @@ mod shape;
 mod shared;
 mod sink;
 mod spec;
+#[cfg(all(feature = "system", any(target_os = "macos", windows)))]
+mod system;
+#[cfg(not(all(feature = "system", any(target_os = "macos", windows))))]
+#[path = "audio/no_system.rs"]
+mod system;
 mod wave;
 
 use std::path::PathBuf;

@@ -13,7 +13,7 @@ mod status;
 
 pub use frozen::Stem;
 pub use hand::{Guide, Hand};
-pub use keys::{Keyboard, Slot};
+pub use keys::{Borne, Keyboard, Slot};
 pub use status::{Event, HandStatus, Status, What};
 
 use std::path::PathBuf;
@@ -131,6 +131,7 @@ pub struct Performance {
     output: Output,
     recorder: Option<RecorderHandle>,
     reader: Option<frozen::Reader>,
+    borne: Vec<Borne>,
 }
 
 impl Performance {
@@ -138,7 +139,7 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
-    pub fn start(mut stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
+    pub fn start(mut stage: Stage, mut boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
         let rate = stage.simulation.rate();
         let channels = stage.mixer.n_channels();
         let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every);
@@ -161,6 +162,10 @@ impl Performance {
         };
         let output = audio::open(&how.audio, rate as u32, channels, drain)?;
         let info = output.info();
+        let borne = boards
+            .iter_mut()
+            .flat_map(|board| board.guard(&stage.hands))
+            .collect();
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
         let (to_events, events) = RingBuffer::new(EVENTS);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
@@ -213,6 +218,7 @@ impl Performance {
             output,
             recorder,
             reader,
+            borne,
         })
     }
 
@@ -224,6 +230,11 @@ impl Performance {
     /// The next thing that happened.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop().ok()
+    }
+
+    /// How much of the scene's force each real hand gets.
+    pub fn borne(&self) -> &[Borne] {
+        &self.borne
     }
 
     /// The output that it plays on.
@@ -257,9 +268,10 @@ impl Performance {
         commands.push(Command::Gain(gain)).is_ok()
     }
 
-    /// Play nothing more: forces are zero, and what is in the ring ends in a fade.
+    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
     pub fn stop(&self) {
         self.desk.stop.store(true, Ordering::Release);
+        self.output.shared().panic();
     }
 
     /// Whether the last frame has been computed.

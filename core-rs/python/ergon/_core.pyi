@@ -4,7 +4,7 @@ Sizes: n_mat MATs, n_lia LIAs, n_out outputs, n_frames frames, n_channels loudsp
 SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules, hertz.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Literal, Self, final
@@ -111,6 +111,9 @@ class Network:
     def part(self, name: str, *, ca_rate: float | None = None) -> None:
         """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
         Z of the discrete network at that rate, which then is the truth (GENESIS habit)."""
+    def pressed(self) -> Network:
+        """A copy at rest with every contact closed and every law the stiffest spring that it is
+        within a millimetre: what a hand meets at worst."""
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int: ...
     def sol(self, name: str, *, X0: float = 0.0) -> int: ...
     def cel(
@@ -686,14 +689,15 @@ class Performance:
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
-        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None]] = (),
+        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = (),
         boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = (),
         bars: Sequence[int] = (),
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
         frozen: Sequence[tuple[Path, int, int, Sequence[int]]] = (),
     ) -> None:
-        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it);
+        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it,
+        the scene's force in each tick after it was 1 m away for one [N/m]);
         `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
         hand that comes back takes over; `record`: (file, (player, key) of each hand, JSON about
         it); `frozen`: (file, bytes before its doubles, frames, outputs) of parts that were computed
@@ -703,6 +707,9 @@ class Performance:
         """What happened since the last call: (frame, what, number of the hand or board)."""
     def sound_events(self) -> list[tuple[float, str]]:
         """What happened to the sound: (seconds, sentence)."""
+    def borne(self) -> list[tuple[int, float, float, float]]:
+        """How much of the scene's force each real hand gets: (hand, part of it, stiffness met
+        [N/m], stiffness borne [N/m])."""
     def output(self) -> str:
         """What it plays on, in words."""
     def granted(self) -> str | None:
@@ -719,3 +726,35 @@ class Performance:
         """Wait until the last frame is computed; False when `seconds` came first."""
     def close(self, patience: float) -> list[tuple[int, str, float]]:
         """Wait until everything was heard, put everything away; the events that are left."""
+# --- devices ------------------------------------------------------------------------------------
+
+def emulate(
+    protocol: Literal["firefader", "frame", "haply"],
+    transport: Literal["pty", "udp", "ws"],
+    tell: Callable[[str, str], object],
+    *,
+    port: int = 0,
+    paths: Sequence[_Floats],
+    hand: tuple[float, float],
+    axes: int,
+    mass: float,
+    stiffness: float,
+    damping: float,
+    travel: float,
+    force_max: float,
+    resolution: float,
+    rate: float,
+    lockstep: bool,
+    touch_gate: bool,
+    watchdog: float,
+    seconds: float | None = None,
+    once: bool = False,
+) -> None:
+    """Be a device of `axes` keys (mass [kg], stiffness [N/m], damping [Ns/m], travel [m], motors of
+    force_max [N], a sensor's resolution [m]) at rate [Hz], until Ctrl-C or `seconds`, heard on 127.0.0.1 alone.
+
+    Hands of stiffness [N/m] and damping [Ns/m] `hand` go `paths`, each (n,) [m] by period; an empty
+    one is a resting finger, a missing one none. `tell(event, what)` hears: ready and the address,
+    let-go (silence of the host for `watchdog` [s]), host-gone, and over with periods, packets and the
+    hash of all positions.
+    """

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::shared::Shared;
 use super::sink::Opened;
 use super::spec::{Backend, Spec};
-use super::{AudioError, file, jack, null, pulse};
+use super::{AudioError, file, jack, null, pulse, system};
+
+const HAS_SYSTEM: bool = cfg!(any(target_os = "macos", windows));
 
 /// Open what `spec` names; for `auto`, the first that is there. Returns what was found, too.
 pub(super) fn connect(
@@ -18,12 +20,7 @@ pub(super) fn connect(
         Backend::Auto => return first(spec, rate, channels, shared),
         Backend::Jack => jack::open(spec, channels, shared)?,
         Backend::Pulse => pulse::open(spec, channels)?,
-        Backend::System => {
-            return Err(AudioError::Unavailable {
-                backend: "system",
-                why: "not on this operating system: use jack or pulse".into(),
-            });
-        }
+        Backend::System => system::open(spec, rate, channels)?,
         Backend::File(path) => file::open(path, rate, channels)?,
         Backend::Null => null::open(rate, spec.block),
         Backend::Fast => null::fast(rate, spec.block),
@@ -38,7 +35,15 @@ fn first(
     shared: &Arc<Shared>,
 ) -> Result<(Opened, Spec), AudioError> {
     let mut without = Vec::new();
-    for backend in [Backend::Jack, Backend::Pulse, Backend::Null] {
+    let mut backends = vec![
+        Backend::Jack,
+        Backend::Pulse,
+        Backend::System,
+        Backend::Null,
+    ];
+    // A system without it is not to be told so each time.
+    backends.retain(|backend| HAS_SYSTEM || *backend != Backend::System);
+    for backend in backends {
         let found = Spec {
             backend,
             ..spec.clone()
@@ -61,10 +66,16 @@ fn first(
 #[must_use]
 pub fn survey() -> Vec<(String, Result<String, String>)> {
     let told = |found: Result<String, AudioError>| found.map_err(|error| error.to_string());
-    vec![
+    let mut found = vec![
         ("jack".into(), told(jack::survey())),
         ("pulse".into(), told(pulse::survey())),
+    ];
+    if HAS_SYSTEM {
+        found.push(("system".into(), told(system::survey())));
+    }
+    found.extend([
         ("null".into(), Ok("the clock alone, no sound".into())),
         ("file".into(), Ok("file:PATH writes a WAVE file".into())),
-    ]
+    ]);
+    found
 }

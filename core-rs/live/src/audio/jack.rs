@@ -12,7 +12,7 @@ use self::client::{Active, Client, Port, Process};
 use super::AudioError;
 use super::ring::Drain;
 use super::shared::Shared;
-use super::sink::{Opened, Sink};
+use super::sink::{Failed, Opened, Sink};
 use super::spec::Spec;
 
 pub use self::capture::Capture;
@@ -20,7 +20,7 @@ pub use self::capture::Capture;
 /// Frames that are sorted into the ports at a time.
 const SLICE: usize = 256;
 /// While the server runs as fast as it is fed, its callback waits for the physics; no longer than this.
-const PATIENCE: Duration = Duration::from_millis(500);
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// A client of the server that runs; starts none.
 pub(super) fn open(
@@ -57,15 +57,11 @@ pub(super) fn open(
     })
 }
 
-fn start(
-    client: Client,
-    drain: Drain,
-    device: Option<&str>,
-) -> Result<Box<dyn Sink>, (Option<Drain>, AudioError)> {
+fn start(client: Client, drain: Drain, device: Option<&str>) -> Result<Box<dyn Sink>, Failed> {
     let channels = drain.channels();
     let ports = match client.ports("out", channels, PORT_IS_OUTPUT) {
         Ok(ports) => ports,
-        Err(error) => return Err((Some(drain), error)),
+        Err(error) => return Err((Some(Box::new(drain)), error)),
     };
     let playing = Playing {
         scratch: vec![0.0; SLICE * channels].into(),
@@ -74,7 +70,7 @@ fn start(
     };
     let active = client
         .activate(playing)
-        .map_err(|(playing, error)| (Some(playing.drain), error))?;
+        .map_err(|(playing, error)| (Some(Box::new(playing.drain)), error))?;
     let mut playing = Playback { active, ports };
     playing.plug_in(device);
     playing.alive();

@@ -318,7 +318,7 @@ impl Desk {
                 }
                 Err((drain, _)) => {
                     let silence = null::open(self.score_rate, None);
-                    line = Line::start(silence, self.score_rate, drain?).ok()?;
+                    line = Line::start(silence, self.score_rate, *drain?).ok()?;
                 }
             }
         }
@@ -349,7 +349,7 @@ impl Line {
                 sink,
                 converter: Some(converter),
             }),
-            Err((_, error)) => Err((converter.stop(), error)),
+            Err((_, error)) => Err((converter.stop().map(Box::new), error)),
         }
     }
 

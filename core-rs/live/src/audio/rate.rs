@@ -31,7 +31,7 @@ pub(super) fn between(
     let channels = inner.channels();
     let filter = match Filter::new(from, to, channels) {
         Ok(filter) => filter,
-        Err(error) => return Err((Some(inner), error)),
+        Err(error) => return Err((Some(Box::new(inner)), error)),
     };
     let shared = inner.shared().clone();
     let ahead = 2 * block as usize + filter.output.len() / channels;
@@ -108,7 +108,7 @@ impl Filter {
             let taken = inner.take(&mut self.input[held * channels..wanted * channels]);
             (held, came) = (held + taken, came + taken as u64);
             let ended = taken == 0 && inner.ended();
-            if taken == 0 && !ended || held < wanted && !ended {
+            if held < wanted && !ended {
                 std::thread::sleep(NAP);
                 continue;
             }
@@ -188,7 +188,7 @@ mod tests {
         }
         let inner = converter.stop().expect("the drain comes back");
         assert!(inner.ended());
-        assert_eq!(inner.shared().played(), from.into());
+        assert_eq!(inner.shared().played(), u64::from(from));
         all
     }
 

@@ -28,7 +28,7 @@ pub(super) struct Opened {
 pub(super) type Start = Box<dyn FnOnce(Drain) -> Result<Box<dyn Sink>, Failed> + Send>;
 
 /// What did not start, and the drain back.
-pub(super) type Failed = (Option<Drain>, AudioError);
+pub(super) type Failed = (Option<Box<Drain>>, AudioError);
 
 /// An output that plays.
 pub(super) trait Sink: Send {
@@ -69,7 +69,7 @@ impl Pump {
                 let _ = to.send(drain);
                 Ok(Self { stop, thread })
             }
-            Err(error) => Err((Some(drain), AudioError::Thread(error))),
+            Err(error) => Err((Some(Box::new(drain)), AudioError::Thread(error))),
         }
     }
 }

@@ -39,7 +39,7 @@ pub struct Spec {
 }
 
 /// How the text is written.
-pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], file:PATH, null or null:fast; \
+pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macOS, Windows), file:PATH, null or null:fast; \
     then ,block=FRAMES and ,channels=N where wanted";
 
 impl Spec {

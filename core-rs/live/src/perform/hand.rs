@@ -16,6 +16,8 @@ pub struct Hand {
     pub reach: f64,
     /// A force that leads it.
     pub guide: Option<Guide>,
+    /// The scene's force against it [N/m] in each tick after it was 1 m away for one (n_ticks,); empty: nobody looked.
+    pub response: Vec<f64>,
 }
 
 /// A spring and a damper between a hand and where its part takes the key.
@@ -120,6 +122,7 @@ mod tests {
             standin: vec![0.0, 5e-3],
             reach: 1.0,
             guide: Some(guide),
+            response: Vec::new(),
         };
         assert_eq!(hand.guidance(9, 2e-3, 0.0), 100.0 * 3e-3);
         assert_eq!(hand.guidance(0, 0.0, 0.5), -1.0);

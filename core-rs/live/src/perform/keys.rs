@@ -7,13 +7,15 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::Command;
+use super::{Command, Hand};
 use crate::device::{self, MAX_AXES, Sample, Url};
-use crate::safety::{Guarded, Limits};
+use crate::safety::{Guarded, Limits, stiffness};
 
 /// A device that is gone is looked for so often.
 const RETRY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(50);
+/// A device that says nothing of itself is taken for a light one with little friction [kg, N·s/m].
+const LIGHT: (f64, f64) = (0.05, 0.3);
 /// The newest position is waited for during this part of a tick at most.
 const WAIT: f64 = 0.3;
 
@@ -25,6 +27,21 @@ pub struct Keyboard {
     axes: Vec<(usize, usize)>,
     most: Option<f64>,
     period: f64,
+    /// By axis; see [`Keyboard::guard`].
+    scales: Vec<(usize, f64)>,
+}
+
+/// How much of the scene's force a hand gets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Borne {
+    /// Which hand.
+    pub hand: usize,
+    /// The part of the force, 0 to 1.
+    pub scale: f64,
+    /// What the key meets at its stiffest [N/m].
+    pub stiffness: f64,
+    /// What it bears [N/m].
+    pub limit: f64,
 }
 
 /// The physics thread's side of it.
@@ -64,7 +81,35 @@ impl Keyboard {
             axes,
             most,
             period,
+            scales: Vec::new(),
         })
+    }
+
+    /// Let no axis feel more of the scene than it bears without swinging up.
+    pub(super) fn guard(&mut self, hands: &[Hand]) -> Vec<Borne> {
+        let spec = self.guarded.spec();
+        let own_delay = spec.loop_delay_s.map(|s| (s / self.period).ceil() as usize);
+        let key = stiffness::Key {
+            mass: spec.inertia.unwrap_or(LIGHT.0),
+            damping: spec.damping.filter(|b| *b > 0.0).unwrap_or(LIGHT.1),
+            period: self.period,
+            // By a clock the force of a tick goes out with the next.
+            delay: own_delay.unwrap_or(0) + usize::from(!self.url.lockstep),
+        };
+        let mut found = Vec::new();
+        for &(axis, hand) in &self.axes {
+            let scale = stiffness::bearable(&hands[hand].response, key);
+            self.guarded.scale(axis, scale);
+            self.scales.push((axis, scale));
+            let stiffest = stiffness::stiffest(&hands[hand].response);
+            found.push(Borne {
+                hand,
+                scale,
+                stiffness: stiffest,
+                limit: scale * stiffest,
+            });
+        }
+        found
     }
 
     /// What the device is.
@@ -95,6 +140,7 @@ impl Keyboard {
             url: self.url,
             most: self.most,
             period: self.period,
+            scales: self.scales,
             index,
             gone,
             stop: Arc::clone(&stop),
@@ -186,6 +232,7 @@ struct Search {
     url: Url,
     most: Option<f64>,
     period: f64,
+    scales: Vec<(usize, f64)>,
     index: usize,
     gone: Arc<AtomicBool>,
     stop: Arc<AtomicBool>,
@@ -203,9 +250,12 @@ impl Search {
                 continue;
             }
             next = Instant::now() + RETRY;
-            let Ok(guarded) = guard(&self.url, self.most, self.period) else {
+            let Ok(mut guarded) = guard(&self.url, self.most, self.period) else {
                 continue;
             };
+            for &(axis, scale) in &self.scales {
+                guarded.scale(axis, scale);
+            }
             self.gone.store(false, Ordering::Release);
             let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
             // Where the ring is full nobody plays any more.

@@ -1,9 +1,9 @@
 //! Zero forces from where nothing else can run: a panic, a signal, a fault.
 
 #[cfg(not(unix))]
-pub(super) use elsewhere::{Armed, arm};
+pub(super) use elsewhere::{Armed, arm, is_over};
 #[cfg(unix)]
-pub(super) use unix::{Armed, arm};
+pub(super) use unix::{Armed, arm, is_over};
 
 /// Where there are no file descriptors, a device's own watchdog is the last resort.
 #[cfg(not(unix))]
@@ -15,11 +15,15 @@ mod elsewhere {
     pub(in crate::safety) fn arm(_: LastResort) -> Option<Armed> {
         None
     }
+
+    pub(in crate::safety) fn is_over() -> bool {
+        false
+    }
 }
 
 #[cfg(unix)]
 mod unix {
-    use std::sync::atomic::{AtomicI32, AtomicU8, AtomicUsize, Ordering};
+    use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicUsize, Ordering};
     use std::sync::{Once, OnceLock};
 
     use super::super::FAREWELLS;
@@ -27,7 +31,9 @@ mod unix {
 
     /// Devices open at once, at most, that are zeroed.
     const SLOTS: usize = 16;
-    /// Ends of a program, and faults of it. What each did before it does after us.
+    /// Ends of a program that it may survive.
+    const ENDS: [i32; 4] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
+    /// Those, and faults. What each did before it does after us.
     const SIGNALS: [i32; 9] = [
         libc::SIGINT,
         libc::SIGTERM,
@@ -59,6 +65,14 @@ mod unix {
 
     static BEFORE: [OnceLock<libc::sigaction>; SIGNALS.len()] =
         [const { OnceLock::new() }; SIGNALS.len()];
+
+    /// Set while a signal is handled: its handler runs in any thread, and another may be about to send a force.
+    static OVER: AtomicBool = AtomicBool::new(false);
+
+    /// Whether the program is being ended, and nothing but zero may be sent.
+    pub(in crate::safety) fn is_over() -> bool {
+        OVER.load(Ordering::SeqCst)
+    }
 
     /// A device that is zeroed, as long as this lives.
     pub(in crate::safety) struct Armed(usize);
@@ -98,9 +112,18 @@ mod unix {
         Some(Armed(index))
     }
 
-    /// Only what a signal handler may do: loads and write(2).
+    /// Only what a signal handler may do: loads, write(2) and nanosleep(2).
     fn zero_all() {
-        for _ in 0..FAREWELLS {
+        for farewell in 0..FAREWELLS {
+            if farewell > 0 {
+                // A force that was already on its way in another thread has passed by then.
+                let while_it_passes = libc::timespec {
+                    tv_sec: 0,
+                    tv_nsec: 1_000_000,
+                };
+                // SAFETY: a valid timespec; what is left is not asked for.
+                unsafe { libc::nanosleep(&raw const while_it_passes, std::ptr::null_mut()) };
+            }
             for slot in &ARMED {
                 let fd = slot.fd.load(Ordering::Acquire);
                 if fd < 0 {
@@ -117,10 +140,39 @@ mod unix {
         }
     }
 
+    /// Where this thread keeps the number of its last error.
+    fn errno() -> *mut i32 {
+        #[cfg(target_os = "linux")]
+        // SAFETY: it has no conditions.
+        unsafe {
+            libc::__errno_location()
+        }
+        #[cfg(target_os = "macos")]
+        // SAFETY: it has no conditions.
+        unsafe {
+            libc::__error()
+        }
+        #[cfg(not(any(target_os = "linux", target_os = "macos")))]
+        std::ptr::null_mut()
+    }
+
     extern "C" fn on_signal(signal: i32) {
+        let errno = errno();
+        // SAFETY: not null, it is this thread's own. What was interrupted must find it as it was.
+        let before = (!errno.is_null()).then(|| unsafe { *errno });
+        OVER.store(true, Ordering::SeqCst);
         zero_all();
+        if let Some(number) = before {
+            // SAFETY: as above.
+            unsafe { *errno = number };
+        }
         let known = SIGNALS.iter().position(|&known| known == signal);
         if let Some(before) = known.and_then(|index| BEFORE[index].get()) {
+            // Where somebody else handles it (Python's Ctrl-C), the program goes on and may push again. No fault does.
+            let is_fault = !ENDS.contains(&signal);
+            let is_handled =
+                !is_fault && ![libc::SIG_DFL, libc::SIG_IGN].contains(&before.sa_sigaction);
+            OVER.store(!is_handled, Ordering::SeqCst);
             // A fault happens again when we return, another signal is raised again: then the former handler has it.
             // SAFETY: `before` is what sigaction gave; both calls are allowed in a handler.
             unsafe {

@@ -30,7 +30,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Limits for a device: all its force, within 5 ms, and as much energy as takes a hand over half its range.
+    /// Limits for a device: all its force, within 5 ms; and energy to push a hand with it over the range twice, then once in
+    /// half a second. A partner who moves a hand stays below; a loop that swings ever further does not.
     pub fn of(spec: &Spec) -> Self {
         let full = spec.force_max_peak;
         let range = spec.pos_range[1] - spec.pos_range[0];
@@ -43,8 +44,8 @@ impl Limits {
             stale: 0.02,
             hold: 0.5,
             fade: 0.25,
-            energy: 0.5 * full * range,
-            power: full * range,
+            energy: 2.0 * full * range,
+            power: 2.0 * full * range,
             heat: 10.0,
         }
     }

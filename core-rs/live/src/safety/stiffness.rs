@@ -19,6 +19,80 @@ pub fn scale(k: f64, limit: f64) -> f64 {
     if k > limit { limit / k } else { 1.0 }
 }
 
+/// A key by itself, and how late its forces are.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// Moving mass [kg].
+    pub mass: f64,
+    /// Its own damping [N·s/m].
+    pub damping: f64,
+    /// From tick to tick [s].
+    pub period: f64,
+    /// Ticks that a force is late, besides the one that it is computed in.
+    pub delay: usize,
+}
+
+/// How often the loop is halved to find the border: to a part in 30,000.
+const HALVINGS: u32 = 15;
+
+/// The greatest part of a scene's force, 0 to 1, that a key bears without swinging up.
+///
+/// `response` (n_ticks,) [N/m]: the force against a hand that is 1 m away for one tick, in that tick and after it.
+/// The loop is played, key and scene, for as many ticks: what grows is too much.
+pub fn bearable(response: &[f64], key: Key) -> f64 {
+    if settles(response, key, 1.0) {
+        return 1.0;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if settles(response, key, middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// The stiffest that a hand meets, pushed once and held there: the greatest sum of a response [N/m].
+pub fn stiffest(response: &[f64]) -> f64 {
+    let sums = response.iter().scan(0.0, |sum, force| {
+        *sum += force;
+        Some(*sum)
+    });
+    sums.fold(0.0, f64::max)
+}
+
+/// Whether a key that was pushed comes to rest against a part of the scene's force.
+fn settles(response: &[f64], key: Key, part: f64) -> bool {
+    let n = response.len();
+    if n < 8 {
+        return true; // nobody looked
+    }
+    // Exact for a force that is held over a tick.
+    let decay = ergon_engine::maths::exp(-key.damping * key.period / key.mass);
+    let slide = (1.0 - decay) * key.mass / key.damping;
+    let (mut x, mut v) = (vec![0.0; n], 1.0);
+    let mut force = vec![0.0; n];
+    for k in 0..n - 1 {
+        let scene: f64 = (0..=k).map(|j| response[j] * x[k - j]).sum();
+        force[k] = -part * scene;
+        let late = k.checked_sub(key.delay).map_or(0.0, |k| force[k]);
+        x[k + 1] = x[k] + v * slide + late * (key.period - slide) / key.damping;
+        v = v * decay + late * (1.0 - decay) / key.damping;
+        if !x[k + 1].is_finite() {
+            return false;
+        }
+    }
+    // How far it swings about where it is, in the second quarter and in the last.
+    let swing = |from: usize, to: usize| {
+        let steps = x[from..to].windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        steps.fold(0.0, f64::max)
+    };
+    swing(3 * n / 4, n) <= swing(n / 4, n / 2)
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::DMatrix;
@@ -88,5 +162,30 @@ mod tests {
     fn scales_only_what_is_too_stiff() {
         assert_eq!(scale(100.0, 200.0), 1.0);
         assert_eq!(scale(400.0, 200.0), 0.5);
+    }
+
+    /// A spring alone: the loop that is played fails where its eigenvalues do.
+    #[test]
+    fn a_spring_is_borne_up_to_its_limit() {
+        for (damping, delay) in [(0.3, 0), (1.0, 0), (1.0, 1), (3.0, 2)] {
+            let period = 1e-3;
+            let border = numerically(damping, period, delay);
+            let key = Key {
+                mass: 0.05,
+                damping,
+                period,
+                delay,
+            };
+            for k in [0.5 * border, 2.0 * border, 8.0 * border] {
+                let mut response = vec![0.0; 800];
+                response[0] = k;
+                let borne = k * bearable(&response, key);
+                let expected = k.min(border);
+                assert!(
+                    (borne / expected - 1.0).abs() < 0.05,
+                    "{damping} {delay} {k}: {borne} {border}"
+                );
+            }
+        }
     }
 }

@@ -1,0 +1,123 @@
+//! Emulated devices, served until they are over or somebody presses Ctrl-C.
+
+use std::cell::RefCell;
+use std::time::Duration;
+
+use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+
+use crate::error::{refused, word};
+use crate::words::Words;
+
+const PROTOCOLS: Words<Protocol, 3> = [
+    ("firefader", Protocol::FireFader),
+    ("frame", Protocol::Frame),
+    ("haply", Protocol::Haply),
+];
+const TRANSPORTS: Words<fn(u16) -> Transport, 3> = [
+    ("pty", |_| Transport::Terminal),
+    ("udp", Transport::Udp),
+    ("ws", Transport::WebSocket),
+];
+
+/// Serve an emulated device and tell what happens, at last its periods, packets and the hash of its positions.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (protocol, transport, tell, *, port=0, paths, hand, axes, mass, stiffness, damping, travel,
+    force_max, resolution, rate, lockstep, touch_gate, watchdog, seconds=None, once=false))]
+pub(crate) fn emulate(
+    py: Python<'_>,
+    protocol: &str,
+    transport: &str,
+    tell: Py<PyAny>,
+    port: u16,
+    paths: Vec<PyReadonlyArray1<'_, f64>>,
+    hand: (f64, f64),
+    axes: usize,
+    mass: f64,
+    stiffness: f64,
+    damping: f64,
+    travel: f64,
+    force_max: f64,
+    resolution: f64,
+    rate: f64,
+    lockstep: bool,
+    touch_gate: bool,
+    watchdog: f64,
+    seconds: Option<f64>,
+    once: bool,
+) -> PyResult<()> {
+    let watchdog = Duration::try_from_secs_f64(watchdog);
+    let key = Key {
+        mass,
+        stiffness,
+        damping,
+        range: [-0.5 * travel, 0.5 * travel],
+    };
+    let options = Options {
+        board: Board {
+            protocol: word("protocol", protocol, &PROTOCOLS)?,
+            lockstep,
+            touch_gate,
+            force_max,
+            resolution,
+            watchdog: watchdog.map_err(|_| refused("watchdog", "is a time of at least zero"))?,
+            known: [mass, damping],
+            range: key.range,
+        },
+        transport: word("transport", transport, &TRANSPORTS)?(port),
+        axes,
+        key,
+        rate,
+        hands: paths.iter().map(|path| going(path, hand)).collect(),
+        seconds,
+        once,
+    };
+    run(py, options, &tell)
+}
+
+/// An empty path is a finger that rests.
+fn going(path: &PyReadonlyArray1<'_, f64>, (stiffness, damping): (f64, f64)) -> Hand {
+    let path = path.as_array().to_vec();
+    if path.is_empty() {
+        return Hand::Resting;
+    }
+    Hand::Going {
+        path,
+        stiffness,
+        damping,
+    }
+}
+
+fn run(py: Python<'_>, options: Options, tell: &Py<PyAny>) -> PyResult<()> {
+    let (outcome, error) = py.detach(|| {
+        // A signal's exception comes up wherever Python runs next: in what is told, or when it is asked for.
+        let error = RefCell::new(None);
+        let python = |call: &dyn Fn(Python<'_>) -> PyResult<()>| {
+            if error.borrow().is_none() {
+                *error.borrow_mut() = Python::attach(call).err();
+            }
+            error.borrow().is_none()
+        };
+        let mut say = |event: Event| {
+            let told = match event {
+                Event::Ready(address) => ("ready", address),
+                Event::LetGo => ("let-go", String::new()),
+                Event::HostGone => ("host-gone", String::new()),
+            };
+            python(&|py| tell.call1(py, told.clone()).map(drop));
+        };
+        let outcome = serve(options, &mut say, &mut || python(&|py| py.check_signals()));
+        (outcome, error.into_inner())
+    });
+    let Outcome {
+        periods,
+        packets,
+        hash,
+    } = outcome.map_err(|error| refused("emulate", error))?;
+    // Told after Ctrl-C too.
+    let over = format!("{periods} {packets} {hash:016x}");
+    tell.call1(py, ("over", over))?;
+    error.map_or(Ok(()), Err)
+}

@@ -1,0 +1,21 @@
+//! Where the system's own sound is not used.
+
+use super::sink::Opened;
+use super::{AudioError, Spec};
+
+const WHY: &str = "used on macOS and Windows only: here sound goes by jack or pulse";
+
+fn missing() -> AudioError {
+    AudioError::Unavailable {
+        backend: "system",
+        why: WHY.into(),
+    }
+}
+
+pub(super) fn open(_: &Spec, _: u32, _: usize) -> Result<Opened, AudioError> {
+    Err(missing())
+}
+
+pub(super) fn survey() -> Result<String, AudioError> {
+    Err(missing())
+}

@@ -1,0 +1,149 @@
+//! The system's own sound, on macOS and Windows.
+//!
+//! Type-checked for both and tried on neither: the machines that test this program run Linux, where JACK and
+//! PulseAudio are spoken directly and this file is left out.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+
+use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
+use cpal::{BufferSize, Device, ErrorKind, SampleFormat, Stream, StreamConfig};
+
+use super::ring::Drain;
+use super::sink::{Failed, Opened, Sink};
+use super::{AudioError, Spec};
+
+const BLOCK: u32 = 512;
+
+fn missing(why: impl ToString) -> AudioError {
+    AudioError::Unavailable {
+        backend: "system",
+        why: why.to_string(),
+    }
+}
+
+/// The device that is named, or the default one.
+pub(super) fn open(spec: &Spec, rate: u32, channels: usize) -> Result<Opened, AudioError> {
+    let device = find(spec.device.as_deref())?;
+    let rate = playable(&device, rate, channels)?;
+    let block = spec.block;
+    let config = StreamConfig {
+        channels: channels as u16,
+        sample_rate: rate,
+        buffer_size: block.map_or(BufferSize::Default, BufferSize::Fixed),
+    };
+    Ok(Opened {
+        backend: "system",
+        device: device.to_string(),
+        rate,
+        block: block.unwrap_or(BLOCK),
+        paced: true,
+        remarks: Vec::new(),
+        start: Box::new(move |drain| start(&device, config, drain)),
+    })
+}
+
+fn find(name: Option<&str>) -> Result<Device, AudioError> {
+    let host = cpal::default_host();
+    let Some(name) = name else {
+        return host
+            .default_output_device()
+            .ok_or_else(|| missing("the system has no sound device"));
+    };
+    let mut devices = host.output_devices().map_err(missing)?;
+    devices
+        .find(|device| device.to_string() == name)
+        .ok_or_else(|| missing(format!("no sound device {name}")))
+}
+
+/// The rate itself where the device can play it in float samples, else the device's own.
+fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioError> {
+    let mut configs = device
+        .supported_output_configs()
+        .map_err(missing)?
+        .filter(|one| one.sample_format() == SampleFormat::F32)
+        .filter(|one| usize::from(one.channels()) == channels)
+        .peekable();
+    if configs.peek().is_none() {
+        return Err(AudioError::Channels {
+            channels,
+            why: format!("{device} plays no so many"),
+        });
+    }
+    if configs.any(|one| (one.min_sample_rate()..=one.max_sample_rate()).contains(&rate)) {
+        return Ok(rate);
+    }
+    let own = device.default_output_config().map_err(missing)?;
+    Ok(own.sample_rate())
+}
+
+fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn Sink>, Failed> {
+    let gone = Arc::new(AtomicBool::new(false));
+    let (lost, shared) = (gone.clone(), drain.shared().clone());
+    let (back, returned) = mpsc::sync_channel(1);
+    let mut held = Held(Some((drain, back)));
+    let stream = device.build_output_stream::<f32, _, _>(
+        config,
+        move |out, _| held.fill(out),
+        move |error| match error.kind() {
+            ErrorKind::Xrun => shared.add_xruns(1),
+            ErrorKind::DeviceChanged | ErrorKind::RealtimeDenied => {}
+            _ => lost.store(true, Ordering::Release),
+        },
+        None,
+    );
+    let played = stream.and_then(|stream| stream.play().map(|()| stream));
+    match played {
+        Ok(stream) => Ok(Box::new(Playing {
+            stream,
+            returned,
+            gone,
+        })),
+        Err(error) => Err((returned.try_recv().ok().map(Box::new), missing(error))),
+    }
+}
+
+/// The drain in the callback; it comes back when the callback is dropped.
+struct Held(Option<(Drain, mpsc::SyncSender<Drain>)>);
+
+impl Held {
+    fn fill(&mut self, out: &mut [f32]) {
+        match &mut self.0 {
+            Some((drain, _)) => drain.fill(out),
+            None => out.fill(0.0),
+        }
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        if let Some((drain, back)) = self.0.take() {
+            let _ = back.try_send(drain);
+        }
+    }
+}
+
+struct Playing {
+    stream: Stream,
+    returned: mpsc::Receiver<Drain>,
+    gone: Arc<AtomicBool>,
+}
+
+impl Sink for Playing {
+    fn alive(&mut self) -> bool {
+        !self.gone.load(Ordering::Acquire)
+    }
+
+    fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
+        let gone = self.gone.load(Ordering::Acquire);
+        drop(self.stream);
+        let why = gone.then(|| "the device went away".into());
+        (self.returned.recv().ok(), why)
+    }
+}
+
+/// What the system would play on.
+pub(super) fn survey() -> Result<String, AudioError> {
+    find(None).map(|device| device.to_string())
+}
