@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
+
+
+# A real hand's stand-in ends with a tick, so a piece may be longer than it is without one [s].
+_LONGER = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,24 +59,26 @@ def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) ->
     source = _source(loaded, stage)
     folder = Path(wishes.output) if wishes.output is not None else _folder(path)
     taps = {part: stage.listening.taps(part) for part in wishes.parts}
+    n_frames = stage.n_frames + int(_LONGER * stage.rate)
     if dry:
-        _say(console, folder, stage, [*taps], sum(map(len, taps.values())), dry=True)
+        _say(console, folder, taps, n_frames, stage.rate, dry=True)
         return
     try:
-        with console.progress("freezing", stage.n_frames, stage.rate) as progress:
-            done = exchange.write(
+        with console.progress("freezing", n_frames, stage.rate) as progress:
+            exchange.write(
                 stage,
                 taps,
                 source,
                 folder,
                 progress.at,
+                n_frames=n_frames,
                 force=wishes.force,
                 threads=wishes.threads,
             )
     except DivergedError as error:
         score.show(console, loaded, [stage.fault(error)])
         raise Diverged from error
-    _say(console, folder, stage, done.parts, sum(map(len, taps.values())), dry=False)
+    _say(console, folder, taps, n_frames, stage.rate, dry=False)
 
 
 def _folder(path: str) -> Path:
@@ -82,15 +88,22 @@ def _folder(path: str) -> Path:
 
 
 def _say(
-    console: Console, folder: Path, stage: Stage, parts: Sequence[str], n_taps: int, *, dry: bool
+    console: Console,
+    folder: Path,
+    taps: Mapping[str, Sequence[int]],
+    n_frames: int,
+    rate: float,
+    *,
+    dry: bool,
 ) -> None:
-    n_bytes = stage.n_frames * n_taps * 8
+    n_taps = sum(map(len, taps.values()))
+    n_bytes = n_frames * n_taps * 8
     if console.json:
         console.record(
             "would_freeze" if dry else "frozen",
             folder=str(folder),
-            parts=list(parts),
-            frames=stage.n_frames,
+            parts=list(taps),
+            frames=n_frames,
             outputs=n_taps,
             disk_bytes=n_bytes,
         )
@@ -98,9 +111,8 @@ def _say(
     from .units import octets, seconds
 
     word = "would hold" if dry else "holds"
-    length = seconds(stage.n_frames / stage.rate)
-    outputs = plural(n_taps, "output")
-    console.say(f"{folder} {word} {', '.join(parts)}: {length}, {outputs}, {octets(n_bytes)}")
+    length, outputs = seconds(n_frames / rate), plural(n_taps, "output")
+    console.say(f"{folder} {word} {', '.join(taps)}: {length}, {outputs}, {octets(n_bytes)}")
 
 
 def _heard(piece: Piece) -> list[str]:

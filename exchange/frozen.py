@@ -99,10 +99,11 @@ def write(
     folder: Path,
     progress: Callable[[int], None],
     *,
+    n_frames: int,
     force: bool = False,
     threads: int = 1,
 ) -> Frozen:
-    """Compute the taps of parts from the first frame to the last; all files or none.
+    """Compute `n_frames` frames of the taps of parts; all files or none.
 
     Raises RefusedError before any work when a file may not be written, DivergedError from the
     engine when a part goes non-finite.
@@ -125,9 +126,9 @@ def write(
         for (_, own), path in zip(pieces, paths, strict=True):
             file = stack.enter_context(writing(path, binary=True, force=force))
             format = WaveFormat(int(source.rate), len(own), "double")
-            writers.append(WaveWriter(file, format, stage.n_frames, stamp))
+            writers.append(WaveWriter(file, format, n_frames, stamp))
         at = 0
-        blocks = frames_of(stage.simulation, stage.n_frames, BLOCK)
+        blocks = frames_of(stage.simulation, n_frames, BLOCK)
         with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as coming:
             for frames in coming:
                 for writer, (_, own) in zip(writers, pieces, strict=True):
@@ -140,7 +141,7 @@ def write(
             Stem(part, path, own, writer.sha256)
             for (part, own), path, writer in zip(pieces, paths, writers, strict=True)
         )
-        frozen = Frozen(source, stage.n_frames, stems)
+        frozen = Frozen(source, n_frames, stems)
         manifest.write(_text(frozen).encode())
     return frozen
 
@@ -208,7 +209,7 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
     found: dict[str, list[int]] = {}
     for stem in frozen.stems:
         found.setdefault(stem.part, []).extend(stem.taps)
-    if frozen.n_frames != n_frames:
+    if frozen.n_frames < n_frames:
         raise NotFrozenError(f"it lasts {frozen.n_frames:,} frames, the piece {n_frames:,}")
     for part, own in taps.items():
         if found.get(part) != list(own):

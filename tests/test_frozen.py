@@ -2,11 +2,13 @@
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
+from test_cli_emulate import GESTURE, emulator
 
 from ergon import _core
 from ergon.cli import app
@@ -42,7 +44,7 @@ instruments:
     modules: {cells: {BANK: {count: 40, M: 1g, f: 200Hz..4kHz, t60: 1s}}}
     out: {SOX: cells.all}
 strikes:
-  rain: {to: sky.cells.all, at: 1|1, for: 2, rate: 2/s, impulse: 1e-6..1e-4Ns}
+  rain: {to: sky.cells.all, at: 1|1, for: 2, rate: 2Hz, impulse: 1e-6Ns..1e-4Ns}
 gestures: {knock: 0mm@0 smooth 6mm@1/8 0mm@1/2}
 players:
   remi: {hand: live, key: k, standin: knock}
@@ -82,7 +84,7 @@ def frozen(parts: str = "gong", *more: str) -> dict:
 
 
 def played(name: str, *more: str) -> np.ndarray:
-    asked = ["play", "s.yaml", "--audio", f"file:{name}", "--gain", "-20dB", "--plain", "-q"]
+    asked = ["play", "s.yaml", "--audio", f"file:{name}", "--gain", "50dB", "--plain", "-q"]
     assert app.run([*asked, *more]) == 0
     return soundfile.read(name, dtype="float32", always_2d=True)[0]
 
@@ -103,7 +105,7 @@ def test_frozen_and_live_together_are_what_was_played_at_once(
     whole = played("whole.wav", *start)
     frozen(parts)
     again = played("again.wav", "--frozen", "s.frozen", *start)
-    assert np.max(np.abs(whole)) > 1e-4
+    assert 0.05 < np.max(np.abs(whole)) <= 1.0
     assert all(np.any(whole[:, channel]) for channel in range(3))
     assert np.array_equal(whole, again)
 
@@ -120,6 +122,7 @@ def test_cells_of_two_parts_may_fall_asleep_apart(folder: Path):
     whole = played("whole.wav")
     frozen("sky")
     again = played("again.wav", "--frozen", "s.frozen")
+    assert np.max(np.abs(whole)) > 0.05
     assert np.max(np.abs(whole - again)) <= 2.0**-24
 
 
@@ -131,18 +134,21 @@ def test_a_stem_is_what_the_outputs_hear(folder: Path):
     frames = np.zeros((whole.n_frames, whole.simulation.n_out))
     whole.simulation.process(frames)
     assert (rate, stem["outputs"]) == (44100, [0, 2, 4])
-    assert np.array_equal(found, frames[:, stem["outputs"]])
+    assert np.array_equal(found[: whole.n_frames], frames[:, stem["outputs"]])
+    # A real hand's stand-in ends with a tick: the piece is that much longer.
+    real = staging.stage(piece("times: 3}", "times: 1}"), real={"remi": None})
+    virtual = staging.stage(piece("times: 3}", "times: 1}"))
+    assert 0 <= real.n_frames - virtual.n_frames < len(found) - whole.n_frames
     assert said["score"] == piece().digest()
 
 
 def test_what_is_frozen_is_not_computed():
     rest = staging.stage(piece(), planned=True, silent=["gong", "sky"])
     assert rest.plan is not None
-    computed = {part for row in rest.plan.rows() if row.what != "unheard" for part in row.parts}
-    unheard = {part for row in rest.plan.rows() if row.what == "unheard" for part in row.parts}
-    assert "bell" in computed
-    assert {"gong", "g", "sky"} <= unheard
-    assert not computed & {"gong", "g", "sky"}
+    rows = rest.plan.rows()
+    assert {part for row in rows if row.what != "unheard" for part in row.parts} == {"k", "bell"}
+    # The key g, a string of 24 and a cell; forty cells.
+    assert [row.n_mat for row in rows if row.what == "unheard"] == [26, 40]
     assert rest.simulation.n_out == staging.stage(piece(), planned=True).simulation.n_out
 
 
@@ -192,8 +198,8 @@ def test_what_hangs_together_with_nothing_live_is_free():
         (
             "gong",
             "parts:\n",
-            "duet:\n  - {REF: {between: [k, g], K: 30N/m}, at: 1|2, until: 1|3}\nparts:\n",
-            ["gong.b", "duet"],
+            "duet:\n  - {couple: [k, g], REF: {K: 30N/m}, at: 1|2, until: 1|3}\nparts:\n",
+            ["gong.b", "the coupling of k and g"],
         ),
     ],
 )
@@ -203,9 +209,10 @@ def test_what_a_hand_feels_is_refused_with_the_links(
     found = piece(old, new)
     (tie,) = ties(found, [part], ["remi"])
     assert (tie.player, tie.key) == ("remi", "k")
-    assert [link.name.split(".REF")[0].rstrip(".") for link in tie.links] == links
+    assert [link.name for link in tie.links] == links
     text = (SCORE.replace(old, new, 1) if old else SCORE).splitlines()
-    assert all("between" in text[link.place.line - 1] for link in tie.links)
+    lines = [text[link.place.line - 1] for link in tie.links]
+    assert all("between" in line or "couple" in line for line in lines)
     assert f"cannot be frozen: remi's hand reaches it by {tie.links[0].name} (s.yaml:" in str(tie)
 
 
@@ -313,3 +320,21 @@ def test_stems_of_outputs_that_are_not_there(folder: Path):
         _core.Performance(
             whole.simulation, whole.mixer(), audio="null", frozen=[(Path("nowhere"), 0, 9, [0])]
         )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+def test_a_hand_plays_the_same_beside_what_is_frozen(folder: Path):
+    """A hand in another process, in lockstep: what it did, felt and heard, to the bit."""
+    frozen("gong,sky")
+    heard, felt = [], []
+    for name, more in (("whole", ()), ("again", ("--frozen", "s.frozen"))):
+        with emulator("firefader", "--lockstep", *GESTURE) as device:
+            asked = ["duet", "s.yaml", "--live", f"remi={device.url}", "--record", f"{name}.take"]
+            audio = ["--audio", f"file:{name}.wav", "--gain", "50dB", "-q"]
+            assert app.run([*asked, *audio, *more]) == 0
+        heard.append(soundfile.read(f"{name}.wav", dtype="float32")[0])
+        felt.append(_core.read_recording(f"{name}.take").forces())
+    assert np.max(np.abs(heard[0])) > 0.05
+    assert np.min(felt[0]) < -0.1
+    assert np.array_equal(*heard)
+    assert np.array_equal(*felt)

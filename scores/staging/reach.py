@@ -90,14 +90,15 @@ class _Web:
         for part, module in modules:
             if module.kind in LINKS:
                 a, b = (self._points(target)[0] for target in module.fields["between"])
-                self._link(part, module, a, b)
+                self._ends[part, module.name] = a, b
+                name = ".".join(filter(None, (part, module.name)))
+                self._link(Link(name, module.place), a, b)
         for coupling in piece.duet:
-            ends = self._points(coupling.a)[0], self._points(coupling.b)[0]
-            self._link("duet", coupling.link, *ends)
+            a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
+            name = f"the coupling of {coupling.a.part} and {coupling.b.part}"
+            self._link(Link(name, coupling.place), a, b)
 
-    def _link(self, part: str, module: Module, a: int, b: int) -> None:
-        link = Link(".".join(filter(None, (part, module.name))), module.place)
-        self._ends[part, module.name] = a, b
+    def _link(self, link: Link, a: int, b: int) -> None:
         self._links.setdefault(a, []).append((b, link))
         self._links.setdefault(b, []).append((a, link))
 
