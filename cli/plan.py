@@ -21,6 +21,7 @@ _HOW = {
     "bm4": "splitting of order 4",
     "ieq": "quadratised energy",
     "trapezoid": "trapezoidal rule",
+    "e4": "exact flow (E4)",
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
@@ -115,6 +116,10 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "cost": row.cost,
         "certificate": row.word,
         "because": row.because,
+        "every": row.every,
+        "radius": row.radius,
+        "preserved": row.preserved,
+        "stays": row.stays,
     }
 
 
@@ -133,6 +138,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     if row.modes is not None:
         kept, of = row.modes
         computed = plural(kept, "mode") + ("" if kept == of else f" of {of:,}")
+    if row.every is not None:
+        computed += f", once in {plural(row.every, 'frame')}"
     if row.times > 1:
         computed += f" ×{row.times}"
     if row.steps > 1:
@@ -141,6 +148,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
     if row.what not in ("modes", "oscillators", "unheard", "still") and row.error_db is None:
         error = "not measured"
+    if row.preserved:
+        error += ", preserved"
     return (
         " + ".join(row.parts),
         f"{row.n_mat + row.n_lia:,}",
@@ -180,12 +189,20 @@ def _why(row: PlanRow) -> list[str]:
         said.append(f"  It is linear: {plural(kept, 'mode')} of {of:,} are computed, each exactly.")
         if row.left_out_db is not None:
             said.append(f"  The others would be {row.left_out_db:.0f} dB below the rest together.")
+    elif row.every is not None:
+        said.append(
+            f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
+        )
+        if row.radius is not None:
+            said.append(f"  From pull to pull nothing grows: |λ| is {row.radius:.9g} at most.")
     elif row.what == "stepped":
         said.append(f"  It is stepped module by module by the CA scheme, {_often(row.times)}.")
     else:
         said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row.times)}.")
     if row.because is not None:
         said.append(f"  It does not go by modes: {row.because}.")
+    if row.stays is not None:
+        said.append(f"  A rate of its own is not used for {row.stays}.")
     if row.steps > 1:
         said.append(f"  Contacts are computed {row.steps} times a step while they may be closed.")
     if row.error_db is not None and row.error_s is not None:

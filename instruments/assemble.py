@@ -30,13 +30,16 @@ class Assembly:
         *,
         ca_rate: float | None = None,
         reach: float = 1.0,
+        every: int = 1,
     ) -> None:
         """Add a part's <M> points. Raises EngineError.
+
+        Its own springs pull once `every` so many frames, where a plan finds that they may.
 
         With `reach` s the part lies behind a lever: the scene sees s times its movement, and power
         is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
         """
-        self.network.part(name, ca_rate=ca_rate)
+        self.network.part(name, ca_rate=ca_rate, every=every if every > 1 else None)
         for module in modules:
             if module.kind in HOLDERS:
                 fields = _seen(module.fields, reach)

@@ -65,10 +65,14 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Instrument:
-    """A network; under `ca_rate` [Hz] its M, K, Z are those of the discrete network there."""
+    """A network; under `ca_rate` [Hz] its M, K, Z are those of the discrete network there.
+
+    Its springs pull once `every` so many frames.
+    """
 
     name: str
     modules: tuple[Module, ...]
     outputs: tuple[Output, ...]
     ca_rate: float | None
     place: Place
+    every: int = 1

@@ -117,7 +117,7 @@ def instrument_table(ca: bool) -> Record:
         Field("M", k.MASS, "another mass for a single generator"),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
         Field("at", k.RATE, "the rate of that network"),
-        Field("rate", k.RATE, "a rate of its own (accepted, not used yet)"),
+        Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
     )
     return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=tables(ca, HOLDERS))
 

@@ -23,10 +23,9 @@ from ergon.scores.reading.piece import (
     Strikes,
     TakeFile,
 )
+from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.schedule import schedule
-from ergon.scores.reading.sections import RATE
 from ergon.scores.reading.times import Times
-from ergon.scores.reading.unused import unused
 from ergon.scores.reading.uses import Entry, Names, Uses
 from ergon.scores.tables.fields import Values
 from ergon.scores.tables.shapes import MISSING, Name
@@ -47,8 +46,10 @@ class Checker:
         self.uses = uses
         self.score = names.score
         self.collector = uses.collector
+        self.rates = Rates(names.score)
         self.scene = Scene(self.collector)
         self.bodies: dict[str, dict[str, Values]] = {}
+        self.written: dict[str, Values] = {}
         self.takes: dict[str, TakeFile] = {}
         self.gestures: dict[str, Gesture | None] = {}
         self.keys: dict[str, Key] = {}
@@ -69,12 +70,11 @@ class Checker:
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._modules()
         plays = self._plays()
-        unused(score)
         gestures = {n: g for n, g in self.gestures.items() if g is not None}
         piece = Piece(
             title=score["title"],
             seed=score["seed"],
-            rate=score["rates"]["audio"] if score["rates"] else RATE,
+            rate=self.rates.audio,
             tempo=times.entries,
             marks=times.marks,
             keys=self.keys,
@@ -165,6 +165,7 @@ class Checker:
                 self.scene.parts[name] = part
                 self._written[name] = (entry, made)
                 self.bodies[name] = _bodies(values)
+                self.written[name] = values
 
     def _modules(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
@@ -188,10 +189,14 @@ class Checker:
                     self._take(source, takes[source])
             if isinstance(made, Key):
                 self._struck(made)
-                self.keys[name] = replace(made, modules=modules)
+                every = self.rates.of_key(self.written[name])
+                self.keys[name] = replace(made, modules=modules, every=every)
             else:
                 outputs = rules.outputs(part, made.outputs, self.scene, self._layout)
-                self.instruments[name] = replace(made, modules=modules, outputs=outputs)
+                every = self.rates.of_instrument(self.written[name])
+                self.instruments[name] = replace(
+                    made, modules=modules, outputs=outputs, every=every
+                )
             todo += sorted(self.scene.reached - done)
             if total > MAX_MATS:
                 message = f"more than {MAX_MATS:,} masses in the piece"

@@ -8,7 +8,6 @@ from typing import Any
 from ergon.scores.gesture import words
 from ergon.scores.reading.manner import OF_ENTRY, manner
 from ergon.scores.reading.piece import Play
-from ergon.scores.reading.unused import rate_of
 from ergon.scores.tables import kinds as k
 from ergon.scores.tables.fields import Field, Record, Values
 from ergon.scores.tables.shapes import (
@@ -28,9 +27,15 @@ from ergon.scores.text.values import Place
 MAX_ROWS = 1_000_000
 
 
+def _unused_rate(context: Context, place: Place) -> None:
+    said = "gestures are struck at the audio rate; a rate of its own is a key's, and written there"
+    message = f"{context.of('rate')}: {said}"
+    context.error("N403", message, place)
+
+
 def _play(values: Values) -> Play:
     if values.written("rate"):
-        rate_of(values.context, values.place_of("rate"))
+        _unused_rate(values.context, values.place_of("rate"))
     until = values.place_of("until") if values.written("until") else None
     return _made(values.given, values.context, values["play"], values.place_of("at"), until)
 
@@ -59,7 +64,7 @@ _OPTIONS = (
     Field("times", k.TIMES, "how often", shown="once, or until `until`"),
     Field("until", k.WHEN, "no repetition begins from here on"),
     *OF_ENTRY,
-    Field("rate", k.RATE, "accepted, not used yet: all runs at the audio rate"),
+    Field("rate", k.RATE, "accepted and not used: a rate is its key's"),
 )
 PLAY = Record(
     "part entry",
@@ -125,7 +130,7 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
         return None
     given["do"] = row.play.do
     if "rate" in given:
-        rate_of(context, _place(row.play.options["rate"], node))
+        _unused_rate(context, _place(row.play.options["rate"], node))
     what, until = row.play.what, row.play.options.get("until")
     at = _place(row.at, node)
     # In a literal block both words stand in one line of the file.

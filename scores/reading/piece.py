@@ -47,7 +47,7 @@ class Key:
     """A force-feedback key: a small network with one struck MAT.
 
     `{M, K, Z}` is one CEL with the name "". `travel` [m]; the scene sees `reach` times the key's
-    movement.
+    movement. Its springs pull once `every` so many frames.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Key:
     travel: tuple[float, float] | None
     reach: float
     place: Place
+    every: int = 1
 
 
 @dataclass(frozen=True, slots=True)

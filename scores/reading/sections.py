@@ -106,7 +106,7 @@ KEY = Record(
         Field("reach", k.POSITIVE, "the scene sees this times its movement", 1.0),
         Field("modules", NamesOf(module_table(False), "module"), MODULES_DOC),
         Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),
-        Field("rate", k.RATE, "a rate of its own (accepted, not used yet)"),
+        Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
     ),
 )
 TAKE = Record(
@@ -235,7 +235,7 @@ RATES = Record(
     "sample rates",
     (
         Field("audio", k.RATE, "frames a second", RATE),
-        Field("gesture", k.RATE, "accepted, not used yet: all runs at the audio rate"),
+        Field("gesture", k.RATE, "of all keys: audio divided by a whole number", shown="audio"),
     ),
 )
 ACCURACY = Record(

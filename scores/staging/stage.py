@@ -19,7 +19,7 @@ from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
 from ergon.scores.staging.striking import Striking
 from ergon.scores.staging.travel import check_travel
-from ergon.scores.text.errors import Collector, Diagnostic
+from ergon.scores.text.errors import Collector, Diagnostic, quote
 from ergon.scores.text.lasting import lasting
 from ergon.scores.text.values import Place
 
@@ -155,6 +155,7 @@ def stage(
             plan, is_kept = made.plan, made.is_kept
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
+            _stay(piece, plan, ready.collector)
         simulation = _core.Simulation(
             ready.network,
             ready.timeline,
@@ -181,6 +182,14 @@ def stage(
     )
 
 
+def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
+    """Report parts that have a rate of their own and go at the audio rate all the same (N403)."""
+    for name, why in dict.fromkeys(plan.stay()):
+        part = piece.keys.get(name) or piece.instruments[name]
+        message = f"rate of {quote(name)}: it goes at the audio rate: {why}"
+        collector.error("N403", message, part.place)
+
+
 def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
     collector.error("E309", str(error.args[0]), _place(piece, error))
     return StageError(collector.finish())
@@ -200,12 +209,15 @@ def solo(piece: Piece, name: str, key: str) -> Stage:
 
 def add_network(piece: Piece, assembly: Assembly) -> list[int]:
     """Keys, instruments and couplings; returns the LIA of each coupling."""
-    keys = [(name, key.modules, None, key.reach) for name, key in piece.keys.items()]
-    instruments = [(name, i.modules, i.ca_rate, 1.0) for name, i in piece.instruments.items()]
     # Links reach the <M> points of other parts: all of those first.
-    for add in (assembly.part, assembly.joins):
-        for name, modules, ca_rate, reach in (*keys, *instruments):
-            add(name, modules, ca_rate=ca_rate, reach=reach)
+    for name, key in piece.keys.items():
+        assembly.part(name, key.modules, reach=key.reach, every=key.every)
+    for name, made in piece.instruments.items():
+        assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every)
+    for name, key in piece.keys.items():
+        assembly.joins(name, key.modules, reach=key.reach)
+    for name, made in piece.instruments.items():
+        assembly.joins(name, made.modules, ca_rate=made.ca_rate)
     if piece.duet:
         assembly.network.part("duet")
     return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]

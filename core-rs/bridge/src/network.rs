@@ -49,10 +49,13 @@ impl Network {
     }
 
     /// Start a part: modules added from now on belong to it.
-    #[pyo3(signature = (name, *, ca_rate=None))]
-    fn part(&mut self, name: &str, ca_rate: Option<f64>) -> PyResult<()> {
+    #[pyo3(signature = (name, *, ca_rate=None, every=None))]
+    fn part(&mut self, name: &str, ca_rate: Option<f64>, every: Option<u32>) -> PyResult<()> {
         let ca_rate = ca_rate.map(hertz).transpose()?;
         self.0.part(name, ca_rate);
+        if let Some(every) = every {
+            self.0.every(every);
+        }
         Ok(())
     }
 

@@ -84,6 +84,11 @@ impl Plan {
             .collect()
     }
 
+    /// Parts that have a rate of their own and go at every frame all the same: (name, why).
+    fn stay(&self) -> Vec<(String, String)> {
+        self.0.stay().to_vec()
+    }
+
     /// A hash of what was decided (64 hex digits).
     #[getter]
     fn hash(&self) -> String {
@@ -156,6 +161,10 @@ pub(crate) struct PlanRow {
     cost: f64,
     word: Option<&'static str>,
     because: Option<String>,
+    every: Option<u32>,
+    radius: Option<f64>,
+    preserved: bool,
+    stays: Option<String>,
 }
 
 impl PlanRow {
@@ -163,6 +172,7 @@ impl PlanRow {
         let (what, modes, left_out_db) = match row.what {
             What::Stepped => ("stepped", None, None),
             What::Mesh(way, _) => (way, None, None),
+            What::Slow(_) => ("e4", None, None),
             What::Oscillators => ("oscillators", None, None),
             What::Modes { of, kept, left_out } => ("modes", Some((kept, of)), left_out),
             What::LeftOut(Reason::Unheard) => ("unheard", None, None),
@@ -189,6 +199,14 @@ impl PlanRow {
                 Word::Tried => "tried",
             }),
             because: row.because.clone(),
+            // At a multiple of the rate as many more steps make the same time.
+            every: match row.what {
+                What::Slow(every) => Some(every / row.times.max(1)),
+                _ => None,
+            },
+            radius: row.radius,
+            preserved: row.is_preserved(),
+            stays: row.stays.clone(),
         }
     }
 }

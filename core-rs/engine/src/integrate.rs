@@ -11,11 +11,13 @@ mod ca;
 mod ca2p;
 mod certify;
 mod conjugate;
+pub(crate) mod flow;
 mod ieq;
 mod local;
 mod mesh;
 mod order;
 mod passes;
+pub(crate) mod square;
 mod trapezoid;
 mod way;
 

@@ -12,6 +12,7 @@ pub(crate) mod mesh;
 pub(crate) mod modal;
 
 pub(crate) mod record;
+pub(crate) mod slow;
 
 pub use build::Options;
 pub(crate) use build::at_rest;
@@ -294,6 +295,7 @@ fn voices(
         targets: &mut state.targets,
         reports: &mut state.reports,
         stream: &mut state.stream,
+        bodies: &mut state.bodies,
         layers: &state.layers,
     };
     for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
@@ -307,7 +309,7 @@ fn voices(
 fn strike(script: &Script, state: &mut State, n: u64) {
     let scheme = &script.scheme;
     let t = 1.0 / scheme.rate;
-    let body = &mut state.body;
+    let (body, bodies) = (&mut state.body, &mut state.bodies);
     while let Some(push) = script
         .pushes
         .get(state.pushed)
@@ -327,6 +329,9 @@ fn strike(script: &Script, state: &mut State, n: u64) {
             );
         }
         body.push(mat, push.force);
+        bodies
+            .iter_mut()
+            .for_each(|body| body.struck(mat, push.force));
     }
     while let Some(ergon) = script
         .ergons
@@ -343,7 +348,9 @@ fn strike(script: &Script, state: &mut State, n: u64) {
         let mass = t * t / scheme.w[mat];
         let velocity = kernel::centred(scheme, body, mat);
         let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);
-        body.push(mat, impulse * scheme.rate);
+        let force = impulse * scheme.rate;
+        body.push(mat, force);
+        bodies.iter_mut().for_each(|body| body.struck(mat, force));
         let (mass, speed, source) = (ergon.mass, ergon.speed, ergon.source);
         state.stream.push(
             n,

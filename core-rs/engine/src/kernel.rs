@@ -1,6 +1,7 @@
 //! The inner loops: one file per kind of work. They know no names, no scores, no reasons.
 
 pub(crate) mod bank;
+pub(crate) mod dense;
 mod exact;
 mod mats;
 pub(crate) mod ports;

@@ -101,6 +101,8 @@ pub struct Part {
     pub name: String,
     /// Rate of the discrete network that is the truth (`units: ca`); `None` when the truth is continuous.
     pub ca_rate: Option<Rate>,
+    /// Its linear parts are to go once every so many frames of the scene; `None`: at every frame.
+    pub every: Option<u32>,
 }
 
 /// A network of MATs and LIAs.

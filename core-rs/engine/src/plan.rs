@@ -14,13 +14,16 @@ mod islands;
 mod kept;
 mod linear;
 mod loud;
+mod macrostep;
 mod make;
 mod mesh;
 mod modes;
+mod multirate;
 mod pilot;
 mod ported;
 mod row;
 mod search;
+mod slow;
 mod split;
 mod truncate;
 mod wiring;
@@ -109,6 +112,8 @@ pub struct Plan {
     pub(crate) still: Vec<f64>,
     rows: Vec<Row>,
     choices: Vec<Choice>,
+    /// Parts that have a rate of their own and go at every frame all the same, and why.
+    stay: Vec<(String, String)>,
 }
 
 impl Plan {
@@ -180,6 +185,7 @@ impl Plan {
             still: vec![0.0; network.outputs().len()],
             rows: Vec::new(),
             choices: Vec::new(),
+            stay: Vec::new(),
             network,
             units: Vec::new(),
         }
@@ -188,6 +194,11 @@ impl Plan {
     /// What it does, part by part.
     pub fn rows(&self) -> &[Row] {
         &self.rows
+    }
+
+    /// Parts that have a rate of their own and go at every frame all the same, and why.
+    pub fn stay(&self) -> &[(String, String)] {
+        &self.stay
     }
 
     /// What was decided, island by island: enough to decide the same again.

@@ -44,6 +44,7 @@ impl Body {
     pub(crate) fn copy_motion(&mut self, other: &Self) {
         self.x.copy_from_slice(&other.x);
         self.d.copy_from_slice(&other.d);
+        self.inner.copy_from_slice(&other.inner);
     }
 }
 

@@ -5,8 +5,17 @@
 #[path = "scenes/scene.rs"]
 mod scene;
 
+use std::sync::Arc;
+
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
-use ergon_engine::simulation::{OnFault, Simulation};
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
+use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::plan::{Budget, Plan, What};
+use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
 use scene::{Scene, options};
 
 #[global_allocator]
@@ -42,4 +51,68 @@ fn a_playing_scene_does_not_allocate() {
             "{seed} again"
         );
     }
+}
+
+/// A key of two masses that goes once in ten frames and a bell that it pulls; it is led, thrown by grains, struck.
+#[test]
+fn a_slow_key_does_not_allocate() {
+    let mut network = Network::new();
+    network.part("key", None);
+    network.every(10);
+    let tie = |k, z| Tie::Physical { k, z };
+    let struck = network
+        .cel("m", 0.08, tie(200.0, 0.4), 0.0, 0.0, 0.0)
+        .unwrap();
+    let inner = network.mas("n", 0.03, 0.0, 0.0).unwrap();
+    network.spring("r", struck, inner, 150.0, 0.2, 0.0).unwrap();
+    network.part("bell", None);
+    let bell = network
+        .cel("b", 2e-3, tie(4e3, 0.01), 0.0, 0.0, 0.0)
+        .unwrap();
+    network.spring("c", struck, bell, 300.0, 0.0, 0.0).unwrap();
+    let term = Term::Position {
+        first: inner,
+        len: 2,
+        weight: 1.0,
+    };
+    network.listen("both", vec![term]).unwrap();
+    let rate = Rate::new(44_100.0).unwrap();
+    let mut timeline = Timeline::new(rate);
+    let key = timeline.key("key", struck);
+    for (start, grain) in [(0.01, None), (0.12, Some(5e-3))] {
+        let t = [start, start + 0.04, start + 0.1];
+        let way = [Way::Path(Curve::Smooth); 3];
+        let written = Written {
+            t: &t,
+            x: &[0.0, 3e-3, 1e-3],
+            way: &way,
+            sources: &[],
+        };
+        let manner = Manner {
+            touch: Touch::Open,
+            ergons: Ergons::Event,
+            grain,
+            join: 0.02,
+            limit: None,
+            layer: false,
+        };
+        let gesture = Gesture::written(key, &written, manner, rate.hertz()).unwrap();
+        timeline.gesture(gesture).unwrap();
+    }
+    timeline.strike(&network, struck, 0.23, 0.01, 0).unwrap();
+    let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
+    assert!(plan.rows().iter().any(|row| row.what == What::Slow(10)));
+    let options = Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    };
+    let mut simulation = Simulation::planned(Arc::new(plan), options).unwrap();
+    let mut out = vec![0.0; 6_000 * simulation.n_out()];
+    assert_eq!(allocations(&mut simulation, &mut out), 0);
+    let snapshot = simulation.snapshot();
+    assert_eq!(allocations(&mut simulation, &mut out), 0);
+    simulation.restore(&snapshot);
+    let then = out.clone();
+    assert_eq!(allocations(&mut simulation, &mut out), 0, "again");
+    assert_eq!(out, then);
 }

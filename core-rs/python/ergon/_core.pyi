@@ -108,9 +108,12 @@ class Network:
     n_mat: int
     n_lia: int
     n_out: int
-    def part(self, name: str, *, ca_rate: float | None = None) -> None:
+    def part(
+        self, name: str, *, ca_rate: float | None = None, every: int | None = None
+    ) -> None:
         """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
-        Z of the discrete network at that rate, which then is the truth (GENESIS habit)."""
+        Z of the discrete network at that rate, which then is the truth (GENESIS habit). A plan lets
+        its own springs pull once `every` so many frames, where it may (E4)."""
     def pressed(self) -> Network:
         """A copy at rest with every contact closed and every law the stiffest spring that it is
         within a millimetre: what a hand meets at worst."""
@@ -423,7 +426,7 @@ class PlanRow:
     n_mat: int  # MATs that move
     n_lia: int
     what: Literal[
-        "stepped", "oscillators", "modes", "ca2p", "bm4", "ieq", "trapezoid", "unheard", "still"
+        "stepped", "oscillators", "modes", "ca2p", "bm4", "ieq", "trapezoid", "e4", "unheard", "still"
     ]
     modes: tuple[int, int] | None  # computed, of how many
     left_out_db: float | None  # the other modes together, relative to all
@@ -434,6 +437,10 @@ class PlanRow:
     cost: float  # seconds of work for a second of sound, by the table of costs
     word: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
+    every: int | None  # frames from one pull of its own springs to the next
+    radius: float | None  # largest eigenvalue of what it and all it touches do from pull to pull
+    preserved: bool  # slow, and not heard: at most -75 dB up to 10 frames, -70 dB up to 20
+    stays: str | None  # parts that have a rate of their own and go at every frame, and why
 
 @final
 class Plan:
@@ -471,6 +478,8 @@ class Plan:
     def choices(self) -> list[tuple[int, int, int, list[list[int]]]]:
         """What was decided, island by island: (modules, times it is stepped a frame, how often a
         step contacts are computed, 0 for a bank; of each body its modes, or its method)."""
+    def stay(self) -> list[tuple[str, str]]:
+        """Parts that have a rate of their own and go at every frame all the same: (name, why)."""
     hash: str  # of what was decided: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------

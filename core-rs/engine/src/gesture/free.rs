@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::island::slow::{self, Slow};
 use crate::kernel;
 use crate::scheme::{Kind, Laws, Scheme};
 use crate::state::{Body, Target};
@@ -24,17 +25,75 @@ pub(crate) struct FreeKey {
     pub(crate) members: Vec<usize>,
     /// Forces and imposed points inside the key (its weight, say), with indices of the free key.
     pub(crate) drives: Vec<Drive>,
+    /// What of it goes at a slow rate, as the key in the scene does.
+    pub(crate) slow: Vec<Slow>,
+}
+
+/// How a free key moves.
+#[derive(Clone, Debug)]
+pub(crate) struct Motion {
+    pub(crate) body: Body,
+    slow: Vec<slow::Playing>,
+}
+
+impl Motion {
+    /// Take over another's motion without allocating.
+    fn copy_motion(&mut self, other: &Self) {
+        self.body.copy_motion(&other.body);
+        for (own, other) in self.slow.iter_mut().zip(&other.slow) {
+            own.copy_motion(other);
+        }
+    }
+
+    /// The velocity [m a frame] that a MAT lacks where a path lets it go.
+    fn release(&self, mat: usize) -> f64 {
+        self.slow.iter().map(|slow| slow.release(mat)).sum()
+    }
+
+    /// What a MAT that is led along a path is to be given before its springs pull, at the end of this frame.
+    pub(crate) fn release_at_pull(&mut self, mat: usize) -> f64 {
+        let mut given = 0.0;
+        for slow in &mut self.slow {
+            let own = slow.release_at_pull(mat);
+            slow.give(mat, own);
+            given += own;
+        }
+        given
+    }
+
+    /// What two frames do not tell of the velocity [m a frame] of a MAT and its change a frame.
+    pub(crate) fn lack(&self, mat: usize, is_led: bool) -> [f64; 2] {
+        let each = self.slow.iter().map(|slow| slow.lack(mat, is_led));
+        each.fold([0.0; 2], |[v, a], [dv, da]| [v + dv, a + da])
+    }
 }
 
 /// Scratch room of one voice.
 #[derive(Clone, Debug)]
 pub(crate) struct Room {
-    pub(crate) coast: Body,
+    pub(crate) coast: Motion,
     pub(crate) laws: Laws,
     pub(crate) targets: Vec<Target>,
 }
 
 impl FreeKey {
+    /// Its motion at frame 0, from that of its MATs.
+    pub(crate) fn start(&self, mut body: Body) -> Motion {
+        let new = |slow: &Slow| slow::Playing::new(slow, &body);
+        let slow: Vec<slow::Playing> = self.slow.iter().map(new).collect();
+        if !slow.is_empty() {
+            body.inner = vec![0.0; body.x.len()];
+            slow.iter().for_each(|slow| slow.place(&mut body));
+        }
+        Motion { body, slow }
+    }
+
+    /// All of it at 0, and still.
+    pub(crate) fn at_rest(&self) -> Motion {
+        let still = vec![0.0; self.scheme.n_mat()];
+        self.start(Body::new(&self.scheme, still.clone(), still))
+    }
+
     /// The key of a gesture that is laid over another: displacements from where the other holds it,
     /// contacts open.
     pub(crate) fn deviation(&self) -> Self {
@@ -46,6 +105,7 @@ impl FreeKey {
         Self {
             scheme: Arc::new(scheme),
             drives: Vec::new(),
+            slow: self.slow.iter().map(Slow::deviation).collect(),
             ..self.clone()
         }
     }
@@ -54,26 +114,27 @@ impl FreeKey {
     /// the way between them swings far outside. A struck key at rest is back after half a period.
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
         let free = self.deviation();
-        let still = vec![0.0; free.scheme.n_mat()];
-        let mut motion = Body::new(&free.scheme, still.clone(), still);
+        let mut motion = free.at_rest();
         let (mut laws, mut targets) = (free.scheme.laws(), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
             free.forces(&mut motion, n, &mut laws, &mut targets);
-            free.strike_and_move(&mut motion, if n == 0 { push } else { 0.0 }, &mut targets);
-            motion.x[free.struck] < 0.0
+            let push = if n == 0 { push } else { 0.0 };
+            free.strike_and_move(&mut motion, n, push, &mut targets);
+            motion.body.x[free.struck] < 0.0
         })
     }
 
     /// Sum the forces at frame `n`, but for the ergon's.
     pub(crate) fn forces(
         &self,
-        body: &mut Body,
+        motion: &mut Motion,
         n: u64,
         laws: &mut Laws,
         targets: &mut Vec<Target>,
     ) {
+        let body = &mut motion.body;
         kernel::links(&self.scheme, &[], body, laws);
         targets.clear();
         for drive in &self.drives {
@@ -83,13 +144,19 @@ impl FreeKey {
 
     /// The ergon's force that brings the struck MAT to x at the next frame [N], once the other forces
     /// are summed; `targets` are the key's own imposed points.
-    pub(crate) fn needed(&self, body: &Body, x: f64, targets: &[Target], room: &mut Room) -> f64 {
-        let (scheme, struck) = (&*self.scheme, self.struck);
+    pub(crate) fn needed(
+        &self,
+        motion: &Motion,
+        x: f64,
+        targets: &[Target],
+        room: &mut Room,
+    ) -> f64 {
+        let (scheme, struck, body) = (&*self.scheme, self.struck, &motion.body);
         if scheme.exact.is_empty() {
             return kernel::needed(scheme, body, struck, x);
         }
         // What exact contacts give depends on where the ergon takes the MAT: solve them there.
-        let coast = &mut room.coast;
+        let coast = &mut room.coast.body;
         coast.copy_motion(body);
         coast.force.copy_from_slice(&body.force);
         room.targets.clear();
@@ -103,39 +170,53 @@ impl FreeKey {
         kernel::needed(scheme, coast, struck, x)
     }
 
-    /// Add a force on the struck MAT and move to frame n + 1.
-    pub(crate) fn strike_and_move(&self, body: &mut Body, force: f64, targets: &mut [Target]) {
-        body.force[self.struck] += force;
-        kernel::contacts(&self.scheme, &[], targets, body);
-        kernel::advance(&self.scheme, targets, body);
+    /// The force on the struck MAT with which it goes on by itself where a path ends [N].
+    pub(crate) fn release(&self, motion: &Motion) -> f64 {
+        motion.release(self.struck) / self.scheme.w[self.struck]
     }
 
-    /// Where the struck MAT is at frame `to`, from `body` at frame `n`, struck once now [m].
-    fn coast(&self, body: &Body, n: u64, to: u64, force: f64, room: &mut Room) -> f64 {
+    /// Add a force on the struck MAT and move from frame n to n + 1.
+    pub(crate) fn strike_and_move(
+        &self,
+        motion: &mut Motion,
+        n: u64,
+        force: f64,
+        targets: &mut [Target],
+    ) {
+        let Motion { body, slow } = motion;
+        body.force[self.struck] += force;
+        kernel::contacts(&self.scheme, &[], targets, body);
+        slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
+        kernel::advance(&self.scheme, targets, body);
+        slow.iter().for_each(|slow| slow.place(body));
+    }
+
+    /// Where the struck MAT is at frame `to`, from `motion` at frame `n`, struck once now [m].
+    fn coast(&self, motion: &Motion, n: u64, to: u64, force: f64, room: &mut Room) -> f64 {
         let Room {
             coast,
             laws,
             targets,
         } = room;
-        coast.copy_motion(body);
+        coast.copy_motion(motion);
         for k in n..to {
             self.forces(coast, k, laws, targets);
-            self.strike_and_move(coast, if k == n { force } else { 0.0 }, targets);
+            self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);
         }
-        coast.x[self.struck]
+        coast.body.x[self.struck]
     }
 
     /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 where no force can
     /// (a multiple of half the key's period).
-    pub(crate) fn aim(&self, body: &Body, n: u64, to: u64, x: f64, room: &mut Room) -> f64 {
-        let (mut f0, mut y0) = (0.0, self.coast(body, n, to, 0.0, room));
+    pub(crate) fn aim(&self, motion: &Motion, n: u64, to: u64, x: f64, room: &mut Room) -> f64 {
+        let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, room));
         // A first guess as for a free mass: F·T²/m·steps = distance.
         let steps = (to - n) as f64;
         let guess = (x - y0) / (steps * self.scheme.w[self.struck]);
         if guess == 0.0 {
             return 0.0;
         }
-        let (mut f1, mut y1) = (guess, self.coast(body, n, to, guess, room));
+        let (mut f1, mut y1) = (guess, self.coast(motion, n, to, guess, room));
         if (y1 - y0).abs() <= REACH_MIN * (x - y0).abs() {
             return 0.0;
         }
@@ -148,7 +229,7 @@ impl FreeKey {
                 return f;
             }
             (f0, y0) = (f1, y1);
-            (f1, y1) = (f, self.coast(body, n, to, f, room));
+            (f1, y1) = (f, self.coast(motion, n, to, f, room));
             if (y1 - x).abs() <= 1e-12 + 4.0 * f64::EPSILON * x.abs() {
                 break;
             }

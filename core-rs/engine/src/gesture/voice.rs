@@ -5,10 +5,11 @@ mod join;
 
 use std::sync::Arc;
 
-use super::free::{FreeKey, Room};
+use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
 use super::quintic::Knot;
 use super::script::{Gesture, Leg, Report, Touch};
+use crate::island::inside;
 use crate::island::record::Stream;
 use crate::kernel;
 use crate::scheme::Scheme;
@@ -37,7 +38,7 @@ pub(crate) struct VoiceScript {
 /// What moves of a voice.
 #[derive(Clone, Debug)]
 pub(crate) struct Voice {
-    free: Body,
+    free: Motion,
     /// Imposed points inside the free key, at this frame.
     targets: Vec<Target>,
     room: Room,
@@ -46,6 +47,8 @@ pub(crate) struct Voice {
     now: Option<Running>,
     /// The key is held on its path in this frame: the ergon is known once all other forces are.
     held: Option<Held>,
+    /// A path led it to this frame.
+    is_led: bool,
     /// Number of gestures begun (also those that only join so far).
     begun: usize,
     /// Where the key is wanted at the present frame [m]; NaN: nowhere.
@@ -90,6 +93,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) gestures: &'a [Arc<Gesture>],
     pub(crate) reports: &'a mut [Report],
     pub(crate) stream: &'a mut Stream,
+    pub(crate) bodies: &'a mut [inside::Playing],
     /// How far layers take each key from where its gesture wants it [m]   (n_keys)
     pub(crate) layers: &'a [f64],
 }
@@ -112,16 +116,17 @@ impl Voice {
     pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[Arc<Gesture>], n: u64) -> bool {
         let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
-        let moves = self.free.x[i].abs() + self.free.d[i].abs() * script.free.scheme.rate > AT_REST;
+        let moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate
+            > AT_REST;
         !script.layer || moves || script.gestures.iter().any(own)
     }
 
     /// How far a layer takes its key now [m].
     pub(crate) fn deviation(&self, script: &VoiceScript) -> f64 {
-        self.free.x[script.free.struck]
+        self.free.body.x[script.free.struck]
     }
 
-    pub(crate) fn new(script: &VoiceScript, free: Body) -> Self {
+    pub(crate) fn new(script: &VoiceScript, free: Motion) -> Self {
         let laws = script.free.scheme.laws();
         let room = Room {
             coast: free.clone(),
@@ -135,6 +140,7 @@ impl Voice {
             flight: Flight::default(),
             now: None,
             held: None,
+            is_led: false,
             begun: 0,
             asked: f64::NAN,
         }
@@ -159,14 +165,27 @@ impl Voice {
         let here = std::mem::replace(&mut self.asked, f64::NAN);
         let force = match ask {
             Some(ask) => self.answer(script, scene, n, &ask, here),
+            None if self.is_led => {
+                let force = script.free.release(&self.free);
+                scene.body.push(script.struck, force);
+                force
+            }
             None => 0.0,
         };
+        self.is_led = matches!(ask, Some(Ask::Pass(_)));
+        if self.is_led {
+            let given = self.free.release_at_pull(script.free.struck);
+            if given != 0.0 {
+                let bodies = scene.bodies.iter_mut();
+                bodies.for_each(|body| body.give(script.struck, given));
+            }
+        }
         if let Some(now) = self.now.as_ref().filter(|now| now.struck_until == n + 1) {
             self.asked = now.aim;
         }
         script
             .free
-            .strike_and_move(&mut self.free, force, &mut self.targets);
+            .strike_and_move(&mut self.free, n, force, &mut self.targets);
     }
 
     /// Hold what was asked against what was done.
@@ -178,7 +197,7 @@ impl Voice {
             .or_else(|| self.begun.checked_sub(1).map(|last| script.gestures[last]));
         let Some(gesture) = latest else { return };
         let report = &mut scene.reports[gesture];
-        let free = self.free.x[script.free.struck];
+        let free = self.free.body.x[script.free.struck];
         report.low = report.low.min(free);
         report.high = report.high.max(free);
         if !self.asked.is_nan() && !script.layer {
@@ -197,15 +216,19 @@ impl Voice {
     /// Position, velocity and acceleration of the key that the gesture is written for.
     fn motion(&self, script: &VoiceScript, scene: &Scene<'_>, touch: Touch, n: u64) -> Knot {
         let (scheme, body, i) = match touch {
-            Touch::Open => (&*script.free.scheme, &self.free, script.free.struck),
+            Touch::Open => (&*script.free.scheme, &self.free.body, script.free.struck),
             Touch::Tracked => (scene.scheme, &*scene.body, script.struck),
         };
         let (x, before) = (body.x[i], body.x[i] - body.d[i]);
         let next = kernel::predict(scheme, body, i);
         let rate = scheme.rate;
+        let [v_lacks, a_lacks] = match touch {
+            Touch::Open => self.free.lack(i, self.is_led),
+            Touch::Tracked => [0.0; 2],
+        };
         let (v, a) = (
-            (next - before) * (0.5 * rate),
-            (next - 2.0 * x + before) * (rate * rate),
+            (next - before) * (0.5 * rate) + v_lacks * rate,
+            (next - 2.0 * x + before + a_lacks) * (rate * rate),
         );
         Knot {
             t: n as f64 / rate,

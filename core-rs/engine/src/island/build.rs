@@ -8,7 +8,7 @@ use super::hands::{Touch as HandTouch, grips};
 use super::inside::{self, Inside};
 use super::ledger::Ledger;
 use super::{Island, OnFault, Script, State, Stream};
-use crate::gesture::free::FreeKey;
+use crate::gesture::free::{FreeKey, Motion};
 use crate::gesture::script::{Gesture, Report, Touch};
 use crate::gesture::voice::{Voice, VoiceScript};
 use crate::network::{Error, Network, Term};
@@ -50,9 +50,10 @@ impl Island {
         let mut scheme = Scheme::new(&network, timeline.rate)?;
         gate(&mut scheme, timeline);
         let mut body = start(&network, &scheme, timeline, &timeline.drives);
-        let mut bodies = join(bodies, &network, timeline, &mut body)?;
+        let plans = bodies;
+        let mut bodies = join(plans, &network, timeline, &mut body)?;
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline);
-        let (scripts, voices) = hands(&network, timeline)?;
+        let (scripts, voices) = hands(&network, timeline, plans)?;
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts);
         }
@@ -189,7 +190,7 @@ fn join(
     body.inner = vec![0.0; body.x.len()];
     let force = crate::scheme::forces(network, timeline, &body.x, &[]);
     let start = |inside: &Inside| {
-        let playing = inside.start(&force)?;
+        let playing = inside.start(&force, body)?;
         playing.place(body);
         Ok(playing)
     };
@@ -223,12 +224,16 @@ fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
 
 /// The voices of all keys: one for the gestures that follow one another, one for each that is laid
 /// over them.
-fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
+fn hands(
+    network: &Network,
+    timeline: &Timeline,
+    bodies: &[Inside],
+) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
     let gestures = &timeline.gestures;
     let mut scripts = Vec::new();
     let mut voices = Vec::new();
     for (key, known) in timeline.keys.iter().enumerate() {
-        let (free, body) = free_key(network, timeline, known)?;
+        let (free, motion) = free_key(network, timeline, known, bodies)?;
         let mut own: Vec<usize> = (0..gestures.len())
             .filter(|&i| gestures[i].key == key)
             .collect();
@@ -246,7 +251,7 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
             layer: false,
             meets: meets(network, known.struck),
         };
-        voices.push(Voice::new(&script, body));
+        voices.push(Voice::new(&script, motion));
         scripts.push(script.clone());
         for gesture in layers {
             let layer = VoiceScript {
@@ -255,9 +260,7 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
                 layer: true,
                 ..script.clone()
             };
-            let still = vec![0.0; layer.free.scheme.n_mat()];
-            let body = Body::new(&layer.free.scheme, still.clone(), still);
-            voices.push(Voice::new(&layer, body));
+            voices.push(Voice::new(&layer, layer.free.at_rest()));
             scripts.push(layer);
         }
     }
@@ -265,7 +268,12 @@ fn hands(network: &Network, timeline: &Timeline) -> Result<(Vec<VoiceScript>, Ve
 }
 
 /// A key's part on its own, and its motion at frame 0. Refuses a key that cannot be struck.
-fn free_key(network: &Network, timeline: &Timeline, key: &Key) -> Result<(FreeKey, Body), Error> {
+fn free_key(
+    network: &Network,
+    timeline: &Timeline,
+    key: &Key,
+    bodies: &[Inside],
+) -> Result<(FreeKey, Motion), Error> {
     let mats = network.mats();
     if !moves(mats.kind[key.struck]) {
         return Err(Error::Refused {
@@ -273,7 +281,8 @@ fn free_key(network: &Network, timeline: &Timeline, key: &Key) -> Result<(FreeKe
             message: "a key is struck on a MAS or a CEL".to_owned(),
         });
     }
-    let own = network.alone(mats.part[key.struck] as usize);
+    let part = mats.part[key.struck] as usize;
+    let own = network.alone(part);
     let inside = |mat: usize| own.mat(mat);
     for link in timeline.gates.iter().map(|gate| gate.link) {
         let run = network.run_of(link);
@@ -307,10 +316,18 @@ fn free_key(network: &Network, timeline: &Timeline, key: &Key) -> Result<(FreeKe
     let free = FreeKey {
         struck: inside(key.struck).unwrap_or(0),
         members: own.mats.iter().map(|&mat| mat as usize).collect(),
+        slow: bodies
+            .iter()
+            .filter_map(|body| match body {
+                Inside::Slow(slow) if slow.part == part => Some(slow.alone(inside)),
+                _ => None,
+            })
+            .collect(),
         scheme,
         drives,
     };
-    Ok((free, body))
+    let motion = free.start(body);
+    Ok((free, motion))
 }
 
 /// Refuses a gesture that its key cannot play.

@@ -2,6 +2,7 @@
 
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
+use super::slow::{self, Slow};
 use crate::network::Error;
 use crate::state::Body;
 
@@ -10,6 +11,7 @@ use crate::state::Body;
 pub(crate) enum Inside {
     Modal(Modal),
     Mesh(Mesh),
+    Slow(Slow),
 }
 
 /// A body that plays.
@@ -17,16 +19,19 @@ pub(crate) enum Inside {
 pub(crate) enum Playing {
     Modal(Box<modal::Playing>),
     Mesh(Box<mesh::Playing>),
+    Slow(Box<slow::Playing>),
 }
 
 impl Inside {
-    /// At frame 0, against forces that act on its ports there (n_mat of the island).
-    pub(super) fn start(&self, force: &[f64]) -> Result<Playing, Error> {
+    /// At frame 0, against forces that act on its ports there (n_mat of the island); `body` is the island as if its
+    /// ports were masses alone.
+    pub(super) fn start(&self, force: &[f64], body: &Body) -> Result<Playing, Error> {
         Ok(match self {
             Self::Modal(modal) => {
                 Playing::Modal(Box::new(modal::Playing::new(&modal.pushed(force))))
             }
             Self::Mesh(mesh) => Playing::Mesh(Box::new(mesh::Playing::new(mesh)?)),
+            Self::Slow(slow) => Playing::Slow(Box::new(slow::Playing::new(slow, body))),
         })
     }
 
@@ -38,6 +43,8 @@ impl Inside {
                 blows.map(|&(frame, _, _)| frame).min()
             }
             Self::Mesh(mesh) => mesh.strikes.first().map(|&(frame, _, _)| frame),
+            // What is struck of it is a port.
+            Self::Slow(_) => None,
         };
         first.map_or(f64::INFINITY, |frame| frame as f64)
     }
@@ -47,6 +54,7 @@ impl Inside {
         match self {
             Self::Modal(modal) => modal.ports.iter().map(|port| port.mat).collect(),
             Self::Mesh(mesh) => mesh.ports.iter().map(|&(_, mat)| mat).collect(),
+            Self::Slow(slow) => slow.ports.iter().map(|&(_, mat)| mat).collect(),
         }
     }
 }
@@ -56,6 +64,7 @@ impl Playing {
         match self {
             Self::Modal(modal) => modal.tap(out),
             Self::Mesh(mesh) => mesh.tap(out),
+            Self::Slow(slow) => slow.tap(out),
         }
     }
 
@@ -63,6 +72,7 @@ impl Playing {
         match self {
             Self::Modal(modal) => modal.place(body),
             Self::Mesh(mesh) => mesh.place(body),
+            Self::Slow(slow) => slow.place(body),
         }
     }
 
@@ -72,10 +82,25 @@ impl Playing {
         }
     }
 
+    /// What a hand gives a MAT of the island at the end of this frame [m a frame].
+    pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
+        if let Self::Slow(slow) = self {
+            slow.give(mat, velocity);
+        }
+    }
+
+    /// A strike on a MAT of the island in this frame [N], whose force is in the sum already.
+    pub(crate) fn struck(&mut self, mat: usize, force: f64) {
+        if let Self::Slow(slow) = self {
+            slow.strike(mat, force);
+        }
+    }
+
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         match self {
             Self::Modal(modal) => modal.step(n, force),
             Self::Mesh(mesh) => mesh.step(n, force),
+            Self::Slow(slow) => slow.step(n, force),
         }
     }
 
@@ -84,6 +109,7 @@ impl Playing {
         match self {
             Self::Modal(modal) => modal.touches(mats),
             Self::Mesh(mesh) => mesh.is_of(mats, part),
+            Self::Slow(slow) => slow.is_of(part),
         }
     }
 
@@ -92,6 +118,7 @@ impl Playing {
         match self {
             Self::Modal(modal) => modal.outputs(),
             Self::Mesh(mesh) => mesh.outputs(),
+            Self::Slow(slow) => slow.outputs(),
         }
     }
 
@@ -100,6 +127,7 @@ impl Playing {
         match self {
             Self::Modal(_) => None,
             Self::Mesh(mesh) => mesh.culprit(),
+            Self::Slow(slow) => slow.culprit(),
         }
     }
 
@@ -107,7 +135,7 @@ impl Playing {
     pub(crate) fn modal(&self) -> Option<&modal::Playing> {
         match self {
             Self::Modal(modal) => Some(modal),
-            Self::Mesh(_) => None,
+            Self::Mesh(_) | Self::Slow(_) => None,
         }
     }
 
@@ -115,7 +143,7 @@ impl Playing {
     pub(crate) fn modal_mut(&mut self) -> Option<&mut modal::Playing> {
         match self {
             Self::Modal(modal) => Some(modal),
-            Self::Mesh(_) => None,
+            Self::Mesh(_) | Self::Slow(_) => None,
         }
     }
 
@@ -131,6 +159,7 @@ impl Playing {
         match self {
             Self::Modal(_) => true,
             Self::Mesh(mesh) => mesh.sound(),
+            Self::Slow(slow) => slow.sound(),
         }
     }
 }

@@ -19,9 +19,17 @@ impl Network {
             self.parts.push(Part {
                 name: name.to_owned(),
                 ca_rate,
+                every: None,
             });
             self.parts.len() - 1
         });
+    }
+
+    /// Let the linear parts of the present part go once every so many frames.
+    pub fn every(&mut self, frames: u32) {
+        if let Some(part) = self.parts.get_mut(self.current) {
+            part.every = Some(frames.max(1));
+        }
     }
 
     /// Add a MAS [kg, m, m/s].

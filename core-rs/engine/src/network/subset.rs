@@ -70,6 +70,16 @@ impl Network {
         (mats.m[mat], mats.k[mat], mats.z[mat], mats.rest[mat]) = (m, 0.0, 0.0, 0.0);
     }
 
+    /// The same with other rates of its slow parts: what `of` makes of a part's name, and of its frames from
+    /// kick to kick.
+    pub(crate) fn with_every(&self, of: impl Fn(&str, u32) -> Option<u32>) -> Self {
+        let mut own = self.clone();
+        for part in &mut own.parts {
+            part.every = part.every.and_then(|every| of(&part.name, every));
+        }
+        own
+    }
+
     fn mat_at(&self, i: usize) -> Mat {
         let m = &self.mats;
         Mat {

@@ -6,6 +6,7 @@ use super::budget::Budget;
 use super::choice::Choice;
 use super::linear::NoModes;
 use super::mesh::Ways;
+use super::multirate;
 use super::ported::{self, Cut, Found};
 use super::split::Own;
 use super::truncate::Kept;
@@ -42,6 +43,14 @@ impl Assembled {
             faster(&own.timeline, times, &subset.network)?
         };
         let rate = timeline.rate;
+        // A slow part stays as slow when all else is quicker.
+        let sped = (times > 1 && multirate::is_asked(&subset.network)).then(|| Subset {
+            network: subset
+                .network
+                .with_every(|_, every| every.checked_mul(times)),
+            ..subset.clone()
+        });
+        let subset = sped.as_ref().unwrap_or(subset);
         let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways);
         let mut found = None;
         if let Some(cut) = cut {
@@ -88,7 +97,7 @@ impl Assembled {
         let bodies = self.isle.bodies.iter();
         let way = |body: &Inside| match body {
             Inside::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
-            Inside::Modal(_) => None,
+            Inside::Modal(_) | Inside::Slow(_) => None,
         };
         bodies.map(way).collect()
     }

@@ -74,6 +74,7 @@ pub(super) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             What::Oscillators => 1,
             What::Modes { .. } => 2,
             What::Mesh(..) => 3,
+            What::Slow(_) => 6,
             What::LeftOut(Reason::Unheard) => 4,
             What::LeftOut(Reason::Still) => 5,
         };

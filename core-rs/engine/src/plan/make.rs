@@ -8,9 +8,11 @@ use super::choice::{Choice, Pins, another};
 use super::islands::{Island, islands};
 use super::linear::NoModes;
 use super::mesh::Ways;
+use super::multirate;
 use super::pilot::{self, Found};
 use super::ported::Found as Body;
-use super::row::{self, Reason, Row};
+use super::row::{self, Reason, Row, What};
+use super::slow::Stays;
 use super::split::{Own, split};
 use super::{Plan, Unit, body, cells};
 use crate::network::{Error, Network, Subset};
@@ -100,9 +102,11 @@ impl Maker<'_> {
     /// Isolated CELs.
     fn cells(&mut self, subset: &Subset, own: &Own) -> Result<(), Error> {
         let banks = cells::oscillators(subset, &own.timeline, &mut self.plan.still)?;
-        self.plan
-            .rows
-            .extend(row::cells(&self.plan.network, &banks, &own.timeline));
+        let mut rows = row::cells(&self.plan.network, &banks, &own.timeline);
+        let stay = multirate::all(subset, "its poles need none");
+        rows.iter_mut().for_each(|row| row.stays = told(&stay, row));
+        self.plan.rows.extend(rows);
+        self.plan.stay.extend(stay);
         self.plan.units.extend(banks.into_iter().map(Unit::Bank));
         Ok(())
     }
@@ -125,7 +129,10 @@ impl Maker<'_> {
                         steps: 0,
                         kept: vec![found.kept.numbers()],
                     });
-                    let row = Row::modal(&subset, &found, &own.timeline);
+                    let mut row = Row::modal(&subset, &found, &own.timeline);
+                    let stay = multirate::all(&subset, "its modes need none");
+                    row.stays = told(&stay, &row);
+                    self.plan.stay.extend(stay);
                     self.plan.rows.push(row);
                     self.plan.units.push(Unit::Bank(found.bank));
                     return Ok(());
@@ -149,13 +156,41 @@ impl Maker<'_> {
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
-        let assemble = |how: (u32, Ways<'_>)| Assembled::new(subset, own, self.budget, how, pin);
-        let found = match pin {
-            Some(pin) => pilot::pinned(assemble((pin.times.max(1), Ways::Budget))?, pin)
-                .ok_or_else(another)?,
-            None => pilot::pilot(&assemble, self.budget)?,
+        let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
+        let (found, growth) = loop {
+            let assemble =
+                |how: (u32, Ways<'_>)| Assembled::new(&subset, own, self.budget, how, pin);
+            // What grows at once is not worth a pilot.
+            let mut judged = match assemble((1, Ways::Budget)) {
+                Ok(island) if multirate::is_asked(&subset.network) => multirate::certify(&island),
+                _ => Ok(None),
+            };
+            if judged.is_ok() {
+                let found = match pin {
+                    Some(pin) => pilot::pinned(assemble((pin.times.max(1), Ways::Budget))?, pin)
+                        .ok_or_else(another)?,
+                    None => pilot::pilot(&assemble, self.budget)?,
+                };
+                // Where all of it goes more often its map is another.
+                if found.island.isle.times > 1 {
+                    judged = multirate::certify(&found.island);
+                }
+                if let Ok(growth) = judged {
+                    break (found, growth);
+                }
+            }
+            if let Err(why) = judged {
+                let more = multirate::all(&subset, &why);
+                subset = multirate::without(&subset, &more);
+                stay.extend(more);
+            }
         };
         let Found { island, error } = found;
+        let slow_error = match growth {
+            Some(_) if pin.is_none() => multirate::error(&subset, own, self.budget, &island)?,
+            _ => None,
+        };
+        let first_row = self.plan.rows.len();
         let Assembled {
             isle,
             bodies,
@@ -180,9 +215,25 @@ impl Maker<'_> {
         for body in &bodies {
             let mut row = Row::ported(body, &isle.timeline);
             (row.times, row.error) = (isle.times, error);
+            if let (What::Slow(_), Some(growth)) = (row.what, growth) {
+                row.error = slow_error;
+                row.word = Some(multirate::word(growth, certificate.word));
+                row.radius = Some(growth.radius);
+            }
             self.plan.rows.push(row);
         }
+        for row in &mut self.plan.rows[first_row..] {
+            row.stays = told(&stay, row);
+        }
+        self.plan.stay.extend(stay);
         self.plan.units.push(Unit::Isle(Box::new(isle)));
         Ok(())
     }
+}
+
+/// Why parts of a row that have a rate of their own go at every frame.
+fn told(stay: &[Stays], row: &Row) -> Option<String> {
+    let ours = stay.iter().filter(|(part, _)| row.parts.contains(part));
+    let all: Vec<String> = ours.map(|(part, why)| format!("{part}: {why}")).collect();
+    (!all.is_empty()).then(|| all.join("; "))
 }

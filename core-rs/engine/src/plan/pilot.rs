@@ -62,7 +62,7 @@ pub(super) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> {
     let pairs = pin.kept.iter().zip(&island.isle.bodies);
     let kept = pairs.map(|(kept, body)| match body {
         Inside::Modal(modal) => Kept::pinned(kept, modal.modes.len()),
-        Inside::Mesh(_) => Some(Kept::none()),
+        Inside::Mesh(_) | Inside::Slow(_) => Some(Kept::none()),
     });
     let kept = kept.collect::<Option<Vec<_>>>()?;
     Some(Found {
@@ -169,7 +169,7 @@ fn fewer(
         let bodies = island.isle.bodies.iter().zip(&found.take.squares);
         let kept = bodies.map(|(body, squares)| match body {
             Inside::Modal(modal) => keep(&island.isle, modal, squares, allowed, budget),
-            Inside::Mesh(_) => Kept::none(),
+            Inside::Mesh(_) | Inside::Slow(_) => Kept::none(),
         });
         island.clone().only(found.steps, kept.collect())
     };
@@ -264,7 +264,7 @@ pub(super) fn is_worth(isle: &Isle, n_frames: usize) -> bool {
 }
 
 /// How many frames a pilot takes; 0 where it would take long.
-fn length(isle: &Isle) -> Result<usize, Error> {
+pub(super) fn length(isle: &Isle) -> Result<usize, Error> {
     let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
     let most = ((WORTH / work(isle)) as usize).min((LONGEST * rate) as usize);
     let after = (AFTER * rate) as usize;
@@ -317,7 +317,7 @@ fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
 fn modes(body: &Inside) -> usize {
     match body {
         Inside::Modal(modal) => modal.modes.len(),
-        Inside::Mesh(_) => 0,
+        Inside::Mesh(_) | Inside::Slow(_) => 0,
     }
 }
 
@@ -363,7 +363,7 @@ pub(super) struct Spans {
 }
 
 impl Spans {
-    fn of(isle: &Isle, n_frames: usize) -> Self {
+    pub(super) fn of(isle: &Isle, n_frames: usize) -> Self {
         let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
         let third = (AFTER / 3.0 * rate) as usize;
         Self {

@@ -1,4 +1,4 @@
-//! Linear bodies inside an island: cut out, computed by their modes, touched at their ports.
+//! Linear bodies inside an island: cut out, computed by their modes or at a slow rate, touched at their ports.
 
 use super::body::{blows, heard};
 use super::budget::Budget;
@@ -7,6 +7,7 @@ use super::forest::ends;
 use super::linear::NoModes;
 use super::mesh::{self, Ways};
 use super::modes::{Modes, Row};
+use super::slow::slow;
 use super::split::{Own, split};
 use super::wiring::{Body, Wiring};
 use crate::island::inside::Inside;
@@ -50,6 +51,10 @@ pub(super) fn cut(
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
+    for (body, slow) in slow(network, timeline).bodies {
+        wiring.take(&body.mats);
+        found.push((body, Inside::Slow(slow)));
+    }
     if budget.takes_modes() {
         for body in wiring.bodies(network, false) {
             match modal(network, timeline, &body, timeline.rate) {
@@ -83,6 +88,7 @@ impl Found {
         match &self.inside {
             Inside::Modal(_) => self.kept.clone(),
             Inside::Mesh(mesh) => mesh::numbers(mesh),
+            Inside::Slow(slow) => vec![slow.flow.every],
         }
     }
 }
@@ -206,10 +212,11 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut 
     let (mut is_gone, mut is_cut) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut ports: Vec<u32> = Vec::new();
     let mut is_struck_there = vec![false; network.n_mat()];
-    for (body, _) in &found {
+    for (body, inside) in &found {
         for &mat in &body.mats {
             is_gone[mat as usize] = true;
-            is_struck_there[mat as usize] = true;
+            // A slow body is struck at its ports, in the island.
+            is_struck_there[mat as usize] = !matches!(inside, Inside::Slow(_));
         }
         body.links
             .iter()
@@ -241,6 +248,12 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut 
             }
             Inside::Mesh(mesh) => {
                 for (_, mat) in &mut mesh.ports {
+                    *mat = local(*mat);
+                }
+                0
+            }
+            Inside::Slow(slow) => {
+                for (_, mat) in &mut slow.ports {
                     *mat = local(*mat);
                 }
                 0
@@ -295,6 +308,11 @@ pub(super) fn loosen(hub: &mut Network, inside: &Inside) {
         Inside::Mesh(mesh) => {
             for &(own, mat) in &mesh.ports {
                 hub.loosen(mat, mesh.network.mats().m[own]);
+            }
+        }
+        Inside::Slow(slow) => {
+            for &(own, mat) in &slow.ports {
+                hub.loosen(mat, slow.network.mats().m[slow.free[own]]);
             }
         }
     }

@@ -39,6 +39,8 @@ pub enum What {
     },
     /// As a mesh, by a method of its own: its name, and steps a frame.
     Mesh(&'static str, u32),
+    /// By its exact flow, once every so many frames.
+    Slow(u32),
     /// Not at all.
     LeftOut(Reason),
 }
@@ -67,9 +69,28 @@ pub struct Row {
     pub error: Option<(f64, f64)>,
     /// Why it is not computed in a better way.
     pub because: Option<String>,
+    /// Largest eigenvalue of what slow parts and all that they touch do from kick to kick; `None`: none is slow.
+    pub radius: Option<f64>,
+    /// Parts that have a rate of their own and go at every frame all the same, and why.
+    pub stays: Option<String>,
 }
 
+/// Slow parts are called preserved where so many frames lie between their kicks at most, and their error is no more
+/// than [dB].
+const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
+
 impl Row {
+    /// Whether a slow part sounds as at every frame, as far as a pilot heard.
+    pub fn is_preserved(&self) -> bool {
+        let (What::Slow(every), Some((error, _))) = (self.what, self.error) else {
+            return false;
+        };
+        let every = every / self.times.max(1);
+        PRESERVED
+            .iter()
+            .any(|&(most, db)| every <= most && error <= db)
+    }
+
     pub(super) fn left_out(network: &Network, island: &Island, reason: Reason) -> Self {
         let mats = network.mats();
         let part = mats.part[island.mats[0] as usize] as usize;
@@ -85,6 +106,8 @@ impl Row {
             steps: 1,
             error: None,
             because: None,
+            radius: None,
+            stays: None,
         }
     }
 
@@ -104,6 +127,8 @@ impl Row {
             steps: 1,
             error: None,
             because: None,
+            radius: None,
+            stays: None,
         }
     }
 
@@ -120,6 +145,7 @@ impl Row {
                     left_out: found.left_out,
                 },
                 Inside::Mesh(mesh) => What::Mesh(mesh.way.facts().name, mesh.substeps),
+                Inside::Slow(slow) => What::Slow(slow.flow.every),
             },
             cost: seconds(body_cost(&found.inside), timeline),
             word: Some(word(&found.inside)),
@@ -127,6 +153,8 @@ impl Row {
             steps: 1,
             error: None,
             because: None,
+            radius: None,
+            stays: None,
         }
     }
 
@@ -147,6 +175,8 @@ impl Row {
             steps: 1,
             error: None,
             because: None,
+            radius: None,
+            stays: None,
         }
     }
 }
@@ -171,6 +201,8 @@ pub(super) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) 
             steps: 1,
             error: None,
             because: None,
+            radius: None,
+            stays: None,
         })
         .collect()
 }
@@ -207,13 +239,19 @@ pub(super) fn body_cost(inside: &Inside) -> f64 {
             let times = LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times);
             times * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
         }
+        Inside::Slow(slow) => {
+            let n = slow.free.len() as f64;
+            let kick = n * (2.0 * n * Costs::of("port") + Costs::of("mat"));
+            kick / f64::from(slow.flow.every) + slow.ports.len() as f64 * Costs::of("mat")
+        }
     }
 }
 
 /// What is sure of a body: modes cannot diverge, but what pushes them may.
 fn word(inside: &Inside) -> Word {
     match inside {
-        Inside::Modal(_) => Word::Guarded,
+        // Of a slow body the whole island's certificate tells.
+        Inside::Modal(_) | Inside::Slow(_) => Word::Guarded,
         Inside::Mesh(mesh) => {
             let found = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
             found.map_or(Word::Tried, |found| found.word)

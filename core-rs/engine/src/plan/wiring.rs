@@ -117,19 +117,21 @@ impl Wiring {
         let worth = |body: &Body| {
             body.mats.len() >= MASSES_MIN && body.ports.len() * PORTS <= body.mats.len()
         };
-        let tidy = |mut body: Body| {
-            for list in [&mut body.guests, &mut body.links, &mut body.ports] {
-                list.sort_unstable();
-                list.dedup();
-            }
-            body
-        };
-        bodies.into_values().map(tidy).filter(worth).collect()
+        bodies.into_values().map(Body::tidy).filter(worth).collect()
     }
 }
 
 impl Body {
-    fn empty() -> Self {
+    /// Every module once, in order.
+    pub(super) fn tidy(mut self) -> Self {
+        for list in [&mut self.guests, &mut self.links, &mut self.ports] {
+            list.sort_unstable();
+            list.dedup();
+        }
+        self
+    }
+
+    pub(super) fn empty() -> Self {
         Self {
             mats: Vec::new(),
             guests: Vec::new(),

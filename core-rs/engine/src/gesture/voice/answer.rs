@@ -103,11 +103,11 @@ impl Voice {
     fn catch_up(&self, script: &VoiceScript, [here, next]: [f64; 2], limit: f64) -> f64 {
         let (scheme, i) = (&script.free.scheme, script.free.struck);
         let here = if here.is_nan() { next } else { here };
-        let away = here - self.free.x[i];
+        let away = here - self.free.body.x[i];
         // a·T² = limit/M, in metres a step, squared.
         let closing = (limit * scheme.w[i] * away.abs()).sqrt().min(away.abs());
-        let aim = self.free.x[i] + (next - here) + maths::copysign(closing, away);
-        kernel::needed(scheme, &self.free, i, aim).clamp(-limit, limit)
+        let aim = self.free.body.x[i] + (next - here) + maths::copysign(closing, away);
+        kernel::needed(scheme, &self.free.body, i, aim).clamp(-limit, limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
@@ -141,8 +141,8 @@ impl Voice {
                 if touch == Touch::Tracked {
                     // Aim from where the loaded key is.
                     for (local, &member) in free.members.iter().enumerate() {
-                        self.free.x[local] = scene.body.x[member];
-                        self.free.d[local] = scene.body.d[member];
+                        self.free.body.x[local] = scene.body.x[member];
+                        self.free.body.d[local] = scene.body.d[member];
                     }
                     free.forces(&mut self.free, n, &mut self.room.laws, &mut self.targets);
                 }

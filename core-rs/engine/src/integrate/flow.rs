@@ -1,0 +1,160 @@
+//! The exact flow of slow masses, as kicks once every R frames and straight ways between them (E4).
+//!
+//! Let E = [[a, b], [c, d]] take positions and velocities of the slow masses, alone, R frames on. Split as half a
+//! kick, a straight way and half a kick so that it stays exact, and with the half kicks that meet taken together,
+//! it reads v ← B·v − A·x, x += R·v, with B = b·d·b⁻¹·a − b·c and A = −((a − 1) + b·c + b·d·b⁻¹·(1 − a))/R.
+//! What is not slow kicks the same velocities at any frame between. Velocities are in metres a frame.
+
+use super::square::Square;
+
+/// B and A of some masses.
+#[derive(Clone, Debug)]
+pub(crate) struct Flow {
+    /// Frames between two kicks.
+    pub(crate) every: u32,
+    /// What a kick leaves of the velocities, and what it takes from them for where the masses are   (n, n)
+    pub(crate) keep: Square,
+    pub(crate) pull: Square,
+    /// (a − 1)/R and b/R: the velocity of the first straight way
+    start: [Square; 2],
+}
+
+impl Flow {
+    /// Of masses whose positions and velocities `frame` takes one frame on. `None` where a mode swings as often as
+    /// every other kick.
+    pub(crate) fn new(frame: &Square, every: u32) -> Option<Self> {
+        let n = frame.n / 2;
+        let steps = f64::from(every);
+        let whole = frame.power(every);
+        let [a, b] = [whole.block(0, 0, n), whole.block(0, n, n)];
+        let [c, d] = [whole.block(n, 0, n), whole.block(n, n, n)];
+        let turned = b.times(&d).over(&b)?;
+        let moved = a.plus(&Square::one(n), -1.0);
+        let bc = b.times(&c);
+        // b·d·b⁻¹·a = b·d·b⁻¹ + b·d·b⁻¹·(a − 1): a − 1 is small, and keeps its digits.
+        let turned_moved = turned.times(&moved);
+        let keep = turned.plus(&turned_moved, 1.0).plus(&bc, -1.0);
+        let pull = moved.clone().plus(&bc, 1.0).plus(&turned_moved, -1.0);
+        Some(Self {
+            every,
+            keep,
+            pull: pull.scaled(-1.0 / steps),
+            start: [moved.scaled(1.0 / steps), b.scaled(1.0 / steps)],
+        })
+    }
+
+    /// The velocity of the first straight way, from where the masses are and how they move.
+    pub(crate) fn start(&self, x: &[f64], v: &[f64]) -> Vec<f64> {
+        let [by_x, by_v] = &self.start;
+        let pairs = by_x.apply(x).into_iter().zip(by_v.apply(v));
+        pairs.map(|(from_x, from_v)| from_x + from_v).collect()
+    }
+
+    /// What a push at one of the masses, by a metre a frame and so many frames before a kick, leaves undone until
+    /// then: what is missing of the positions, and of the velocities after the kick.
+    pub(crate) fn missing(&self, pushed: usize, frames: u32, moved: &[f64]) -> [Vec<f64>; 2] {
+        let (x, v) = moved.split_at(self.keep.n);
+        let mut alone = vec![0.0; self.keep.n];
+        alone[pushed] = 1.0;
+        let (kept, pulled) = (self.keep.apply(&alone), self.pull.apply(x));
+        let mut after = self.start(x, v);
+        for ((after, kept), pulled) in after.iter_mut().zip(kept).zip(pulled) {
+            *after += pulled - kept;
+        }
+        let mut short = x.to_vec();
+        short[pushed] -= f64::from(frames);
+        [short, after]
+    }
+}
+
+/// The map of positions and velocities [m a frame] over one frame, of masses with M⁻¹K and M⁻¹Z in units of a frame:
+/// their continuous motion or, where it `is_discrete`, the CA network itself.
+pub(crate) fn frame(k: &Square, z: &Square, is_discrete: bool) -> Square {
+    let n = k.n;
+    let mut map = Square::zero(2 * n);
+    for column in 0..n {
+        for row in 0..n {
+            let own = if row == column { 1.0 } else { 0.0 };
+            let (k, z) = (k.get(row, column), z.get(row, column));
+            let [a, b, c, d] = if is_discrete {
+                [own - k, own - z, -k, own - z]
+            } else {
+                [0.0, own, -k, -z]
+            };
+            *map.at(row, column) = a;
+            *map.at(row, n + column) = b;
+            *map.at(n + row, column) = c;
+            *map.at(n + row, n + column) = d;
+        }
+    }
+    if is_discrete { map } else { map.exponential() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cell::Cell;
+    use crate::units::Rate;
+
+    fn one(value: f64) -> Square {
+        Square {
+            n: 1,
+            entries: vec![value],
+        }
+    }
+
+    /// For one CEL the kicks are those of its exact CA scheme at the slow rate, in closed form.
+    #[test]
+    fn a_cel_alone_is_kicked_as_by_its_own_poles_at_the_slow_rate() {
+        let (rate, m) = (Rate::new(44_100.0).unwrap(), 2e-3);
+        let (pi, sigma) = (std::f64::consts::PI, 3.0 * crate::maths::log(10.0));
+        let k = m * ((2.0 * pi * 440.0) * (2.0 * pi * 440.0) + sigma * sigma);
+        let z = 2.0 * sigma * m;
+        let step = rate.step();
+        let physical = frame(&one(k * step * step / m), &one(z * step / m), false);
+        let ratios = Cell::new(m, k, z).ratios(rate);
+        let discrete = frame(&one(ratios.kappa), &one(ratios.zeta), true);
+        for frame in [physical, discrete] {
+            let flow = Flow::new(&frame, 10).unwrap();
+            assert!((1.0 - flow.keep.entries[0] - 0.003_127_866_834_001_569).abs() < 1e-13);
+            assert!((10.0 * flow.pull.entries[0] - 0.379_699_981_290_506_4).abs() < 1e-12);
+        }
+    }
+
+    /// Alone, kicks and straight ways meet the exact flow at every kick, whatever the damping.
+    #[test]
+    fn alone_the_kicks_are_the_exact_flow() {
+        let (mut k, mut z) = (Square::zero(3), Square::zero(3));
+        let entries = [
+            (0, 0, 3e-3, 4e-3),
+            (0, 1, -2e-3, -1e-3),
+            (1, 0, -1e-3, -5e-4),
+            (1, 1, 2.5e-3, 5e-4),
+            (1, 2, -1.5e-3, 0.0),
+            (2, 1, -3e-3, 0.0),
+            (2, 2, 3e-3, 2e-2),
+        ];
+        for (row, column, stiff, damp) in entries {
+            (*k.at(row, column), *z.at(row, column)) = (stiff, damp);
+        }
+        for is_discrete in [false, true] {
+            let frame = frame(&k, &z, is_discrete);
+            let flow = Flow::new(&frame, 12).unwrap();
+            let (x0, v0) = (vec![1.0, -0.5, 2.0], vec![0.01, 0.03, -0.02]);
+            let (mut x, mut v) = (x0.clone(), flow.start(&x0, &v0));
+            let mut exact = [x0, v0].concat();
+            for _ in 0..40 {
+                x.iter_mut().zip(&v).for_each(|(x, v)| *x += 12.0 * v);
+                let pulled = flow.pull.apply(&x);
+                v = flow.keep.apply(&v);
+                v.iter_mut()
+                    .zip(pulled)
+                    .for_each(|(v, pulled)| *v -= pulled);
+                exact = frame.power(12).apply(&exact);
+                for (x, exact) in x.iter().zip(&exact) {
+                    assert!((x - exact).abs() < 1e-11, "{x} {exact}");
+                }
+            }
+        }
+    }
+}

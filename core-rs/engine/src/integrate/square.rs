@@ -1,0 +1,167 @@
+//! Square matrices: products, powers and exponentials, the same bits on every machine.
+
+use nalgebra::DMatrix;
+
+use crate::kernel::dense;
+
+/// Terms of the exponential's series: at a norm of ½ what follows is below 1e-19.
+const TERMS: u32 = 16;
+
+/// An (n, n) matrix, column by column.
+#[derive(Clone, Debug)]
+pub(crate) struct Square {
+    pub(crate) n: usize,
+    pub(crate) entries: Vec<f64>,
+}
+
+impl Square {
+    pub(crate) fn zero(n: usize) -> Self {
+        Self {
+            n,
+            entries: vec![0.0; n * n],
+        }
+    }
+
+    pub(crate) fn one(n: usize) -> Self {
+        let mut one = Self::zero(n);
+        (0..n).for_each(|i| *one.at(i, i) = 1.0);
+        one
+    }
+
+    pub(crate) fn at(&mut self, row: usize, column: usize) -> &mut f64 {
+        &mut self.entries[column * self.n + row]
+    }
+
+    pub(crate) fn get(&self, row: usize, column: usize) -> f64 {
+        self.entries[column * self.n + row]
+    }
+
+    /// The block of the size `n` at some row and column.
+    pub(crate) fn block(&self, row: usize, column: usize, n: usize) -> Self {
+        let column = |j: usize| {
+            let first = (column + j) * self.n + row;
+            &self.entries[first..first + n]
+        };
+        Self {
+            n,
+            entries: (0..n).flat_map(column).copied().collect(),
+        }
+    }
+
+    pub(crate) fn times(&self, other: &Self) -> Self {
+        let mut product = Self::zero(self.n);
+        dense::product(self.n, &self.entries, &other.entries, &mut product.entries);
+        product
+    }
+
+    /// self + factor·other.
+    pub(crate) fn plus(mut self, other: &Self, factor: f64) -> Self {
+        let pairs = self.entries.iter_mut().zip(&other.entries);
+        pairs.for_each(|(own, other)| *own += factor * other);
+        self
+    }
+
+    pub(crate) fn scaled(mut self, factor: f64) -> Self {
+        self.entries.iter_mut().for_each(|entry| *entry *= factor);
+        self
+    }
+
+    /// self·x.
+    pub(crate) fn apply(&self, x: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; self.n];
+        dense::apply(&self.entries, x, &mut y);
+        y
+    }
+
+    pub(crate) fn power(&self, mut exponent: u32) -> Self {
+        let (mut power, mut square) = (Self::one(self.n), self.clone());
+        while exponent > 0 {
+            if exponent & 1 == 1 {
+                power = power.times(&square);
+            }
+            exponent >>= 1;
+            if exponent > 0 {
+                square = square.times(&square);
+            }
+        }
+        power
+    }
+
+    /// e^self, by its series at half to a quarter of norm 1 and squarings.
+    pub(crate) fn exponential(&self) -> Self {
+        let columns = self.entries.chunks_exact(self.n.max(1));
+        let norm = columns.map(|column| column.iter().map(|entry| entry.abs()).sum::<f64>());
+        let (mut norm, mut squarings) = (norm.fold(0.0, f64::max), 0);
+        while norm > 0.5 && squarings < 64 {
+            (norm, squarings) = (0.5 * norm, squarings + 1);
+        }
+        let small = self
+            .clone()
+            .scaled(1.0 / (1_u64 << squarings.min(63)) as f64);
+        let mut sum = Self::one(self.n);
+        for term in (1..=TERMS).rev() {
+            sum = Self::one(self.n).plus(&small.times(&sum), 1.0 / f64::from(term));
+        }
+        for _ in 0..squarings {
+            sum = sum.times(&sum);
+        }
+        sum
+    }
+
+    /// self·other⁻¹; `None` where there is none.
+    pub(crate) fn over(&self, other: &Self) -> Option<Self> {
+        // Y·B = A is Bᵀ·Yᵀ = Aᵀ, and a transposed matrix is one by rows.
+        let b = DMatrix::from_row_slice(self.n, self.n, &other.entries);
+        let a = DMatrix::from_row_slice(self.n, self.n, &self.entries);
+        let y = b.lu().solve(&a)?.transpose();
+        let entries = y.as_slice().to_vec();
+        let is_finite = entries.iter().all(|entry| entry.is_finite());
+        is_finite.then_some(Self { n: self.n, entries })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// e^(t·J) of a rotation, a decay and a shear, in closed form.
+    #[test]
+    fn an_exponential_is_that_of_a_rotation_a_decay_and_a_shear() {
+        let mut a = Square::zero(5);
+        (*a.at(0, 1), *a.at(1, 0)) = (7.0, -7.0);
+        *a.at(2, 2) = -3.0;
+        *a.at(3, 4) = 40.0;
+        let e = a.exponential();
+        let cases = [
+            (0, 0, crate::maths::cos(7.0)),
+            (0, 1, crate::maths::sin(7.0)),
+            (1, 0, -crate::maths::sin(7.0)),
+            (2, 2, crate::maths::exp(-3.0)),
+            (3, 4, 40.0),
+            (4, 4, 1.0),
+            (2, 0, 0.0),
+        ];
+        for (row, column, right) in cases {
+            assert!((e.get(row, column) - right).abs() < 1e-12, "{row} {column}");
+        }
+    }
+
+    #[test]
+    fn a_power_is_the_product_and_a_quotient_undoes_it() {
+        let n = 7;
+        let mut a = Square::one(n);
+        for i in 0..n * n {
+            a.entries[i] += 0.1 * (((i * 37) % 11) as f64 - 5.0) / 5.0;
+        }
+        let by_hand = (0..13).fold(Square::one(n), |power, _| power.times(&a));
+        let apart = a.power(13).plus(&by_hand, -1.0);
+        let largest = by_hand.entries.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(apart.entries.iter().all(|x| x.abs() < 1e-13 * largest));
+        let back = a
+            .times(&by_hand)
+            .over(&by_hand)
+            .map(|back| back.plus(&a, -1.0));
+        assert!(back.is_some_and(|off| off.entries.iter().all(|x| x.abs() < 1e-10)));
+        assert!(a.over(&Square::zero(n)).is_none());
+    }
+}

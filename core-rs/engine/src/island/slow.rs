@@ -1,0 +1,274 @@
+//! A slow linear body inside an island: kicked by its own springs once every R frames, by all else at every frame.
+//!
+//! Its ports move frame by frame; what nothing else touches moves straight from kick to kick.
+
+mod led;
+
+use std::sync::Arc;
+
+use crate::integrate::flow::Flow;
+use crate::kernel::{dense, sound};
+use crate::network::Network;
+use crate::state::Body;
+
+/// What a plan says of a slow body.
+#[derive(Clone, Debug)]
+pub(crate) struct Slow {
+    /// For its names.
+    pub(crate) network: Arc<Network>,
+    /// The part that all of it belongs to.
+    pub(crate) part: usize,
+    /// Its MATs that move, by their index in the network   (n)
+    pub(crate) free: Vec<usize>,
+    pub(crate) flow: Arc<Flow>,
+    /// Where its springs balance [m]   (n)
+    pub(crate) rest: Vec<f64>,
+    /// Where it begins [m], and its steps there [m a frame]   (n)
+    pub(crate) x0: Vec<f64>,
+    pub(crate) v0: Vec<f64>,
+    /// 1/M = T²/m [m/N]   (n)
+    pub(crate) w: Vec<f64>,
+    /// What other modules or hands touch: which of its MATs, and the MAT in the island.
+    pub(crate) ports: Vec<(usize, usize)>,
+    /// The others, and for each of all whether it is one of them (1) or a port (0)   (n)
+    pub(crate) inner: Vec<usize>,
+    pub(crate) is_inner: Vec<f64>,
+    /// The discrete network is the truth.
+    pub(crate) is_discrete: bool,
+    /// Of each port that is struck, by the frames since the last kick: what a step of a metre a frame leaves undone of
+    /// positions and velocities until the next   (n_ports, R; [n, n])
+    pub(crate) missing: Vec<Vec<[Vec<f64>; 2]>>,
+    /// Outputs that hear it, each a weighted sum of positions.
+    pub(crate) heard: Vec<(u32, Vec<(usize, f64)>)>,
+}
+
+/// A slow body that plays.
+#[derive(Clone, Debug)]
+pub(crate) struct Playing {
+    plan: Arc<Slow>,
+    x: Vec<f64>,
+    v: Vec<f64>,
+    /// What the last kick added to the velocities   (n)
+    kick: Vec<f64>,
+    /// Where the ports were one frame ago   (n_ports)
+    was: Vec<f64>,
+    /// Frames since the last kick.
+    since: u32,
+    /// Distances from rest   (n)
+    bent: Vec<f64>,
+    /// What strikes since the last kick left undone of positions and velocities   (n)
+    undone: [Vec<f64>; 2],
+    is_struck: bool,
+    /// What hands give its ports at the end of this frame [m a frame]   (n_ports)
+    given: Vec<f64>,
+}
+
+impl Slow {
+    /// The same body of the key alone, with its ports at other MATs.
+    pub(crate) fn alone(&self, mat: impl Fn(usize) -> Option<usize>) -> Self {
+        let ports = self.ports.iter();
+        Self {
+            ports: ports
+                .filter_map(|&(own, there)| Some((own, mat(there)?)))
+                .collect(),
+            heard: Vec::new(),
+            missing: Vec::new(),
+            ..self.clone()
+        }
+    }
+
+    /// The same body at rest where its springs pull nothing: displacements from elsewhere.
+    pub(crate) fn deviation(&self) -> Self {
+        let n = self.free.len();
+        Self {
+            rest: vec![0.0; n],
+            x0: vec![0.0; n],
+            v0: vec![0.0; n],
+            ..self.clone()
+        }
+    }
+}
+
+impl Playing {
+    /// At frame 0, where the steps of its ports already tell of all that is not slow.
+    pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
+        let bent: Vec<f64> = difference(&plan.x0, &plan.rest);
+        let mut v = plan.flow.start(&bent, &plan.v0);
+        // Half a kick lies between the velocity now and that of the way.
+        let kick: Vec<f64> = difference(&v, &plan.v0).iter().map(|dv| 2.0 * dv).collect();
+        let half = 0.5 / f64::from(plan.flow.every);
+        let mut was = Vec::with_capacity(plan.ports.len());
+        let mut x = plan.x0.clone();
+        for &(own, mat) in &plan.ports {
+            x[own] = body.x[mat];
+            v[own] += body.d[mat] - plan.v0[own];
+            let curve = if plan.is_discrete {
+                0.0
+            } else {
+                half * kick[own]
+            };
+            was.push(x[own] - (body.d[mat] - curve));
+        }
+        let n = x.len();
+        Self {
+            x,
+            v,
+            kick,
+            was,
+            since: 0,
+            undone: [vec![0.0; n], vec![0.0; n]],
+            is_struck: false,
+            given: vec![0.0; plan.ports.len()],
+            bent,
+            plan: Arc::new(plan.clone()),
+        }
+    }
+
+    /// Take over another's motion without allocating.
+    pub(crate) fn copy_motion(&mut self, other: &Self) {
+        self.x.copy_from_slice(&other.x);
+        self.v.copy_from_slice(&other.v);
+        self.kick.copy_from_slice(&other.kick);
+        self.was.copy_from_slice(&other.was);
+        self.since = other.since;
+    }
+
+    /// Add what is heard of it now to `out` (n_out).
+    pub(crate) fn tap(&self, out: &mut [f64]) {
+        let frames = f64::from(self.since);
+        for (output, row) in &self.plan.heard {
+            let at = |&(own, weight): &(usize, f64)| {
+                weight * (self.x[own] + frames * self.plan.is_inner[own] * self.v[own])
+            };
+            out[*output as usize] += row.iter().map(at).sum::<f64>();
+        }
+    }
+
+    /// Put the ports where they are, as they came there, and where they would go.
+    pub(crate) fn place(&self, body: &mut Body) {
+        for (&(own, mat), was) in self.plan.ports.iter().zip(&self.was) {
+            let step = self.x[own] - was;
+            body.x[mat] = self.x[own];
+            body.d[mat] = step;
+            body.inner[mat] = self.v[own] - step;
+        }
+    }
+
+    /// A strike on a MAT of the island in this frame [N]: what its springs would answer before they pull again.
+    pub(crate) fn strike(&mut self, mat: usize, force: f64) {
+        let port = self.plan.ports.iter().position(|port| port.1 == mat);
+        let Some(port) = port else { return };
+        let step = force * self.plan.w[self.plan.ports[port].0];
+        if let Some(missing) = self.plan.missing[port].get(self.since as usize) {
+            self.is_struck = true;
+            for (undone, missing) in self.undone.iter_mut().zip(missing) {
+                for (undone, missing) in undone.iter_mut().zip(missing) {
+                    *undone += step * missing;
+                }
+            }
+        }
+    }
+
+    /// From frame `n` to the next, by the forces that the ports feel (n_mat).
+    pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
+        let plan = &*self.plan;
+        for (&(own, mat), was) in plan.ports.iter().zip(&mut self.was) {
+            *was = self.x[own];
+            self.v[own] += plan.w[own] * force[mat];
+            self.x[own] += self.v[own];
+        }
+        for (&(own, _), given) in plan.ports.iter().zip(&mut self.given) {
+            self.v[own] += std::mem::take(given);
+        }
+        self.since += 1;
+        let every = plan.flow.every;
+        if !(n + 1).is_multiple_of(u64::from(every)) {
+            return;
+        }
+        for &own in &plan.inner {
+            // As many frames as it was on this way: the first may be shorter.
+            self.x[own] += f64::from(self.since) * self.v[own];
+        }
+        self.since = 0;
+        if self.is_struck {
+            add_up(&mut self.x, &mut self.undone[0]);
+        }
+        for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&plan.rest) {
+            *bent = rest - x;
+        }
+        self.kick.copy_from_slice(&self.v);
+        self.v.fill(0.0);
+        dense::apply(&plan.flow.keep.entries, &self.kick, &mut self.v);
+        dense::apply(&plan.flow.pull.entries, &self.bent, &mut self.v);
+        if self.is_struck {
+            add_up(&mut self.v, &mut self.undone[1]);
+            self.is_struck = false;
+        }
+        for (kick, v) in self.kick.iter_mut().zip(&self.v) {
+            *kick = v - *kick;
+        }
+    }
+
+    /// How many numbers its motion is, at a kick.
+    pub(crate) fn n_state(&self) -> usize {
+        self.x.len() + self.v.len() + self.was.len()
+    }
+
+    /// Each of these numbers.
+    pub(crate) fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
+        let all = self.x.iter_mut().chain(&mut self.v).chain(&mut self.was);
+        all.for_each(visit);
+    }
+
+    /// Set it going from rest, each mass with an energy by chance.
+    pub(crate) fn stir(&mut self, mut chance: impl FnMut() -> f64) {
+        self.x.fill(0.0);
+        self.was.fill(0.0);
+        for (v, w) in self.v.iter_mut().zip(&self.plan.w) {
+            *v = chance() * w.sqrt();
+        }
+    }
+
+    /// Its energy, about [in units of a frame]: of its motion, and of its springs as they pull.
+    pub(crate) fn energy(&self) -> f64 {
+        let plan = &*self.plan;
+        let pulled = plan.flow.pull.apply(&self.x);
+        let each = self.x.iter().zip(&self.v).zip(pulled.iter().zip(&plan.w));
+        let every = f64::from(plan.flow.every);
+        each.map(|((x, v), (pull, w))| 0.5 * (v * v + x * pull / every) / w)
+            .sum()
+    }
+
+    /// Whether it is in some part.
+    pub(crate) fn is_of(&self, part: usize) -> bool {
+        self.plan.part == part
+    }
+
+    /// Outputs that hear it.
+    pub(crate) fn outputs(&self) -> Vec<u32> {
+        self.plan.heard.iter().map(|&(output, _)| output).collect()
+    }
+
+    /// The name and part of a MAT that left all reason.
+    pub(crate) fn culprit(&self) -> Option<(String, usize)> {
+        let own = self.x.iter().position(|&x| !sound(x))?;
+        let name = self.plan.network.mat_name(self.plan.free[own]);
+        Some((name, self.plan.part))
+    }
+
+    /// Whether all of it is within reason.
+    pub(crate) fn sound(&self) -> bool {
+        self.x.iter().all(|&x| sound(x))
+    }
+}
+
+/// Add what is due, and be done with it.
+fn add_up(to: &mut [f64], due: &mut [f64]) {
+    for (to, due) in to.iter_mut().zip(due) {
+        *to += std::mem::take(due);
+    }
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}

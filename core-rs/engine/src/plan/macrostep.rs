@@ -1,0 +1,357 @@
+//! What an island with slow parts does from kick to kick, as a linear map, and how much that grows.
+//!
+//! Contacts are taken open and closed, laws at their slopes at rest. A small island's eigenvalues are all computed; a
+//! large one is followed for a while from a motion that has some of everything.
+
+use nalgebra::DMatrix;
+
+use super::Isle;
+use crate::island::inside::Inside;
+use crate::island::modal::Modal;
+use crate::island::slow::{Playing, Slow};
+use crate::scheme::{Kind, Run, Scheme};
+use crate::state::Body;
+
+/// A map of so many numbers has all its eigenvalues computed.
+const DENSE_MAX: usize = 240;
+/// Eigenvalues on the unit circle are off it by rounding, double ones (a mass that nothing holds) by its root.
+const ROUNDING: f64 = 3e-7;
+/// A large island is followed so many kicks, and may grow by so much at each: what its energy swings by.
+const KICKS: usize = 2_000;
+const BEATS: f64 = 3e-5;
+/// Kicks that fall together more seldom than this are not followed [frames].
+const FRAMES_MAX: u64 = 20_000;
+
+/// How much an island grows from kick to kick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Growth {
+    /// Largest eigenvalue.
+    pub(super) radius: f64,
+    /// It was followed for a while only, or some of it was left aside.
+    pub(super) is_tried: bool,
+}
+
+impl Growth {
+    pub(super) fn is_stable(self) -> bool {
+        self.radius <= 1.0 + if self.is_tried { BEATS } else { ROUNDING }
+    }
+}
+
+/// How much an island grows, with its contacts open or closed.
+pub(super) fn growth(isle: &Isle) -> Growth {
+    let mut found = Growth {
+        radius: 0.0,
+        is_tried: false,
+    };
+    for closed in [false, true] {
+        let Some(mut map) = Map::new(isle, closed) else {
+            found.is_tried = true;
+            continue;
+        };
+        let (radius, is_tried) = map.radius();
+        found.radius = found.radius.max(radius);
+        found.is_tried |= is_tried || map.is_partial;
+    }
+    found
+}
+
+/// A linear link: ends, stiffness and viscosity.
+struct Link {
+    a: usize,
+    b: usize,
+    k: f64,
+    z: f64,
+}
+
+/// Modes of a body, and how they were one frame before.
+struct Modes<'a> {
+    modal: &'a Modal,
+    now: Vec<f64>,
+    before: Vec<f64>,
+}
+
+/// The map, and what it moves.
+struct Map<'a> {
+    scheme: Scheme,
+    links: Vec<Link>,
+    body: Body,
+    /// MATs that go by the scheme.
+    stepped: Vec<usize>,
+    slow: Vec<Playing>,
+    modes: Vec<Modes<'a>>,
+    /// Frames from one time when all slow parts are kicked to the next.
+    frames: u64,
+    /// Kicks of the quickest in these frames.
+    kicks: f64,
+    /// A mesh is taken for the masses of its ports.
+    is_partial: bool,
+}
+
+impl<'a> Map<'a> {
+    fn new(isle: &'a Isle, closed: bool) -> Option<Self> {
+        let scheme = Scheme::new(&isle.network, isle.timeline.rate).ok()?;
+        let links = scheme
+            .runs
+            .iter()
+            .filter_map(|run| linear(run, closed, isle.steps > 1))
+            .flatten()
+            .collect();
+        let n = scheme.n_mat();
+        let mut body = Body::new(&scheme, vec![0.0; n], vec![0.0; n]);
+        body.inner = vec![0.0; n];
+        let mut is_port = vec![false; n];
+        let bodies = || isle.bodies.iter();
+        for mat in bodies().flat_map(Inside::ports) {
+            is_port[mat] = true;
+        }
+        let of = |inside: &'a Inside| match inside {
+            Inside::Slow(slow) => Some(slow),
+            _ => None,
+        };
+        let slow: Vec<&Slow> = bodies().filter_map(of).collect();
+        let every: Vec<u64> = slow.iter().map(|slow| slow.flow.every.into()).collect();
+        let frames = every.iter().copied().fold(1, together);
+        let quickest = every.iter().copied().min()?;
+        let is_partial = bodies().any(|inside| matches!(inside, Inside::Mesh(_)));
+        for mat in bodies()
+            .filter(|inside| matches!(inside, Inside::Mesh(_)))
+            .flat_map(Inside::ports)
+        {
+            is_port[mat] = false;
+        }
+        let playing = |slow: &&Slow| Playing::new(&slow.deviation(), &body);
+        let playing: Vec<Playing> = slow.iter().map(playing).collect();
+        (frames <= FRAMES_MAX).then(|| Self {
+            slow: playing,
+            modes: bodies()
+                .filter_map(|inside| match inside {
+                    Inside::Modal(modal) => Some(Modes {
+                        now: vec![0.0; modal.modes.len()],
+                        before: vec![0.0; modal.modes.len()],
+                        modal,
+                    }),
+                    _ => None,
+                })
+                .collect(),
+            stepped: (0..n)
+                .filter(|&i| scheme.w[i] > 0.0 && !is_port[i])
+                .collect(),
+            kicks: frames as f64 / quickest as f64,
+            is_partial,
+            frames,
+            links,
+            body,
+            scheme,
+        })
+    }
+
+    /// How many numbers it moves.
+    fn len(&self) -> usize {
+        let slow: usize = self.slow.iter().map(Playing::n_state).sum();
+        let modes: usize = self.modes.iter().map(|modes| 2 * modes.now.len()).sum();
+        2 * self.stepped.len() + slow + modes
+    }
+
+    /// Each number in turn, in one order.
+    fn each(&mut self, mut visit: impl FnMut(&mut f64)) {
+        for &i in &self.stepped {
+            visit(&mut self.body.x[i]);
+            visit(&mut self.body.d[i]);
+        }
+        self.slow.iter_mut().for_each(|slow| slow.each(&mut visit));
+        for modes in &mut self.modes {
+            modes.now.iter_mut().for_each(&mut visit);
+            modes.before.iter_mut().for_each(&mut visit);
+        }
+    }
+
+    /// From a state to the one when all are kicked again.
+    fn apply(&mut self, state: &mut [f64]) {
+        let mut from = state.iter();
+        self.each(|own| *own = *from.next().unwrap_or(&0.0));
+        self.place();
+        for n in 0..self.frames {
+            self.frame(n);
+        }
+        let mut to = state.iter_mut();
+        self.each(|own| {
+            if let Some(to) = to.next() {
+                *to = *own;
+            }
+        });
+    }
+
+    fn place(&mut self) {
+        for slow in &self.slow {
+            slow.place(&mut self.body);
+        }
+        for modes in &self.modes {
+            for port in &modes.modal.ports {
+                let see = |q: &[f64]| q.iter().zip(&port.shape).map(|(q, s)| q * s).sum::<f64>();
+                let x = see(&modes.now);
+                self.body.x[port.mat] = x;
+                self.body.d[port.mat] = x - see(&modes.before);
+            }
+        }
+    }
+
+    fn frame(&mut self, n: u64) {
+        let Body { x, d, force, .. } = &mut self.body;
+        force.fill(0.0);
+        for link in &self.links {
+            let (a, b) = (link.a, link.b);
+            let pull = link.k * (x[b] - x[a]) + link.z * (d[b] - d[a]);
+            force[a] += pull;
+            force[b] -= pull;
+        }
+        for slow in &mut self.slow {
+            slow.step(n, force);
+        }
+        for modes in &mut self.modes {
+            let Modes { modal, now, before } = modes;
+            for (mode, own) in modal.modes.iter().enumerate() {
+                let felt = |push: f64, port: &crate::island::modal::Port| {
+                    push + port.shape[mode] * force[port.mat]
+                };
+                let push = modal.ports.iter().fold(0.0, felt);
+                let next = own.a * now[mode] - own.b * before[mode] + own.gain * push;
+                before[mode] = std::mem::replace(&mut now[mode], next);
+            }
+        }
+        let Scheme { w, kappa, zeta, .. } = &self.scheme;
+        for &i in &self.stepped {
+            d[i] += force[i] * w[i] - kappa[i] * x[i] - zeta[i] * d[i];
+            x[i] += d[i];
+        }
+        self.place();
+    }
+
+    /// The largest eigenvalue a kick, and whether it is but what a while of following shows.
+    fn radius(&mut self) -> (f64, bool) {
+        let n = self.len();
+        if n > DENSE_MAX {
+            return (self.followed(), true);
+        }
+        let mut matrix = DMatrix::zeros(n, n);
+        let mut column = vec![0.0; n];
+        let mut is_finite = true;
+        for j in 0..n {
+            column.fill(0.0);
+            column[j] = 1.0;
+            self.apply(&mut column);
+            is_finite &= column.iter().all(|x| x.is_finite());
+            matrix.column_mut(j).copy_from_slice(&column);
+        }
+        if !is_finite {
+            return (f64::INFINITY, false);
+        }
+        let values = matrix.complex_eigenvalues();
+        let radius = values.iter().map(|value| {
+            let (re, im) = (value.re, value.im);
+            (re * re + im * im).sqrt()
+        });
+        let largest = radius.fold(0.0, f64::max);
+        (crate::maths::pow(largest, 1.0 / self.kicks), false)
+    }
+
+    /// How much a motion that has some of everything grows a kick: between the most energy that it has in the second
+    /// quarter of a while, and in the last.
+    fn followed(&mut self) -> f64 {
+        self.stir();
+        let times = (KICKS as f64 / self.kicks).ceil().max(4.0) as usize;
+        let mut quarters = [0.0_f64; 4];
+        for step in 0..times {
+            self.place();
+            for n in 0..self.frames {
+                self.frame(n);
+            }
+            let energy = self.energy();
+            if !energy.is_finite() {
+                return f64::INFINITY;
+            }
+            let quarter = &mut quarters[4 * step / times];
+            *quarter = quarter.max(energy);
+        }
+        if quarters[1] <= 0.0 {
+            return 0.0; // all of it has come to rest
+        }
+        // Of the amplitude, half as fast as of the energy, over half the while.
+        let apart = times as f64 * self.kicks;
+        crate::maths::pow(quarters[3] / quarters[1], 1.0 / apart)
+    }
+
+    /// Everything at 0, and moving with about the same energy.
+    fn stir(&mut self) {
+        let mut count = 0_u64;
+        let mut chance = || {
+            count += 1;
+            let bits = count.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+            bits as f64 / 8_388_608.0 - 1.0
+        };
+        for &i in &self.stepped {
+            (self.body.x[i], self.body.d[i]) = (0.0, chance() * self.scheme.w[i].sqrt());
+        }
+        for slow in &mut self.slow {
+            slow.stir(&mut chance);
+        }
+        for modes in &mut self.modes {
+            modes.before.fill(0.0);
+            for (now, own) in modes.now.iter_mut().zip(&modes.modal.modes) {
+                *now = chance() * own.gain.sqrt();
+            }
+        }
+    }
+
+    /// About the energy of all [in units of a frame].
+    fn energy(&self) -> f64 {
+        let Body { x, d, .. } = &self.body;
+        let Scheme { w, kappa, .. } = &self.scheme;
+        let each = self.stepped.iter();
+        let stepped: f64 = each
+            .map(|&i| (d[i] * d[i] + kappa[i] * x[i] * x[i]) / w[i])
+            .sum();
+        let bent = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
+        let links: f64 = self.links.iter().map(|link| link.k * bent(link)).sum();
+        let slow: f64 = self.slow.iter().map(Playing::energy).sum();
+        let of = |modes: &Modes<'_>| -> f64 {
+            let pairs = modes.now.iter().zip(&modes.before);
+            let each = pairs.zip(&modes.modal.modes);
+            each.map(|((now, before), own)| {
+                let step = now - before;
+                (step * step + (1.0 - own.a + own.b) * now * now) / own.gain
+            })
+            .sum()
+        };
+        let modes: f64 = self.modes.iter().map(of).sum();
+        slow + 0.5 * (stepped + links + modes)
+    }
+}
+
+/// A run as linear links; `None` where it is open, or computed finer than a frame.
+fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item = Link> + use<>> {
+    let (k, z) = match &run.kind {
+        Kind::Ref => (run.k, run.z),
+        Kind::But(_) if !closed || (is_fine && crate::island::fine::may_be_fine(run)) => {
+            return None;
+        }
+        Kind::But(but) if but.exponent == 1.0 => (run.k, run.z),
+        Kind::But(_) => (0.0, run.z),
+        Kind::Lnl { law, rate, .. } => (law.slope(0.0), law.damping_slope(0.0) * rate),
+    };
+    let (a, b) = (run.a, run.b);
+    Some((0..run.len).map(move |i| Link {
+        a: a + i,
+        b: b + i,
+        k,
+        z,
+    }))
+}
+
+/// The least common multiple.
+fn together(a: u64, b: u64) -> u64 {
+    let (mut x, mut y) = (a, b);
+    while y > 0 {
+        (x, y) = (y, x % y);
+    }
+    a / x.max(1) * b
+}

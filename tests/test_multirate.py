@@ -1,0 +1,394 @@
+"""Slow parts (E4): held against every frame, against the motion itself, and against its own map."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from oracle.planned import error_db
+from scipy.linalg import expm
+
+from ergon import _core
+
+RATE = 44100.0
+N = 22050
+MASSES = (0.08, 0.05, 0.05, 0.05)
+SPRINGS = (200.0, 300.0, 300.0, 300.0)  # the first to the ground
+DAMPERS = (0.4, 0.05, 0.3, 0.02)  # of no proportion: modes would feel each other
+STRING, F, MASS = 40, 220.0, 4e-3
+GESTURE = ([0.0, 0.1, 0.2, 0.33], [0.0, 5e-3, -2e-3, 4e-3], ["smooth"] * 4)
+KEY, END, HEARD = 0, 3, 30
+STRUCK = 44  # not a frame of any kick
+
+
+def scene(
+    every: int | None,
+    *,
+    kc: float = 5e3,
+    z: tuple[float, ...] = DAMPERS,
+    t60: float | None = 2.0,
+    ca: bool = False,
+    masses: int = STRING,
+    gesture: dict[str, Any] | None = None,
+    chain: tuple[tuple[float, ...], tuple[float, ...]] = (MASSES, SPRINGS),
+) -> tuple[_core.Network, _core.Timeline]:
+    """A key of four masses in a row, and the string that its last one pulls."""
+    own = RATE if ca else None
+    m, r = (RATE**2, RATE) if ca else (1.0, 1.0)
+    network = _core.Network()
+    network.part("key", ca_rate=own, every=every)
+    mats = [network.cel("m0", M=chain[0][0] * m, K=chain[1][0], Z=z[0] * r)]
+    mats += [network.mas(f"m{i}", M=mass * m) for i, mass in enumerate(chain[0][1:], 1)]
+    for i in range(3):
+        network.ref(f"r{i}", mats[i], mats[i + 1], K=chain[1][i + 1], Z=z[i + 1] * r)
+    network.part("string", ca_rate=own)
+    string = network.string("s", masses=masses, M=MASS * m, f=F, t60=t60)
+    network.part("between", ca_rate=own)
+    network.ref("c", mats[END], string + 7, K=kc, Z=0.0)
+    for name, mat in (("key", mats[KEY]), ("end", mats[END]), ("string", string + HEARD)):
+        network.listen(name, positions=[(mat, 1, 1.0)])
+    timeline = _core.Timeline(network, RATE)
+    key = timeline.key("key", mats[KEY])
+    if gesture is None:
+        timeline.strike(mats[KEY], STRUCK / RATE, impulse=0.05)
+    else:
+        timeline.gesture(key, *GESTURE, **gesture)
+    return network, timeline
+
+
+def play(
+    made: tuple[_core.Network, _core.Timeline], n: int = N, plan: bool = True, **budget: Any
+) -> np.ndarray:
+    network, timeline = made
+    planned = _core.Plan(network, timeline, **budget) if plan else None
+    out = np.zeros((n, network.n_out))
+    _core.Simulation(network, timeline, plan=planned).process(out)
+    return out
+
+
+def slow_row(plan: _core.Plan) -> _core.PlanRow:
+    (row,) = [row for row in plan.rows() if row.what == "e4"]
+    return row
+
+
+# --- against every frame --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gesture", [None, {}], ids=["strike", "gesture"])
+def test_at_every_frame_it_is_the_plain_network(gesture: dict[str, Any] | None):
+    plain = play(scene(None, ca=True, gesture=gesture), plan=False)
+    once = play(scene(1, ca=True, gesture=gesture), error_db=-100.0)
+    assert error_db(once, plain) < -200.0
+
+
+@pytest.mark.parametrize("damped", [True, False])
+@pytest.mark.parametrize("gesture", [None, {}], ids=["strike", "gesture"])
+@pytest.mark.parametrize("kc", [5e2, 5e3])
+def test_it_is_preserved_at_ten_frames_and_at_twenty(
+    kc: float, gesture: dict[str, Any] | None, damped: bool
+):
+    how: dict[str, Any] = {"kc": kc, "ca": True, "gesture": gesture}
+    # One damper more than none: else all of it is one bank of modes.
+    how |= {} if damped else {"z": (0.0, 0.0, 1e-6, 0.0), "t60": None}
+    plain = play(scene(None, **how), plan=False)
+    at = {R: play(scene(R, **how), error_db=-100.0) for R in (4, 10, 20)}
+    off = {R: [error_db(out[:, [i]], plain[:, [i]]) for i in range(3)] for R, out in at.items()}
+    assert off[10][2] < -75.0
+    assert off[20][2] < -70.0
+    assert max(off[4]) < -90.0
+    assert max(off[10]) < -75.0
+    assert max(off[20]) < -65.0
+    assert max(off[4]) < max(off[10]) - 10.0 < max(off[20]) - 18.0  # of second order
+
+
+# --- against the motion itself --------------------------------------------------------------------
+
+
+def matrices(kc: float, k: float, z: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Masses, K and Z of key and string together, written from the network's drawing."""
+    n = 4 + STRING
+    masses = np.r_[MASSES, np.full(STRING, MASS / STRING)]
+    K, Z = np.zeros((n, n)), np.zeros((n, n))
+
+    def link(a: int, b: int | None, stiff: float, damp: float) -> None:
+        for matrix, value in ((K, stiff), (Z, damp)):
+            matrix[a, a] += value
+            if b is not None:
+                matrix[b, b] += value
+                matrix[a, b] -= value
+                matrix[b, a] -= value
+
+    link(0, None, SPRINGS[0], DAMPERS[0])
+    for i in range(3):
+        link(i, i + 1, SPRINGS[i + 1], DAMPERS[i + 1])
+    for end in (4, n - 1):
+        link(end, None, k, z)
+    for i in range(4, n - 1):
+        link(i, i + 1, k, z)
+    link(END, 4 + 7, kc, 0.0)
+    return masses, K, Z
+
+
+def string_of(t60: float) -> tuple[float, float]:
+    """Stiffness and viscosity of the string's links: its lowest mode sounds at F."""
+    sigma = 3.0 * np.log(10.0) / t60
+    squared = (2.0 * np.pi * F) ** 2 + sigma**2
+    k = MASS / STRING * squared / (4.0 * np.sin(np.pi / 2 / (STRING + 1)) ** 2)
+    return k, 2.0 * sigma * k / squared
+
+
+@pytest.mark.parametrize(("every", "most"), [(4, -85.0), (10, -78.0), (20, -67.0)])
+def test_it_is_within_that_of_the_continuous_motion(every: int, most: float):
+    masses, K, Z = matrices(5e3, *string_of(2.0))
+    n = len(masses)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / masses[:, None], -Z / masses[:, None]]])
+    flow, state = expm(A / RATE), np.r_[np.zeros(n), np.eye(n)[0] * 0.05 / masses[0]]
+    truth = np.zeros((N, 3))
+    for i in range(STRUCK, N):
+        truth[i] = state[[KEY, END, 4 + HEARD]]
+        state = flow @ state
+    out = play(scene(every), error_db=-120.0)
+    assert error_db(out, truth) < most
+
+
+# --- whether it grows -----------------------------------------------------------------------------
+
+
+def radius(
+    every: int, kc: float, chain: tuple[tuple[float, ...], tuple[float, ...]], z: tuple[float, ...]
+) -> float:
+    """Largest eigenvalue of the map from kick to kick, by the formulas (undamped string by CA)."""
+    m = np.array(chain[0])
+    K, Z = np.zeros((4, 4)), np.zeros((4, 4))
+    for i in range(4):
+        for matrix, value in ((K, chain[1][i]), (Z, z[i])):
+            matrix[i, i] += value
+            if i:
+                matrix[i - 1, i - 1] += value
+                matrix[i - 1, i] -= value
+                matrix[i, i - 1] -= value
+    h, one = 1.0 / RATE, np.eye(4)
+    K, Z = h * h * K / m[:, None], h * Z / m[:, None]
+    E = np.linalg.matrix_power(np.block([[one - K, one - Z], [-K, one - Z]]), every)
+    a, b, c, d = E[:4, :4], E[:4, 4:], E[4:, :4], E[4:, 4:]
+    turned = b @ d @ np.linalg.inv(b)
+    keep = turned @ a - b @ c
+    pull = -((a - one) + b @ c + turned @ (one - a)) / every
+    k = MASS / STRING * (2.0 * np.sin(np.pi * F / RATE)) ** 2  # CA sounds it at F
+    k /= 4.0 * np.sin(np.pi / 2 / (STRING + 1)) ** 2 * h * h
+    laplace = 2.0 * np.eye(STRING) - np.eye(STRING, k=1) - np.eye(STRING, k=-1)
+    w, w_end = h * h * STRING / MASS, h * h / m[3]
+    n = 8 + 2 * STRING
+    fast = np.zeros((n, n))
+    for column in range(n):
+        X, V, x, v = np.split(np.eye(n)[column], [4, 8, 8 + STRING])
+        f = kc * (x[7] - X[3])
+        V[3] += w_end * f
+        X[3] += V[3]
+        force = -k * (laplace @ x)
+        force[7] -= f
+        v = v + w * force
+        fast[:, column] = np.r_[X, V, x + v, v]
+    inner = np.eye(n)
+    inner[:3, 4:7] = every * np.eye(3)
+    kick = np.eye(n)
+    kick[4:8, :4], kick[4:8, 4:8] = -pull, keep
+    whole = kick @ inner @ np.linalg.matrix_power(fast, every)
+    return float(abs(np.linalg.eigvals(whole)).max())
+
+
+def soft(seed: int, every: int, turn: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """A random key whose quickest mode turns so far between two kicks."""
+    chance = np.random.default_rng(seed)
+    m, k = 10.0 ** chance.uniform(-3.0, -1.0, 4), 10.0 ** chance.uniform(0.0, 3.0, 4)
+    K = np.diag(k + np.r_[k[1:], 0.0]) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
+    top = np.linalg.eigvals(K / m[:, None]).real.max()
+    k *= (turn * RATE / every) ** 2 / top
+    return tuple(m), tuple(k)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_slow_enough_never_grows(seed: int):
+    chance = np.random.default_rng(1000 + seed)
+    every = int(chance.integers(2, 60))
+    chain = soft(seed, every, chance.uniform(0.05, 1.0))
+    z = tuple(chance.uniform(0.0, 0.05, 4)) if seed % 2 else (0.0, 0.0, 1e-9, 0.0)
+    kc = float(10.0 ** chance.uniform(1.0, 3.0))
+    by_hand = radius(every, kc, chain, z)
+    plan = _core.Plan(*scene(every, kc=kc, chain=chain, z=z, t60=None, ca=True))
+    assert plan.stay() == []
+    assert by_hand < 1.0 + 1e-9
+    assert slow_row(plan).radius == pytest.approx(by_hand, abs=1e-8)
+
+
+def test_an_undamped_key_stays_bounded_at_every_rate():
+    for every in range(2, 61):
+        assert radius(every, 5e3, (MASSES, SPRINGS), (0.0,) * 4) < 1.0 + 1e-8, every
+
+
+def test_what_would_grow_goes_at_every_frame():
+    chain, z, kc = soft(10, 44, 2.6), (0.0, 0.0, 1e-9, 0.0), 5e3
+    assert radius(44, kc, chain, z) > 1.1
+    made = scene(44, kc=kc, chain=chain, z=z, t60=None, ca=True)
+    plan = _core.Plan(*made)
+    ((part, why),) = plan.stay()
+    assert part == "key"
+    assert "would grow" in why
+    assert [row.what for row in plan.rows()].count("e4") == 0
+    assert any(row.stays and "would grow" in row.stays for row in plan.rows())
+    plain = play(scene(None, kc=kc, chain=chain, z=z, t60=None, ca=True), plan=False)
+    assert error_db(play(made), plain) < -60.0
+
+
+def test_a_large_island_is_followed_for_a_while():
+    soft_one = {"z": (0.0, 0.0, 1e-9, 0.0), "t60": None, "masses": 150}
+    plan = _core.Plan(*scene(10, **soft_one))
+    row = slow_row(plan)
+    assert row.word == "tried"
+    assert row.radius is not None
+    assert abs(row.radius - 1.0) < 3e-5
+    plan = _core.Plan(*scene(44, kc=5e3, chain=soft(10, 44, 2.6), **soft_one))
+    ((_, why),) = plan.stay()
+    assert "would grow" in why
+
+
+# --- hands ----------------------------------------------------------------------------------------
+
+
+def lone_key(every: int | None, **more: Any) -> tuple[_core.Network, _core.Timeline, int, int]:
+    network = _core.Network()
+    network.part("key", every=every)
+    struck = network.cel("m", M=0.08, K=200.0, Z=0.4, X0=1e-3, rest=5e-4, **more)
+    other = network.mas("n", M=0.03)
+    network.ref("r", struck, other, K=150.0, Z=0.2)
+    network.listen("key", positions=[(struck, 1, 1.0), (other, 1, 1.0)])
+    timeline = _core.Timeline(network, RATE)
+    return network, timeline, timeline.key("key", struck), struck
+
+
+@pytest.mark.parametrize(
+    "gesture",
+    [
+        {},
+        {"grain": 5e-3},
+        {"ergons": "particle"},
+        {"join": 0.0},
+    ],
+    ids=["dense", "grains", "particles", "no joining curve"],
+)
+@pytest.mark.parametrize("every", [10, 44])
+def test_written_points_are_met(every: int, gesture: dict[str, Any]):
+    network, timeline, key, struck = lone_key(every)
+    t, x, curves = [0.05, 0.1, 0.2, 0.3037], [2e-3, 5e-3, -2e-3, 1e-3], ["smooth"] * 4
+    timeline.gesture(key, t, x, curves, **gesture)
+    # Another begins as it falls back, and throws it.
+    timeline.gesture(key, [0.4, 0.45, 0.47], [1e-3, 3e-3, 1e-3], ["smooth", "smooth", "throw"])
+    plan = _core.Plan(network, timeline)
+    assert slow_row(plan).every == every
+    simulation = _core.Simulation(network, timeline, plan=plan)
+    worst, asked_for = 0.0, 0
+    for _ in range(int(0.5 * RATE)):
+        asked = simulation.asked()[0]
+        if not np.isnan(asked):
+            worst = max(worst, abs(simulation.positions()[struck] - asked))
+            asked_for += 1
+        simulation.process(np.zeros((1, 1)))
+    # Particles carry their impulse to 1e-6: over the gesture that is some nanometres.
+    assert worst < (1e-6 if "ergons" in gesture else 1e-9)
+    assert asked_for > 50
+    assert all(report.missed == 0 for report in simulation.reports())
+
+
+def test_layers_add_up_on_a_slow_key():
+    network, timeline, key, _ = lone_key(44)
+    timeline.gesture(key, [0.05, 0.1, 0.25], [2e-3, 5e-3, 1e-3], ["smooth"] * 3)
+    for start in (0.08, 0.1):
+        t = [start, start + 0.03, start + 0.0612]
+        timeline.gesture(key, t, [0.0, 2e-3, 1e-3], ["smooth"] * 3, layer=True)
+    simulation = _core.Simulation(network, timeline, plan=_core.Plan(network, timeline))
+    simulation.process(np.zeros((int(0.3 * RATE), 1)))
+    report = simulation.reports()[0]
+    assert report.compared > 8000
+    assert report.worst < 1e-9
+
+
+def test_a_key_that_joins_a_gesture_from_a_swing_does_so_without_a_blow():
+    def bend(every: int | None) -> float:
+        network, timeline, key, struck = lone_key(every)
+        timeline.strike(struck, 0.01, impulse=0.02)
+        timeline.gesture(key, [0.1, 0.2], [2e-3, 3e-3], ["smooth"] * 2, join=0.05)
+        plan = _core.Plan(network, timeline)
+        out = np.zeros((int(0.2 * RATE), 1))
+        simulation = _core.Simulation(network, timeline, plan=plan)
+        simulation.process(out)
+        assert simulation.reports()[0].first_point_missed is False
+        # From pull to pull, for a free key has a corner at each: none more where the hand takes it.
+        return float(np.abs(np.diff(out[int(0.03 * RATE) :: 20, 0], 2)).max())
+
+    assert bend(20) == pytest.approx(bend(None), rel=0.05)
+
+
+def stays_of(every: int, **gesture: Any) -> str:
+    network, timeline = scene(every, gesture=gesture)
+    ((part, why),) = _core.Plan(network, timeline).stay()
+    assert part == "key"
+    return why
+
+
+def test_a_hand_that_holds_it_at_every_frame_has_it_so():
+    assert "tracked" in stays_of(10, touch="tracked")
+    assert "limit" in stays_of(10, force_limit=5.0)
+    network, timeline = scene(10)
+    assert "method" in _core.Plan(network, timeline, method="ca").stay()[0][1]
+    # 100 Hz turn a whole circle in a kick each 441 frames.
+    network, timeline = scene(2000)
+    assert "too fast" in _core.Plan(network, timeline).stay()[0][1]
+
+
+def test_a_part_with_nothing_linear_goes_at_every_frame():
+    network = _core.Network()
+    network.part("key", every=10)
+    struck = network.mas("m", M=0.1)
+    network.part("bell")
+    bell = network.cel("b", M=2e-3, f=220.0)
+    network.but("hit", struck, bell, K=900.0, gap=1e-3)
+    network.listen("bell", positions=[(bell, 1, 1.0)])
+    timeline = _core.Timeline(network, RATE)
+    timeline.gesture(timeline.key("key", struck), [0.0, 0.1], [0.0, 3e-3], ["smooth"] * 2)
+    assert _core.Plan(network, timeline).stay() == [("key", "nothing in it is linear")]
+
+
+# --- contracts ------------------------------------------------------------------------------------
+
+
+def test_the_same_bytes_for_any_blocks_threads_and_from_a_snapshot():
+    network, timeline = scene(10, gesture={})
+    plan = _core.Plan(network, timeline, cents=3.0)
+    pinned = _core.Plan(network, timeline, cents=3.0, pins=plan.choices())
+    assert pinned.hash == plan.hash
+    assert slow_row(pinned).every == 10
+    whole = np.zeros((6000, 3))
+    _core.Simulation(network, timeline, plan=plan).process(whole)
+    assert whole[:, 2].any()
+    for threads, block in ((1, 7), (3, 1000), (2, 4999)):
+        simulation = _core.Simulation(network, timeline, plan=pinned, threads=threads)
+        out, snapshot = np.zeros_like(whole), None
+        for first in range(0, 6000, block):
+            simulation.process(out[first : first + block])
+            if snapshot is None and first > 2000:
+                snapshot, then = simulation.snapshot(), min(6000, first + block)
+        assert out.tobytes() == whole.tobytes()
+        if snapshot is not None:
+            simulation.restore(snapshot)
+            again = np.zeros_like(whole[then:])
+            simulation.process(again)
+            assert again.tobytes() == whole[then:].tobytes()
+
+
+def test_the_plan_tells_what_it_costs_in_exactness():
+    rows = {R: slow_row(_core.Plan(*scene(R, kc=5e2, gesture={}))) for R in (10, 20, 44)}
+    errors = [row.error_db for row in rows.values()]
+    assert all(error is not None and error < -55.0 for error in errors)
+    assert rows[10].preserved
+    assert rows[20].preserved
+    assert not rows[44].preserved
+    assert all(row.n_mat == 4 and row.radius is not None for row in rows.values())

@@ -1,0 +1,127 @@
+"""Rates of keys and instruments: read, refused, planned, told."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from checked import check
+
+from ergon.cli import app
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.stage import stage
+
+HEAD = "ergon: 1\n"
+REST = """\
+instruments:
+  bell: {modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 1s}}}, out: {SOX: m}}
+  link: {modules: {r: {REF: {K: 500N/m, between: [k1, bell.m]}}}}
+gestures: {push: 0mm@0 smooth 5mm@60ms smooth 0mm@120ms}
+players: {ada: {key: k1}}
+parts: {ada: [{at: 1|1, play: push}]}
+render: {tail: 0.2s}
+"""
+KEYS = "keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\n"
+
+
+def piece(text: str) -> Piece:
+    read = check(text)
+    assert read.piece is not None, read.diagnostics
+    return read.piece
+
+
+def test_a_key_goes_at_the_rate_of_gestures_or_at_its_own():
+    plain = piece(HEAD + KEYS + REST)
+    assert (plain.keys["k1"].every, plain.instruments["bell"].every) == (1, 1)
+    assert piece(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST).keys["k1"].every == 10
+    own = KEYS.replace("M: 400g", "rate: 8820Hz, M: 400g")
+    assert piece(HEAD + "rates: {gesture: 4410Hz}\n" + own + REST).keys["k1"].every == 5
+    faster = piece(HEAD + "rates: {audio: 96kHz, gesture: 4kHz}\n" + KEYS + REST)
+    assert faster.keys["k1"].every == 24
+    bell = piece(HEAD + KEYS + REST.replace("{modules: {m:", "{rate: 22050Hz, modules: {m:"))
+    assert (bell.keys["k1"].every, bell.instruments["bell"].every) == (1, 2)
+    assert plain.digest() != bell.digest()
+
+
+@pytest.mark.parametrize(
+    ("rate", "nearest"),
+    [
+        ("4kHz", "4009.090909Hz"),
+        ("30kHz", "44100Hz"),
+        ("60kHz", "44100Hz"),
+        ("1kHz", "1002.272727Hz"),
+    ],
+)
+@pytest.mark.parametrize("where", ["gestures", "key", "instrument"])
+def test_a_rate_that_is_no_whole_fraction_is_refused_with_the_nearest(
+    where: str, rate: str, nearest: str
+):
+    def text(rate: str) -> str:
+        rates = f"rates: {{gesture: {rate}}}\n" if where == "gestures" else ""
+        key = KEYS.replace("M:", f"rate: {rate}, M:") if where == "key" else KEYS
+        more = REST.replace("{modules: {m:", f"{{rate: {rate}, modules: {{m:")
+        return HEAD + rates + key + (more if where == "instrument" else REST)
+
+    found = check(text(rate)).diagnostics
+    assert [(d.code, d.suggestion) for d in found] == [("E311", nearest)]
+    assert found[0].place.length == len(rate)
+    assert not check(text(nearest)).diagnostics
+
+
+def test_a_staged_key_is_slow_and_sounds_alike():
+    def heard(text: str) -> np.ndarray:
+        played = stage(piece(text), planned=True)
+        assert not played.diagnostics
+        out = np.zeros((8820, played.simulation.n_out))
+        played.simulation.process(out)
+        return out
+
+    slow = HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST
+    plan = stage(piece(slow), planned=True).plan
+    assert plan is not None
+    (row,) = [row for row in plan.rows() if row.what == "e4"]
+    assert (row.parts, row.every, row.preserved) == (["k1"], 10, True)
+    one, other = heard(slow), heard(HEAD + KEYS + REST)
+    assert 0.0 < np.abs(one - other).max() < 10 ** (-60 / 20) * np.abs(other).max()
+
+
+def test_what_goes_at_the_audio_rate_all_the_same_is_told():
+    tracked = REST.replace("play: push", "play: push, touch: tracked")
+    played = stage(piece(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + tracked), planned=True)
+    (note,) = played.diagnostics
+    assert note.code == "N403"
+    assert "tracked" in note.message
+    assert note.place.line == 3
+    modes = KEYS + REST.replace("{modules: {m:", "{rate: 4410Hz, modules: {m:")
+    alone = modes.replace("  link: {modules: {r: {REF: {K: 500N/m, between: [k1, bell.m]}}}}\n", "")
+    alone += "strikes: {s: {to: bell.m, at: 0.1s, impulse: 1mNs}}\n"
+    (note,) = stage(piece(HEAD + alone), planned=True).diagnostics
+    assert note.code == "N403"
+    assert "its poles need none" in note.message
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
+    assert app.run(["plan", "s.yaml"]) == 0
+    table = capsys.readouterr().out
+    assert "exact flow (E4), once in 10 frames" in table
+    assert "dB, preserved" in table
+    assert app.run(["plan", "s.yaml", "--why", "k1"]) == 0
+    why = capsys.readouterr().out
+    assert "Its springs pull once in 10 frames" in why
+    assert "|λ| is" in why
+    assert app.run(["plan", "s.yaml", "--json"]) == 0
+    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    (row,) = [row for row in rows if row.get("what") == "e4"]
+    assert row["every"] == 10
+    assert row["radius"] < 1.0
+    assert row["preserved"] is True
+    assert app.run(["plan", "s.yaml", "--method", "ca", "--why", "k1"]) == 0
+    assert "not used for k1: one method" in capsys.readouterr().out
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    Path("s.yaml").write_text(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST)
