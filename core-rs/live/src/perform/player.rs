@@ -114,7 +114,10 @@ impl Player {
     /// Play to the end.
     pub(super) fn run(&mut self) {
         self.begin();
-        while !self.links.desk.stop.load(Ordering::Acquire) && self.tick() {}
+        let mut is_over = false;
+        while !is_over {
+            is_over = self.links.desk.stop.load(Ordering::Acquire) || !self.tick();
+        }
         for slot in &mut self.slots {
             slot.stop(true);
         }
