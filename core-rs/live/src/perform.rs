@@ -191,12 +191,13 @@ impl Performance {
             frozen,
             shared: output.shared().clone(),
         };
+        let by_keys = slots.iter().any(Slot::is_on_the_clock);
         let clock = clock::Clock::new(
             stage.every as f64 / rate,
             ahead.max(2 * info.block as usize),
-            slots.iter().any(Slot::is_on_the_clock) && info.paced,
+            by_keys,
         );
-        let mut player = Player::new(stage, slots, links, clock, info.paced);
+        let mut player = Player::new(stage, slots, links, clock, info.paced || by_keys);
         let own = desk.clone();
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())

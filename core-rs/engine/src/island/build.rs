@@ -132,7 +132,8 @@ fn start(network: &Network, scheme: &Scheme, timeline: &Timeline, drives: &[Driv
     let mut x = network.mats().x0.clone();
     for drive in drives
         .iter()
-        .filter(|drive| drive.kind == DriveKind::Position)
+        // Where a hand will be nobody knows yet: the scene begins with its key where that begins.
+        .filter(|drive| drive.kind == DriveKind::Position && drive.hand().is_none())
     {
         x[drive.mat] = drive.value(0, scheme.rate);
     }

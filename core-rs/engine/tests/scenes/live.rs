@@ -67,9 +67,8 @@ fn rate() -> Rate {
 fn wave(n: usize, per_second: f64) -> Vec<f64> {
     (0..n)
         .map(|k| {
-            3e-3 * ergon_engine::maths::sin(
-                2.0 * std::f64::consts::PI * 5.0 * k as f64 / per_second,
-            )
+            2e-3 + 3e-3
+                * ergon_engine::maths::sin(2.0 * std::f64::consts::PI * 5.0 * k as f64 / per_second)
         })
         .collect()
 }

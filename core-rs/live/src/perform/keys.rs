@@ -16,6 +16,8 @@ const RETRY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(50);
 /// A device that says nothing of itself is taken for a light one with little friction [kg, N·s/m].
 const LIGHT: (f64, f64) = (0.05, 0.3);
+/// A device that has sent no position for so long is gone, though its port may be open: datagrams never close [s].
+const SILENT: f64 = 0.25;
 /// The newest position is waited for during this part of a tick at most.
 const WAIT: f64 = 0.3;
 
@@ -55,6 +57,9 @@ pub struct Slot {
     gone: Arc<AtomicBool>,
     grave: Producer<Box<Guarded>>,
     wait: Duration,
+    /// Ticks without a new position, and how many are too many.
+    silent: u32,
+    patience: u32,
 }
 
 /// The side that may wait: opens the device again, frees what is dead.
@@ -94,7 +99,7 @@ impl Keyboard {
             damping: spec.damping.filter(|b| *b > 0.0).unwrap_or(LIGHT.1),
             period: self.period,
             // By a clock the force of a tick goes out with the next.
-            delay: own_delay.unwrap_or(0) + usize::from(!self.url.lockstep),
+            delay: own_delay.unwrap_or(0) + usize::from(!self.guarded.in_lockstep()),
         };
         let mut found = Vec::new();
         for &(axis, hand) in &self.axes {
@@ -126,7 +131,7 @@ impl Keyboard {
         // One may die while the one before is still to be freed.
         let (grave, graves) = RingBuffer::new(4);
         let slot = Slot {
-            lockstep: self.url.lockstep,
+            lockstep: self.guarded.in_lockstep(),
             guarded: Some(self.guarded),
             axes: self.axes,
             sample: Sample::default(),
@@ -135,6 +140,8 @@ impl Keyboard {
             gone: Arc::clone(&gone),
             grave,
             wait: Duration::from_secs_f64(WAIT * self.period),
+            silent: 0,
+            patience: (SILENT / self.period) as u32 + 1,
         };
         let search = Search {
             url: self.url,
@@ -207,7 +214,12 @@ impl Slot {
             self.sample.fresh = guarded.receive(&mut self.sample, deadline)?;
             Ok(())
         });
-        if done.is_ok() {
+        self.silent = if self.sample.fresh {
+            0
+        } else {
+            self.silent + 1
+        };
+        if done.is_ok() && self.silent <= self.patience {
             return true;
         }
         if let Some(dead) = self.guarded.take() {
@@ -224,6 +236,7 @@ impl Slot {
     /// A device that was found again.
     pub(super) fn comes_back(&mut self, guarded: Box<Guarded>) {
         self.forces = [0.0; MAX_AXES];
+        self.silent = 0;
         self.guarded = Some(guarded);
     }
 }

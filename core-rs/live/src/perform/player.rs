@@ -114,9 +114,11 @@ impl Player {
     /// Play to the end.
     pub(super) fn run(&mut self) {
         self.begin();
-        let mut is_over = false;
-        while !is_over {
-            is_over = self.links.desk.stop.load(Ordering::Acquire) || !self.tick();
+        loop {
+            let is_over = self.links.desk.stop.load(Ordering::Acquire);
+            if is_over || !self.tick() {
+                break;
+            }
         }
         for slot in &mut self.slots {
             slot.stop(true);
