@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -117,6 +117,7 @@ def stage_piece(
     plan: Plan | None = None,
     threads: int = 1,
     real: Real | None = None,
+    silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
 ) -> Staged:
     """Put the piece on its stage, and print what the engine has to say of it.
@@ -143,6 +144,7 @@ def stage_piece(
             store=of_user(),
             threads=threads,
             real=real,
+            silent=silent,
             on_fault=on_fault,
         )
     except StageError as error:

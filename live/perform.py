@@ -14,6 +14,7 @@ from .boards import Board
 from .guard import response
 
 if TYPE_CHECKING:
+    from ergon.exchange.frozen import Checked
     from ergon.scores.staging.stage import Stage
 
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
@@ -39,6 +40,7 @@ class Order:
     ahead: int | None = None
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
+    frozen: Sequence[Checked] = ()
 
 
 def every(stage: Stage) -> int:
@@ -92,6 +94,7 @@ def perform(
             bars=bars(stage),
             ahead=order.ahead,
             record=record,
+            frozen=[(stem.path, stem.offset, stem.n_frames, stem.taps) for stem in order.frozen],
         )
     finally:
         simulation.restore(start)

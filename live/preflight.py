@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
 
 if TYPE_CHECKING:
+    from ergon.exchange.frozen import Checked
     from ergon.scores.staging.stage import Stage
 
 _BLOCK = 4096  # frames
@@ -37,11 +38,16 @@ def length(stage: Stage) -> int:
 
 
 def level(
-    stage: Stage, highpass: float | None, target: float, progress: Callable[[int], None]
+    stage: Stage,
+    highpass: float | None,
+    target: float,
+    frozen: Sequence[Checked],
+    progress: Callable[[int], None],
 ) -> Level:
     """The gain that brings the mix's peak to `target`; the stage stays at its frame 0.
 
-    Real hands are played by what stands in for them. `progress` hears how many frames are done.
+    Real hands are played by what stands in for them, `frozen` parts are heard. `progress` hears
+    how many frames are done.
     """
     import numpy as np
 
@@ -52,6 +58,8 @@ def level(
     for at in range(0, n_frames, _BLOCK):
         frames = np.zeros((min(_BLOCK, n_frames - at), simulation.n_out))
         simulation.process(frames)
+        for stem in frozen:
+            stem.join(frames, at)
         mixed = np.zeros((len(frames), stage.n_channels))
         mixer.process(frames, mixed)
         peak = max(peak, float(np.max(np.abs(mixed), initial=0.0)))

@@ -108,9 +108,7 @@ class Network:
     n_mat: int
     n_lia: int
     n_out: int
-    def part(
-        self, name: str, *, ca_rate: float | None = None, every: int | None = None
-    ) -> None:
+    def part(self, name: str, *, ca_rate: float | None = None, every: int | None = None) -> None:
         """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
         Z of the discrete network at that rate, which then is the truth (GENESIS habit). A plan lets
         its own springs pull once `every` so many frames, where it may (E4)."""
@@ -426,7 +424,16 @@ class PlanRow:
     n_mat: int  # MATs that move
     n_lia: int
     what: Literal[
-        "stepped", "oscillators", "modes", "ca2p", "bm4", "ieq", "trapezoid", "e4", "unheard", "still"
+        "stepped",
+        "oscillators",
+        "modes",
+        "ca2p",
+        "bm4",
+        "ieq",
+        "trapezoid",
+        "e4",
+        "unheard",
+        "still",
     ]
     modes: tuple[int, int] | None  # computed, of how many
     left_out_db: float | None  # the other modes together, relative to all
@@ -570,7 +577,9 @@ class Mixer:
     """Routes of outputs to channels, with gains and second-order high-passes."""
 
     def __new__(cls, rate: float, n_out: int, n_channels: int) -> Self: ...
-    def route(self, out: int, channel: int, gain: float = 1.0, highpass: float | None = None) -> None:
+    def route(
+        self, out: int, channel: int, gain: float = 1.0, highpass: float | None = None
+    ) -> None:
         """Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2."""
     def process(self, frames: _Floats, mixed: _Floats) -> None:
         """(n_frames, n_out) -> (n_frames, n_channels)."""
@@ -677,6 +686,7 @@ class Status:
     latest: float
     lost: int
     dropped: int
+    missed: int
     load: float
     busiest: float
     filled: int
@@ -705,12 +715,14 @@ class Performance:
         bars: Sequence[int] = ...,
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
+        frozen: Sequence[tuple[Path, int, int, Sequence[int]]] = ...,
     ) -> Self:
         """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it,
         the scene's force in each tick after it was 1 m away for one [N/m]);
         `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
         hand that comes back takes over; `record`: (file, (player, key) of each hand, JSON about
-        it). Raises EngineError."""
+        it); `frozen`: (file, bytes before its doubles, frames, outputs) of parts that were computed
+        before. Raises EngineError."""
     def status(self) -> Status: ...
     def events(self) -> list[tuple[int, str, float]]:
         """What happened since the last call: (frame, what, number of the hand or board)."""
@@ -735,6 +747,7 @@ class Performance:
         """Wait until the last frame is computed; False when `seconds` came first."""
     def close(self, patience: float) -> list[tuple[int, str, float]]:
         """Wait until everything was heard, put everything away; the events that are left."""
+
 # --- devices ------------------------------------------------------------------------------------
 
 def emulate(

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use rtrb::{Consumer, Producer};
 
 use super::clock::Clock;
+use super::frozen::Frozen;
 use super::hand::Mover;
 use super::status::{Event, HANDS_MAX, Status, What};
 use super::{Command, Desk, Slot, Stage};
@@ -30,6 +31,7 @@ pub(super) struct Links {
     pub(super) status: triple_buffer::Input<Status>,
     pub(super) feed: Feed,
     pub(super) record: Option<RowSink>,
+    pub(super) frozen: Option<Frozen>,
     pub(super) shared: Arc<Shared>,
 }
 
@@ -290,6 +292,15 @@ impl Player {
             } else {
                 stage.simulation.process(heard)
             };
+            if let Some(frozen) = &mut self.links.frozen {
+                // Where no clock presses, the disk is waited for.
+                let asked = Instant::now();
+                let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
+                while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE {
+                    self.clock.nap();
+                }
+                self.status.missed += frozen.join(heard, n_out, self.frame);
+            }
             stage.mixer.process(heard, mixed);
             mixed.iter_mut().for_each(|x| *x *= stage.gain);
             stage.limiter.process(mixed);
