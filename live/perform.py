@@ -66,7 +66,12 @@ def perform(stage: Stage, order: Order) -> _core.Performance:
         for hand in stage.live
     ]
     boards = [
-        (board.url, [(axis, numbers[player]) for axis, player in board.axes], order.force_max)
+        (
+            board.url,
+            [(axis, numbers[player]) for axis, player in board.axes],
+            order.force_max,
+            [axis.told(number) for number, axis in board.known.items()],
+        )
         for board in order.boards
     ]
     record = None

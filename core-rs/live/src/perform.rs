@@ -11,7 +11,7 @@ mod player;
 mod status;
 
 pub use hand::{Guide, Hand};
-pub use keys::{Borne, Keyboard, Slot};
+pub use keys::{Borne, Keyboard, Known, Slot};
 pub use status::{Event, HandStatus, Status, What};
 
 use std::path::PathBuf;
