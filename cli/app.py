@@ -31,6 +31,8 @@ COMMANDS: Table = {
         "stability",
         "Draw where a method fails, as predicted and as it is.",
     ),
+    "devices": ("devices", "devices", "List loudspeakers and keys, and the URL of each."),
+    "doctor": ("doctor", "doctor", "Measure whether this machine is fit to play."),
     "emulate": ("emulate", "emulate", "Be a force-feedback device that is not there."),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),

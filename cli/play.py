@@ -76,13 +76,15 @@ def play(console: Console, score_path: str, **wishes: Any) -> None:
 )
 @click.option("--standin", multiple=True, metavar="PLAYER=TAKE", help="Another stand-in.")
 @click.option("--record", metavar="FILE.take", help="Keep what the hands do.")
+@click.option("--unchecked", is_flag=True, help="Try no axis for its direction first.")
 @click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on a hand [N].")
 @_playing
 def duet(console: Console, score_path: str, **wishes: Any) -> None:
     """Play a score with real hands beside written ones.
 
     Every `--live` puts a device's axis under a player's key: it moves the key and feels what the
-    key feels. Where no device is given or one is lost, the player's take or part stands in.
+    key feels. Where no device is given or one is lost, the player's take or part stands in. Before
+    an axis plays for the first time a small pulse finds out which way it goes.
     """
     from .playing import Wishes, play_score
 

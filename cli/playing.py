@@ -52,6 +52,7 @@ class Wishes:
     record: str | None = None
     force_max: float | None = None
     frozen: Path | None = None
+    unchecked: bool = False
 
     @property
     def plan(self) -> score.Plan:
@@ -65,7 +66,7 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
     written = score.piece_of(loaded)
     piece = _standing_in(written, wishes.standin)
     loaded = replace(loaded, piece=piece)
-    boards = _boards(piece, wishes)
+    boards = [ready(console, board, wishes.unchecked) for board in _boards(piece, wishes)]
     real = {player: None for board in boards for _, player in board.axes}
     frozen = None
     if wishes.frozen is not None:
@@ -150,6 +151,32 @@ def _boards(piece: Piece, wishes: Wishes) -> list[Board]:
         raise Refused(f"--live: {error}") from None
 
 
+def ready(console: Console, board: Board, unchecked: bool) -> Board:
+    """The device with what is known of its axes; those that never played are tried first.
+
+    The classic accident is a motor wired the other way round: it drives away what it should hold.
+    """
+    from ergon import _core
+    from ergon.live.boards import BoardError
+    from ergon.live.calibration import known, remember, tried
+
+    try:
+        found = known(board.url)
+        for number, player in board.axes:
+            if number in found or board.emulated or unchecked:
+                continue
+            console.say(f"{player}: let go of the key; a small pulse finds out which way it goes")
+            found[number] = tried(board.url, number)
+            remember(board.url, number, found[number])
+    except BoardError as error:
+        raise Refused(f"--live: {error}") from None
+    except _core.UnsureError as error:
+        raise Refused(f"{player}: {error} (--unchecked plays without)") from None
+    except _core.EngineError as error:
+        raise DeviceMissing(str(error)) from None
+    return replace(board, known=found)
+
+
 def _no_player(piece: Piece, name: str, option: str) -> str:
     from ergon.scores.text.spelling import nearest
 
@@ -199,9 +226,14 @@ def _order(
 def _about(piece: Piece, stage: Stage, order: Order, wishes: Wishes) -> dict[str, object]:
     """What stands at the beginning of a recording."""
     from ergon import _core
+    from ergon.live.calibration import as_recorded
     from ergon.live.recorded import about
 
-    devices = {player: board.url for board in order.boards for _, player in board.axes}
+    devices = {
+        player: as_recorded(board, number)
+        for board in order.boards
+        for number, player in board.axes
+    }
     return {
         "made": f"by ergon {_core.__version__}",
         "day": time.strftime("%Y-%m-%d %H:%M:%S"),
@@ -209,7 +241,7 @@ def _about(piece: Piece, stage: Stage, order: Order, wishes: Wishes) -> dict[str
         "seed": piece.seed if wishes.seed is None else wishes.seed,
         "plan": stage.plan.hash if stage.plan else "",
         "level": about(order),
-        "axes": [{"device": devices.get(hand.player)} for hand in stage.live],
+        "axes": [devices.get(hand.player, {"device": None}) for hand in stage.live],
     }
 
 

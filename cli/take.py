@@ -9,6 +9,7 @@ from .lazy import LazyGroup, Table
 COMMANDS: Table = {
     "list": ("take_list", "list_takes", "List the recordings in a folder and what they hold."),
     "info": ("take_info", "info", "Say what a take holds, and whether it is whole."),
+    "record": ("take_record", "record", "Record what a hand does on a device, without any force."),
     "trim": ("take_trim", "trim", "Write a part of a recording as a recording of its own."),
     "import": (
         "take_import",

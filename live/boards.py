@@ -6,8 +6,12 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .calibration import Axis
 
 # A device's name in the user's file with an axis of it, such as tgr0.3.
 _NAMED = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
@@ -20,10 +24,23 @@ class BoardError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A device, and its axes as (axis, player)."""
+    """A device, its axes as (axis, player), and what was found of axes by their numbers."""
 
     url: str
     axes: tuple[tuple[int, str], ...]
+    known: Mapping[int, Axis] = field(default_factory=dict)
+
+    @property
+    def emulated(self) -> bool:
+        """Whether it is surely no machine: nobody can be hurt, and no motor be wired wrongly."""
+        target, _, options = self.url.partition("?")
+        kind, _, where = target.partition(":")
+        return (
+            kind == "emul"
+            or "lockstep" in options.split("&")
+            or where.startswith("/dev/pts/")
+            or (kind == "frame+udp" and where.removeprefix("//").startswith("127."))
+        )
 
 
 def config_path() -> Path:
@@ -32,19 +49,26 @@ def config_path() -> Path:
     return Path(base) / "ergon" / "devices.toml"
 
 
-def names(path: Path | None = None) -> dict[str, str]:
-    """Names of devices and their URLs; none where there is no such file. Raises BoardError."""
-    path = config_path() if path is None else path
+def read_config() -> dict[str, Any]:
+    """All that the user's list says; nothing where there is no such file. Raises BoardError."""
+    path = config_path()
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise BoardError(f"{path}: larger than any list of devices")
-        table = tomllib.loads(path.read_text(encoding="utf-8")).get("devices", {})
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise BoardError(f"{path}: {error}") from None
+
+
+def names() -> dict[str, str]:
+    """Names of devices and their URLs; none where there is no such file. Raises BoardError."""
+    table = read_config().get("devices", {})
     if not isinstance(table, dict) or not all(isinstance(url, str) for url in table.values()):
-        raise BoardError(f'{path}: [devices] holds lines such as tgr0 = "frame:/dev/ttyACM0"')
+        raise BoardError(
+            f'{config_path()}: [devices] holds lines such as tgr0 = "frame:/dev/ttyACM0"'
+        )
     return table
 
 

@@ -73,7 +73,12 @@ def perform(
         for hand in stage.live
     ]
     boards = [
-        (board.url, [(axis, numbers[player]) for axis, player in board.axes], order.force_max)
+        (
+            board.url,
+            [(axis, numbers[player]) for axis, player in board.axes],
+            order.force_max,
+            [axis.told(number) for number, axis in board.known.items()],
+        )
         for board in order.boards
     ]
     record = None

@@ -23,6 +23,13 @@ create_exception!(
     "A law that cannot be compiled; `offset` and `length` mark the characters."
 );
 
+create_exception!(
+    ergon._core,
+    UnsureError,
+    EngineError,
+    "An axis that did not show which way it goes."
+);
+
 /// `error` with `module` and what `attributes` sets, as the stub promises them.
 pub(crate) fn with(
     error: PyErr,

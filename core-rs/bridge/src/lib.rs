@@ -5,6 +5,7 @@
 
 mod audio;
 mod chance;
+mod device;
 mod emulator;
 mod error;
 mod frames;
@@ -33,9 +34,11 @@ mod _core {
     #[pymodule_export]
     use super::chance::Chance;
     #[pymodule_export]
+    use super::device::{Checkup, Device, checkup, serial_ports};
+    #[pymodule_export]
     use super::emulator::emulate;
     #[pymodule_export]
-    use super::error::{DivergedError, EngineError, LawError, UnstableError};
+    use super::error::{DivergedError, EngineError, LawError, UnstableError, UnsureError};
     #[pymodule_export]
     use super::law::{Law, law_functions};
     #[pymodule_export]

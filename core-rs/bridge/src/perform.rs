@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 use ergon_engine::mix::limiter::Limiter;
 use ergon_live::audio;
 use ergon_live::device::Url;
-use ergon_live::perform::{self, Guide, Hand, How, Keyboard, Stage, Stem, What};
+use ergon_live::perform::{self, Guide, Hand, How, Keyboard, Known, Stage, Stem, What};
 use ergon_live::recording::{Axis, Header};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
+use crate::device::{self, AxisOf};
 use crate::error::{refused, said};
 use crate::mixer::Mixer;
 use crate::simulation::Simulation;
@@ -28,8 +29,8 @@ type HandOf<'py> = (
     Option<(f64, f64)>,
     PyReadonlyArray1<'py, f64>,
 );
-/// (url, [(axis, hand)], greatest force)
-type BoardOf = (String, Vec<(usize, usize)>, Option<f64>);
+/// (url, [(axis, hand)], greatest force, what is known of axes)
+type BoardOf = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisOf>);
 /// (path, [(player, key)], what else is known as JSON)
 type RecordOf = (PathBuf, Vec<(String, String)>, String);
 
@@ -200,9 +201,17 @@ impl Performance {
     }
 }
 
-fn open((url, axes, most): BoardOf, period: f64) -> PyResult<Keyboard> {
-    let url = Url::parse(&url).map_err(said)?;
-    Keyboard::open(&url, axes, most, period).map_err(said)
+fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
+    let known = Known {
+        url: Url::parse(&url).map_err(said)?,
+        calibration: known
+            .into_iter()
+            .map(device::axis)
+            .collect::<PyResult<_>>()?,
+        most,
+        period,
+    };
+    Keyboard::open(known, axes).map_err(said)
 }
 
 fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {

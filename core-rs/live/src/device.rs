@@ -10,6 +10,7 @@ mod firefader;
 mod frame;
 mod haply;
 mod port;
+pub mod ports;
 mod stats;
 mod url;
 pub mod wire;

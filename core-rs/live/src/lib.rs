@@ -5,6 +5,7 @@
 
 pub mod audio;
 pub mod device;
+pub mod doctor;
 pub mod emulate;
 pub mod perform;
 pub mod realtime;

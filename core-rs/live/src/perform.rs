@@ -13,7 +13,7 @@ mod status;
 
 pub use frozen::Stem;
 pub use hand::{Guide, Hand};
-pub use keys::{Borne, Keyboard, Slot};
+pub use keys::{Borne, Keyboard, Known, Slot};
 pub use status::{Event, HandStatus, Status, What};
 
 use std::path::PathBuf;

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 __version__: str
 
 _Floats = NDArray[np.float64]
+# An axis of a device: (number, sign, zero, gain, range, most force).
+_Axis = tuple[int, float, float, float, tuple[float, float], float]
 
 class EngineError(ValueError):
     """A network, law or timeline that the engine will not run."""
@@ -23,6 +25,9 @@ class EngineError(ValueError):
 
 class UnstableError(EngineError):
     """The scheme would diverge at this rate; `module` moves most."""
+
+class UnsureError(EngineError):
+    """An axis that did not show which way it goes."""
 
 class LawError(EngineError):
     """A law that cannot be compiled; `offset` and `length` mark the characters."""
@@ -711,7 +716,7 @@ class Performance:
         limit: float = 1.0,
         n_frames: int | None = None,
         hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = ...,
-        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = ...,
+        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None, Sequence[_Axis]]] = ...,
         bars: Sequence[int] = ...,
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
@@ -719,10 +724,10 @@ class Performance:
     ) -> Self:
         """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it,
         the scene's force in each tick after it was 1 m away for one [N/m]);
-        `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
-        hand that comes back takes over; `record`: (file, (player, key) of each hand, JSON about
-        it); `frozen`: (file, bytes before its doubles, frames, outputs) of parts that were computed
-        before. Raises EngineError."""
+        `boards`: (url, (axis, hand) of each hand on it, most force [N], what was found of its
+        axes); `bars`: frames at which a hand that comes back takes over; `record`: (file, (player,
+        key) of each hand, JSON about it); `frozen`: (file, bytes before its doubles, frames,
+        outputs) of parts that were computed before. Raises EngineError."""
     def status(self) -> Status: ...
     def events(self) -> list[tuple[int, str, float]]:
         """What happened since the last call: (frame, what, number of the hand or board)."""
@@ -780,3 +785,43 @@ def emulate(
     let-go (silence of the host for `watchdog` [s]), host-gone, and over with periods, packets and the
     hash of all positions.
     """
+
+def serial_ports() -> list[tuple[str, tuple[int, int, str, str] | None]]:
+    """(path, (vendor, product, name, serial number) of what came by USB) each; opens none."""
+
+def checkup(seconds: float, period: float) -> Checkup:
+    """Wake like the physics thread for so many seconds, a period [s] apart."""
+
+@final
+class Device:
+    """A device that is open, to be looked at and tried. Raises EngineError where it is not there."""
+
+    def __new__(cls, url: str, calibration: Sequence[_Axis] = ...) -> Self: ...
+    axes: int
+    unit: str  # of positions, m or rad
+    resolution: float  # step of the position sensor [m or rad]
+    range: tuple[float, float]  # [m or rad]
+    force_max: float  # [N or N·m]
+    lockstep: bool
+    def direction(self, axis: int, period: float) -> float:
+        """Which way an axis goes when it is pushed a little: 1 or -1. Raises UnsureError."""
+    def ends(self, seconds: float, period: float) -> _Floats:
+        """Least and greatest position of each axis while somebody moves it, (n_axes, 2)."""
+    def checkup(self, seconds: float, period: float) -> Checkup:
+        """Send zero forces, a period [s] apart, and time the replies."""
+    def close(self) -> None: ...
+
+@final
+class Checkup:
+    """What a checkup found; `unanswered`: forces without a reply within 20 ms."""
+
+    priority: int | None  # under SCHED_FIFO; None: scheduled like any other
+    locked: bool  # memory stays in RAM
+    seconds: float
+    unanswered: int
+    garbage: int  # bytes that belonged to no packet
+    drift_ppm: float | None  # how much faster the device's clock goes [1e-6]
+    def lateness(self) -> _Floats:
+        """How late each tick began, (n_ticks,) [s]; none in lockstep."""
+    def round_trips(self) -> _Floats:
+        """From each force to its reply, (n_replies,) [s]."""

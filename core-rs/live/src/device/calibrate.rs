@@ -3,6 +3,7 @@
 //! The classic accident is a motor wired the other way round: every force then pushes further what it should bring
 //! back. So before a device plays first, [`direction`] asks it.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{Device, Gone, LastResort, MAX_AXES, Sample, Spec, Stats};
@@ -81,6 +82,20 @@ impl<D: Device> Calibrated<D> {
     }
 }
 
+/// The device, with what is known of some of its axes by their numbers.
+pub fn applied(device: Box<dyn Device>, known: &[(usize, Axis)]) -> Box<dyn Device> {
+    if known.is_empty() {
+        return device;
+    }
+    let mut axes = vec![Axis::plain(device.spec()); device.spec().dof];
+    for &(number, axis) in known {
+        if let Some(own) = axes.get_mut(number) {
+            *own = axis;
+        }
+    }
+    Box::new(Calibrated::new(device, axes))
+}
+
 impl<D: Device> Device for Calibrated<D> {
     fn spec(&self) -> &Spec {
         &self.spec
@@ -152,7 +167,8 @@ pub enum Unsure {
     Gone(#[from] Gone),
 }
 
-/// Which way an axis goes when it is pushed: 1 or -1, for [`Axis::sign`]. Exchanges every `period` [s].
+/// Which way an axis goes when it is pushed: 1 or -1, for [`Axis::sign`]. Exchanges every `period` [s]; once `stop` is
+/// set, the device counts as closed.
 ///
 /// # Errors
 /// [`Unsure`] where it does not move both ways.
@@ -161,6 +177,7 @@ pub fn direction<D: Device>(
     axis: usize,
     pulse: Pulse,
     period: f64,
+    stop: &AtomicBool,
 ) -> Result<f64, Unsure> {
     let limits = Limits {
         force: pulse.force,
@@ -170,7 +187,7 @@ pub fn direction<D: Device>(
         ..Limits::of(device.spec())
     };
     let step = 3.0 * device.spec().pos_lsb;
-    let mut pace = Pace::new(Guarded::new(device, limits, period), period);
+    let mut pace = Pace::new(Guarded::new(device, limits, period), period, stop);
     pace.at_rest(axis, pulse.length)?;
     let mut moved = [0.0; 2];
     for (moved, side) in moved.iter_mut().zip([1.0, -1.0]) {
@@ -203,9 +220,10 @@ pub fn ends<D: Device>(
     device: &mut D,
     length: f64,
     period: f64,
+    stop: &AtomicBool,
 ) -> Result<[[f64; 2]; MAX_AXES], Gone> {
     let limits = Limits::of(device.spec());
-    let mut pace = Pace::new(Guarded::new(device, limits, period), period);
+    let mut pace = Pace::new(Guarded::new(device, limits, period), period, stop);
     let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; MAX_AXES];
     for _ in 0..pace.ticks(length).max(1) {
         pace.tick(0, 0.0)?;
@@ -217,20 +235,22 @@ pub fn ends<D: Device>(
 }
 
 /// Exchanges at even times.
-struct Pace<D: Device> {
+struct Pace<'a, D: Device> {
     guarded: Guarded<D>,
     period: f64,
     next: Instant,
     sample: Sample,
+    stop: &'a AtomicBool,
 }
 
-impl<D: Device> Pace<D> {
-    fn new(guarded: Guarded<D>, period: f64) -> Self {
+impl<'a, D: Device> Pace<'a, D> {
+    fn new(guarded: Guarded<D>, period: f64, stop: &'a AtomicBool) -> Self {
         Self {
             guarded,
             period,
             next: Instant::now(),
             sample: Sample::default(),
+            stop,
         }
     }
 
@@ -239,6 +259,9 @@ impl<D: Device> Pace<D> {
     }
 
     fn tick(&mut self, axis: usize, force: f64) -> Result<(), Gone> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(Gone::Closed);
+        }
         let mut forces = [0.0; MAX_AXES];
         forces[axis] = force;
         self.guarded.send(&forces)?;

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Command, Hand};
+use crate::device::calibrate::{self, Axis};
 use crate::device::{self, MAX_AXES, Sample, Url};
 use crate::safety::{Guarded, Limits, stiffness};
 
@@ -24,13 +25,24 @@ const WAIT: f64 = 0.3;
 /// A device that is open, and the hands on it.
 pub struct Keyboard {
     guarded: Box<Guarded>,
-    url: Url,
+    known: Known,
     /// Device axis and hand of the piece.
     axes: Vec<(usize, usize)>,
-    most: Option<f64>,
-    period: f64,
     /// By axis; see [`Keyboard::guard`].
     scales: Vec<(usize, f64)>,
+}
+
+/// How to open it, now and again.
+#[derive(Clone, Debug)]
+pub struct Known {
+    /// Where it is.
+    pub url: Url,
+    /// What was found of its axes, by their numbers.
+    pub calibration: Vec<(usize, Axis)>,
+    /// The greatest force, if that is less than the device's own [N].
+    pub most: Option<f64>,
+    /// Of a tick [s].
+    pub period: f64,
 }
 
 /// How much of the scene's force a hand gets.
@@ -69,23 +81,15 @@ pub(super) struct Seeker {
 }
 
 impl Keyboard {
-    /// Open the device at `url`, for ticks of `period` [s]; `axes`: (axis of the device, hand of the piece).
-    /// `most`: the greatest force, if that is less than the device's own [N].
+    /// Open a device; `axes`: (axis of the device, hand of the piece).
     ///
     /// # Errors
     /// What the device's driver says.
-    pub fn open(
-        url: &Url,
-        axes: Vec<(usize, usize)>,
-        most: Option<f64>,
-        period: f64,
-    ) -> Result<Self, device::DeviceError> {
+    pub fn open(known: Known, axes: Vec<(usize, usize)>) -> Result<Self, device::DeviceError> {
         Ok(Self {
-            guarded: guard(url, most, period)?,
-            url: url.clone(),
+            guarded: known.guard()?,
+            known,
             axes,
-            most,
-            period,
             scales: Vec::new(),
         })
     }
@@ -93,11 +97,13 @@ impl Keyboard {
     /// Let no axis feel more of the scene than it bears without swinging up.
     pub(super) fn guard(&mut self, hands: &[Hand]) -> Vec<Borne> {
         let spec = self.guarded.spec();
-        let own_delay = spec.loop_delay_s.map(|s| (s / self.period).ceil() as usize);
+        let own_delay = spec
+            .loop_delay_s
+            .map(|s| (s / self.known.period).ceil() as usize);
         let key = stiffness::Key {
             mass: spec.inertia.unwrap_or(LIGHT.0),
             damping: spec.damping.filter(|b| *b > 0.0).unwrap_or(LIGHT.1),
-            period: self.period,
+            period: self.known.period,
             // By a clock the force of a tick goes out with the next.
             delay: own_delay.unwrap_or(0) + usize::from(!self.guarded.in_lockstep()),
         };
@@ -139,14 +145,12 @@ impl Keyboard {
             sent: [0.0; MAX_AXES],
             gone: Arc::clone(&gone),
             grave,
-            wait: Duration::from_secs_f64(WAIT * self.period),
+            wait: Duration::from_secs_f64(WAIT * self.known.period),
             silent: 0,
-            patience: (SILENT / self.period) as u32 + 1,
+            patience: (SILENT / self.known.period) as u32 + 1,
         };
         let search = Search {
-            url: self.url,
-            most: self.most,
-            period: self.period,
+            known: self.known,
             scales: self.scales,
             index,
             gone,
@@ -162,15 +166,14 @@ impl Keyboard {
     }
 }
 
-fn guard(url: &Url, most: Option<f64>, period: f64) -> Result<Box<Guarded>, device::DeviceError> {
-    let device = device::open(url)?;
-    let own = Limits::of(device.spec());
-    let force = most.map_or(own.force, |most| most.min(own.force));
-    Ok(Box::new(Guarded::new(
-        device,
-        Limits { force, ..own },
-        period,
-    )))
+impl Known {
+    fn guard(&self) -> Result<Box<Guarded>, device::DeviceError> {
+        let device = calibrate::applied(device::open(&self.url)?, &self.calibration);
+        let own = Limits::of(device.spec());
+        let force = self.most.map_or(own.force, |most| most.min(own.force));
+        let limits = Limits { force, ..own };
+        Ok(Box::new(Guarded::new(device, limits, self.period)))
+    }
 }
 
 impl Slot {
@@ -242,9 +245,7 @@ impl Slot {
 }
 
 struct Search {
-    url: Url,
-    most: Option<f64>,
-    period: f64,
+    known: Known,
     scales: Vec<(usize, f64)>,
     index: usize,
     gone: Arc<AtomicBool>,
@@ -263,7 +264,7 @@ impl Search {
                 continue;
             }
             next = Instant::now() + RETRY;
-            let Ok(mut guarded) = guard(&self.url, self.most, self.period) else {
+            let Ok(mut guarded) = self.known.guard() else {
                 continue;
             };
             for &(axis, scale) in &self.scales {

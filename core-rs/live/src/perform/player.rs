@@ -161,6 +161,7 @@ impl Player {
         self.hands();
         let n = (self.stage.every as u64).min(left) as usize;
         self.step(n);
+        self.look();
         self.record();
         self.load(began.elapsed());
         self.links.status.write(self.status);
@@ -397,6 +398,10 @@ impl Player {
         status.busiest = status.busiest.max(load);
         (status.frame, status.ticks) = (self.frame, status.ticks + 1);
         status.filled = self.links.feed.filled();
+    }
+
+    /// How every hand does in this tick.
+    fn look(&mut self) {
         for (hand, mover) in self.movers.iter().enumerate().take(HANDS_MAX) {
             let own = &mut self.status.hands[hand];
             (own.position, own.force, own.real) = (mover.x, self.felt[hand], mover.real);

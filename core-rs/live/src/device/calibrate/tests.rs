@@ -3,6 +3,7 @@ use crate::device::Emulated;
 use crate::emulate::{Hand, Key, Keys};
 
 const PERIOD: f64 = 1e-3;
+static GO: AtomicBool = AtomicBool::new(false);
 
 fn device(hand: Hand) -> Emulated {
     let key = Key::default();
@@ -25,24 +26,24 @@ fn odd(device: Emulated) -> Calibrated<Emulated> {
 fn a_pulse_tells_the_direction() {
     let mut straight = device(Hand::Resting);
     let pulse = Pulse::of(straight.spec());
-    assert_eq!(direction(&mut straight, 0, pulse, PERIOD), Ok(1.0));
+    assert_eq!(direction(&mut straight, 0, pulse, PERIOD, &GO), Ok(1.0));
     let mut wired = odd(device(Hand::Resting));
-    assert_eq!(direction(&mut wired, 0, pulse, PERIOD), Ok(-1.0));
+    assert_eq!(direction(&mut wired, 0, pulse, PERIOD, &GO), Ok(-1.0));
     // Applied, what was found makes it right.
     let found = Axis {
         sign: -1.0,
         ..Axis::plain(wired.spec())
     };
     let mut right = Calibrated::new(wired, vec![found]);
-    assert_eq!(direction(&mut right, 0, pulse, PERIOD), Ok(1.0));
+    assert_eq!(direction(&mut right, 0, pulse, PERIOD, &GO), Ok(1.0));
 }
 
 #[test]
 fn a_pulse_is_small() {
     let mut straight = device(Hand::Resting);
     let pulse = Pulse::of(straight.spec());
-    direction(&mut straight, 0, pulse, PERIOD).unwrap();
-    let range = ends(&mut straight, 0.1, PERIOD).unwrap()[0];
+    direction(&mut straight, 0, pulse, PERIOD, &GO).unwrap();
+    let range = ends(&mut straight, 0.1, PERIOD, &GO).unwrap()[0];
     let travel = straight.spec().pos_range[1] - straight.spec().pos_range[0];
     assert!(range[1] - range[0] < 1e-6, "at rest: {range:?}");
     assert!(range[0].abs() < 0.1 * travel, "{range:?}");
@@ -63,7 +64,10 @@ fn an_axis_that_is_held_is_not_guessed() {
     let pulse = Pulse::of(&sensor);
     let mut coarse = Calibrated::new(&mut held, vec![]);
     coarse.spec.pos_lsb = 1e-3;
-    assert_eq!(direction(&mut coarse, 0, pulse, PERIOD), Err(Unsure::Still));
+    assert_eq!(
+        direction(&mut coarse, 0, pulse, PERIOD, &GO),
+        Err(Unsure::Still)
+    );
 }
 
 #[test]
@@ -75,7 +79,7 @@ fn ends_give_zero_and_gain() {
         damping: 40.0,
     };
     let mut device = device(hand);
-    let ends = ends(&mut device, 0.2, PERIOD).unwrap()[0];
+    let ends = ends(&mut device, 0.2, PERIOD, &GO).unwrap()[0];
     assert!(
         (ends[0] + 0.03).abs() < 2e-3 && (ends[1] - 0.01).abs() < 2e-3,
         "{ends:?}"

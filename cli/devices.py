@@ -1,0 +1,105 @@
+"""`ergon devices`: what there is to play on, and with what."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .lazy import LazyGroup, Table
+from .outcome import Refused
+
+if TYPE_CHECKING:
+    from ergon.live.ports import Port
+
+COMMANDS: Table = {
+    "calibrate": (
+        "devices_calibrate",
+        "calibrate",
+        "Find out which way an axis goes, where it ends, and remember it.",
+    ),
+}
+_SERVICE = "haply:ws://127.0.0.1:10001"
+
+
+@click.group(cls=LazyGroup, table=COMMANDS, invoke_without_command=True)
+@click.option("--probe", is_flag=True, help="Open what looks like a board, and ask.")
+@options.speaking
+def devices(console: Console, probe: bool) -> None:
+    """List loudspeakers and keys, and the URL of each.
+
+    Nothing is opened, unless --probe asks for it: many boards start anew when their port is opened.
+    """
+    if click.get_current_context().invoked_subcommand is not None:
+        return
+    _sound(console)
+    _named(console)
+    _ports(console, probe)
+
+
+def _sound(console: Console) -> None:
+    from ergon import _core
+
+    for backend, is_there, what in _core.survey_audio():
+        if console.json:
+            console.record("sound", audio=backend, there=is_there, said=what)
+        else:
+            there = "" if is_there else "not there: "
+            console.data(f"sound   {backend:12} {there}{what}\n")
+
+
+def _named(console: Console) -> None:
+    from ergon.live.boards import BoardError, config_path, names, resolve
+    from ergon.live.calibration import known
+
+    try:
+        table = names()
+        for name, text in table.items():
+            url, _ = resolve(text, {})
+            tested = sorted(known(url))
+            if console.json:
+                console.record("device", name=name, url=text, tested=tested)
+            else:
+                axes = ", ".join(map(str, tested))
+                ready = f"axis {axes} tested" if tested else "not tested yet"
+                console.data(f"device  {name:12} {text} ({ready})\n")
+    except BoardError as error:
+        raise Refused(str(error)) from None
+    if not table and not console.json:
+        console.data(f"device  none has a name; {config_path()} may hold them\n")
+
+
+def _ports(console: Console, probe: bool) -> None:
+    from ergon.live.ports import ports
+
+    for port in ports():
+        answers = _probed(port) if probe else {}
+        if console.json:
+            console.record(
+                "port", path=port.path, name=port.name, urls=list(port.urls), answers=answers
+            )
+            continue
+        console.data(f"port    {port.path:12} {port.name or 'nothing known'}\n")
+        for url in port.urls:
+            said = f": {answers[url]}" if url in answers else ""
+            console.data(f"{'':20} {url}{said}\n")
+    if not console.json:
+        console.data(f"service {'haply':12} {_SERVICE}, where Haply's Inverse Service runs\n")
+
+
+def _probed(port: Port) -> dict[str, str]:
+    from ergon import _core
+
+    found = {}
+    for url in port.urls:
+        try:
+            device = _core.Device(url)
+        except _core.EngineError as error:
+            found[url] = str(error).removeprefix(f"{url}: ")
+            continue
+        plural = "axis" if device.axes == 1 else "axes"
+        found[url] = f"{device.axes} {plural}, {device.force_max:g} N at most"
+        device.close()
+    return found

@@ -1,0 +1,130 @@
+"""`ergon devices calibrate`: one axis, found once and remembered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import DeviceMissing, Refused
+
+if TYPE_CHECKING:
+    from ergon._core import Device
+    from ergon.live.calibration import Axis
+
+_PERIOD = 1e-3  # [s]
+_LEAST = 0.05  # of the device's range; less is a finger that trembled
+
+
+def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+    from ergon.scores.tables.quantities import POSITION, quantity
+    from ergon.scores.text.errors import TextError
+
+    try:
+        return None if text is None else quantity(text, POSITION)
+    except TextError as error:
+        raise click.BadParameter(error.message, ctx, parameter) from None
+
+
+@click.command()
+@click.argument("device", metavar="URL|NAME")
+@click.option("--axis", type=click.IntRange(0, 15), help="Which, where it is not in the URL; 0.")
+@click.option("--seconds", type=click.FloatRange(0, 600), default=5.0, help="To find its ends; 5.")
+@click.option("--travel", callback=_travel, metavar="LENGTH", help="From end to end, by a ruler.")
+@click.option("--turned", is_flag=True, help="What the device calls down is up.")
+@click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on it [N].")
+@options.speaking
+def calibrate(
+    console: Console,
+    device: str,
+    axis: int | None,
+    seconds: float,
+    travel: float | None,
+    turned: bool,
+    force_max: float | None,
+) -> None:
+    """Find out which way an axis goes, where it ends, and remember it.
+
+    First let go: a small pulse finds which way a force moves it. Then move it by hand from end to
+    end; its zero is in the middle. --seconds 0 leaves its ends as the device says they are.
+    """
+    from ergon import _core
+    from ergon.live.boards import BoardError, names, resolve
+    from ergon.live.calibration import key, plain, remember
+
+    try:
+        url, first = resolve(device, {} if ":" in device else names())
+    except BoardError as error:
+        raise Refused(str(error)) from None
+    number = first if axis is None else axis
+    try:
+        own = _core.Device(url)
+    except _core.EngineError as error:
+        raise DeviceMissing(str(error)) from None
+    try:
+        console.say("let go of it: a small pulse, to one side and to the other")
+        found = plain(own, int(own.direction(number, _PERIOD)))
+        if seconds > 0:
+            found = _ended(console, own, found, number, seconds, travel)
+        elif travel is not None:
+            raise Refused("--travel is from end to end, and --seconds 0 does not look for ends")
+    except _core.EngineError as error:
+        raise Refused(f"{key(url, number)}: {error}") from None
+    finally:
+        own.close()
+    found = _as_asked(found, turned, force_max)
+    try:
+        path = remember(url, number, found)
+    except BoardError as error:
+        raise Refused(str(error)) from None
+    _say(console, key(url, number), found, own.unit, str(path))
+
+
+def _ended(
+    console: Console, own: Device, axis: Axis, number: int, seconds: float, travel: float | None
+) -> Axis:
+    from ergon.live.calibration import between
+
+    console.say(f"move it from end to end, for {seconds:g} s")
+    low, high = own.ends(seconds, _PERIOD)[number].tolist()
+    least, most = own.range
+    if high - low < _LEAST * (most - least):
+        raise Refused(
+            f"it moved {high - low:.2g} {own.unit} in {seconds:g} s, and its ends are not known by "
+            "that; --seconds 0 leaves them as the device says they are"
+        )
+    return between(axis, low, high, high - low if travel is None else travel)
+
+
+def _as_asked(axis: Axis, turned: bool, force_max: float | None) -> Axis:
+    from dataclasses import replace
+
+    if turned:
+        low, high = axis.range
+        axis = replace(axis, gain=-axis.gain, range=(-high, -low))
+    if force_max is not None:
+        axis = replace(axis, force_max=min(force_max, axis.force_max))
+    return axis
+
+
+def _say(console: Console, name: str, axis: Axis, unit: str, path: str) -> None:
+    if console.json:
+        console.record(
+            "calibrated",
+            axis=name,
+            sign=axis.sign,
+            zero=axis.zero,
+            gain=axis.gain,
+            range=list(axis.range),
+            force_max=axis.force_max,
+            file=path,
+        )
+        return
+    low, high = axis.range
+    which = "as it should" if axis.sign > 0 else "the other way round, which is put right"
+    console.say(
+        f"{name}: a force moves it {which}; {low:.4g} to {high:.4g} {unit}, "
+        f"{axis.force_max:g} N at most; kept in {path}"
+    )

@@ -1,0 +1,86 @@
+"""`ergon doctor`: whether this machine is fit to play, and what to do where it is not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options
+from .console import Console
+from .outcome import DeviceMissing, Refused
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ergon.live.fitness import Finding
+
+
+@click.command()
+@click.option("--no-audio", is_flag=True, help="Leave the audio server alone.")
+@click.option("--audio", default="auto", metavar="WHERE", help="As of `ergon play`; auto.")
+@click.option("--device", "devices", multiple=True, metavar="URL|NAME", help="Time its replies.")
+@click.option(
+    "--seconds", type=click.FloatRange(0.1, 3600), default=3.0, help="To measure each; 3."
+)
+@options.speaking
+def doctor(
+    console: Console, no_audio: bool, audio: str, devices: tuple[str, ...], seconds: float
+) -> None:
+    """Measure whether this machine is fit to play.
+
+    What the physics thread is really granted, how late it wakes, where sound goes and how long it
+    takes, how long devices take to answer; and what to do about each. Devices get no force.
+    """
+    for finding in _findings(audio, no_audio, seconds):
+        _tell(console, finding)
+    missing = []
+    for url in _urls(devices):
+        try:
+            _device(console, url, seconds)
+        except DeviceMissing as error:
+            missing.append(error.message)
+    if missing:
+        raise DeviceMissing("; ".join(missing))
+
+
+def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:
+    from ergon import _core
+    from ergon.live import fitness
+
+    yield fitness.machine()
+    found = _core.checkup(seconds, fitness.PERIOD)
+    yield from fitness.rights(found)
+    yield fitness.waking(found)
+    if not no_audio:
+        yield fitness.sound(audio)
+
+
+def _urls(devices: tuple[str, ...]) -> list[str]:
+    from ergon.live.boards import BoardError, names, resolve
+
+    try:
+        table = names() if devices else {}
+        return [resolve(text, table)[0] for text in devices]
+    except BoardError as error:
+        raise Refused(f"--device: {error}") from None
+
+
+def _device(console: Console, url: str, seconds: float) -> None:
+    from ergon import _core
+    from ergon.live import fitness
+
+    try:
+        for finding in fitness.device(url, seconds):
+            _tell(console, finding)
+    except _core.EngineError as error:
+        raise DeviceMissing(str(error)) from None
+
+
+def _tell(console: Console, finding: Finding) -> None:
+    if console.json:
+        console.record(finding.what, **finding.numbers, said=finding.said, todo=finding.todo)
+        return
+    console.data(f"{finding.what:8} {finding.said}\n")
+    if finding.todo:
+        console.data(f"{'':8} -> {finding.todo}\n")

@@ -1,0 +1,102 @@
+"""`ergon take record`: what hands do on devices, without a score."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from . import options, recording
+from .console import Console
+from .outcome import DeviceMissing, Refused
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.live.boards import Board
+
+_LOOK = 0.1  # [s]
+_HAND = "hand"
+
+
+@click.command("record")
+@click.option(
+    "--live",
+    multiple=True,
+    required=True,
+    metavar="[PLAYER=]DEVICE",
+    help="A hand on a device, such as remi=firefader:/dev/ttyACM0#1; again for more.",
+)
+@options.target("The new recording, a .take file.")
+@click.option("--seconds", type=click.FloatRange(0, 86400, min_open=True), help="End by itself.")
+@click.option(
+    "--tick", type=click.FloatRange(10, 44100), default=1000.0, help="So often a second; 1000."
+)
+@options.speaking
+def record(
+    console: Console, live: tuple[str, ...], output: str | None, seconds: float | None, tick: float
+) -> None:
+    """Record what a hand does on a device, without any force.
+
+    It ends after --seconds, or with Ctrl-C. With a score, and with what a key feels in it,
+    `ergon duet SCORE --live PLAYER=DEVICE --record FILE.take` records.
+    """
+    from ergon import _core
+    from ergon.live.capture import capture
+
+    if output is None:
+        raise Refused("where to? -o NEW.take")
+    path = Path(output)
+    if path.suffix.lower() != recording.SUFFIX:
+        raise Refused(f"{output}: a recording is called something{recording.SUFFIX}")
+    if path.exists():
+        raise Refused(f"{path} is there already, and a recording overwrites nothing")
+    boards = _boards(live)
+    try:
+        performance = capture(boards, path, tick=tick, seconds=seconds)
+    except _core.EngineError as error:
+        path.unlink(missing_ok=True)
+        raise DeviceMissing(str(error)) from None
+    console.say("recording" + ("; Ctrl-C ends it" if seconds is None else f" {seconds:g} s"))
+    try:
+        _until_over(console, performance)
+    finally:
+        performance.stop()
+        performance.close(0.1)
+        recording.say(console, path, recording.read(console, path), dry=False)
+
+
+def _until_over(console: Console, performance: _core.Performance) -> None:
+    while not performance.wait(_LOOK):
+        # A hand whose device is gone goes nowhere: there is nothing more to record of it.
+        gone = [what for _, what, _ in performance.events() if what == "gone"]
+        if gone:
+            console.warn("the device is gone; what there was is kept")
+            return
+
+
+def _boards(live: tuple[str, ...]) -> list[Board]:
+    from dataclasses import replace
+
+    from ergon.live.boards import BoardError, boards, names, parse
+    from ergon.live.calibration import known
+
+    try:
+        found = boards(parse(_named(live)), names())
+        return [replace(board, known=known(board.url)) for board in found]
+    except BoardError as error:
+        raise Refused(f"--live: {error}") from None
+
+
+def _named(live: tuple[str, ...]) -> list[str]:
+    """Hands without a player's name are called hand, hand2 …"""
+    pairs = []
+    for text in live:
+        player, is_pair, _ = text.partition("=")
+        # A URL's own options may hold one too, but behind its colon.
+        if is_pair and ":" not in player:
+            pairs.append(text)
+        else:
+            number = 1 + sum(pair.startswith(_HAND) for pair in pairs)
+            pairs.append(f"{_HAND}{number if number > 1 else ''}={text}")
+    return pairs

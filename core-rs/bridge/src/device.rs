@@ -1,0 +1,317 @@
+//! Devices and the machine they are plugged into: looked at, tried, measured. Playing them is `perform`'s.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use ergon_live::device::calibrate::{self, Axis, Pulse, Unsure};
+use ergon_live::device::ports;
+use ergon_live::device::{self as live, Device as _, Gone, Stats, Unit, Url};
+use ergon_live::doctor::{self, Checkup as Measured};
+use ergon_live::realtime::Granted;
+use ergon_live::safety::{Guarded, Limits};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+
+use crate::error::{UnsureError, refused, said, with};
+
+/// How often a wait looks for Ctrl-C.
+const LOOK: Duration = Duration::from_millis(20);
+/// No measurement is longer [ticks].
+const TICKS_MAX: f64 = 1e8;
+
+/// (number of the axis, sign, zero, gain, range, greatest force)
+pub(crate) type AxisOf = (usize, f64, f64, f64, (f64, f64), f64);
+type Opened = Box<dyn live::Device>;
+
+/// What is known of an axis; EngineError where it cannot be so.
+pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
+    let (number, sign, offset, gain, (low, high), force_max) = found;
+    let sound = sign.abs() == 1.0
+        && [offset, gain, low, high, force_max]
+            .iter()
+            .all(|x| x.is_finite())
+        && gain != 0.0
+        && low < high
+        && force_max >= 0.0;
+    if !sound {
+        return Err(refused("calibration", "no axis is like that"));
+    }
+    let range = [low, high];
+    let axis = Axis {
+        sign,
+        offset,
+        gain,
+        range,
+        force_max,
+    };
+    Ok((number, axis))
+}
+
+/// Work in a thread of its own, which is told to stop by Ctrl-C.
+fn aside<T: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> T + Send) -> PyResult<T> {
+    let stop = AtomicBool::new(false);
+    py.detach(|| {
+        thread::scope(|scope| {
+            let thread = scope.spawn(|| work(&stop));
+            let mut error = None;
+            while !thread.is_finished() {
+                thread::sleep(LOOK);
+                if error.is_none() {
+                    error = Python::attach(|py| py.check_signals()).err();
+                    stop.store(error.is_some(), Ordering::Relaxed);
+                }
+            }
+            let done = thread.join().map_err(|_| said("the measurement failed"));
+            error.map_or(done, Err)
+        })
+    })
+}
+
+fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
+    let ticks = (seconds / period).ceil();
+    if period > 0.0 && (1.0..=TICKS_MAX).contains(&ticks) {
+        Ok(ticks as usize)
+    } else {
+        Err(refused("seconds", "no such measurement"))
+    }
+}
+
+/// Serial ports: (path, (vendor, product, name, serial number) of what came by USB) each.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+pub(crate) fn serial_ports(py: Python<'_>) -> Vec<(String, Option<(u16, u16, String, String)>)> {
+    let found = py.detach(ports::serial_ports).into_iter();
+    found
+        .map(|port| {
+            let usb = port
+                .usb
+                .map(|usb| (usb.vendor, usb.product, usb.name, usb.serial));
+            (port.path, usb)
+        })
+        .collect()
+}
+
+/// Wake like the physics thread for so many seconds, a period [s] apart.
+#[pyfunction]
+pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
+    let ticks = ticks(seconds, period)?;
+    let found = aside(py, |stop| {
+        doctor::checkup::<Opened>(None, period, ticks, stop)
+    })?;
+    Ok(Checkup::new(found.map_err(said)?, Stats::default()))
+}
+
+/// A device that is open, to be looked at and tried.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Device {
+    device: Mutex<Option<Opened>>,
+    spec: live::Spec,
+}
+
+#[pymethods]
+impl Device {
+    #[new]
+    #[pyo3(signature = (url, calibration = Vec::new()))]
+    fn new(py: Python<'_>, url: &str, calibration: Vec<AxisOf>) -> PyResult<Self> {
+        let url = Url::parse(url).map_err(said)?;
+        let known = calibration
+            .into_iter()
+            .map(axis)
+            .collect::<PyResult<Vec<_>>>()?;
+        let device = py
+            .detach(|| live::open(&url).map(|device| calibrate::applied(device, &known)))
+            .map_err(said)?;
+        Ok(Self {
+            spec: device.spec().clone(),
+            device: Mutex::new(Some(device)),
+        })
+    }
+
+    #[getter]
+    fn axes(&self) -> usize {
+        self.spec.dof
+    }
+
+    /// m or rad.
+    #[getter]
+    fn unit(&self) -> &'static str {
+        match self.spec.unit {
+            Unit::Metre => "m",
+            Unit::Radian => "rad",
+        }
+    }
+
+    /// Step of the position sensor [m or rad].
+    #[getter]
+    fn resolution(&self) -> f64 {
+        self.spec.pos_lsb
+    }
+
+    /// Least and greatest position [m or rad].
+    #[getter]
+    fn range(&self) -> (f64, f64) {
+        (self.spec.pos_range[0], self.spec.pos_range[1])
+    }
+
+    /// Greatest force [N or N·m].
+    #[getter]
+    fn force_max(&self) -> f64 {
+        self.spec.force_max_peak
+    }
+
+    /// Whether it has no clock of its own.
+    #[getter]
+    fn lockstep(&self) -> bool {
+        self.open().as_ref().is_some_and(|own| own.in_lockstep())
+    }
+
+    /// Which way an axis goes when it is pushed a little: 1 or -1.
+    fn direction(&self, py: Python<'_>, axis: usize, period: f64) -> PyResult<f64> {
+        self.has(axis)?;
+        let pulse = Pulse::of(&self.spec);
+        self.with(py, |own, stop| {
+            calibrate::direction(own, axis, pulse, period, stop)
+        })?
+        .map_err(|unsure| match unsure {
+            Unsure::Gone(gone) => said(gone),
+            unsure => with(UnsureError::new_err(unsure.to_string()), None, |_| Ok(())),
+        })
+    }
+
+    /// Least and greatest position of each axis while it is moved for so long (n_axes, 2) [m or rad].
+    fn ends<'py>(
+        &self,
+        py: Python<'py>,
+        seconds: f64,
+        period: f64,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        ticks(seconds, period)?;
+        let ends = self
+            .with(py, |own, stop| calibrate::ends(own, seconds, period, stop))?
+            .map_err(said)?;
+        let rows: Vec<_> = ends[..self.spec.dof]
+            .iter()
+            .map(|row| row.to_vec())
+            .collect();
+        PyArray2::from_vec2(py, &rows).map_err(said)
+    }
+
+    /// Send zero forces for so many seconds, a period [s] apart, and time the replies.
+    fn checkup(&self, py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {
+        let ticks = ticks(seconds, period)?;
+        let (found, stats) = self.with(py, |own, stop| -> (Result<_, Gone>, Stats) {
+            let limits = Limits::of(own.spec());
+            let mut guarded = Guarded::new(own, limits, period);
+            let found = doctor::checkup(Some(&mut guarded), period, ticks, stop);
+            (found, guarded.device().stats())
+        })?;
+        Ok(Checkup::new(found.map_err(said)?, stats))
+    }
+
+    /// Let go of it.
+    fn close(&self, py: Python<'_>) {
+        let device = self.open().take();
+        py.detach(|| drop(device));
+    }
+}
+
+impl Device {
+    fn open(&self) -> std::sync::MutexGuard<'_, Option<Opened>> {
+        self.device.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn has(&self, axis: usize) -> PyResult<()> {
+        let n = self.spec.dof;
+        if axis < n {
+            Ok(())
+        } else {
+            Err(said(format!(
+                "it has no axis {axis}: {n} of them, counted from 0"
+            )))
+        }
+    }
+
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Opened, &AtomicBool) -> T + Send,
+    ) -> PyResult<T> {
+        // Not held while it works: whoever asks meanwhile is told that it is closed.
+        let device = self.open().take();
+        let mut device = device.ok_or_else(|| said("the device is closed"))?;
+        let done = aside(py, |stop| (work(&mut device, stop), device));
+        let (done, device) = done?;
+        *self.open() = Some(device);
+        Ok(done)
+    }
+}
+
+/// What a checkup found.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Checkup {
+    found: Measured,
+    stats: Stats,
+}
+
+#[pymethods]
+impl Checkup {
+    /// SCHED_FIFO priority that the thread had; None: scheduled like any other.
+    #[getter]
+    fn priority(&self) -> Option<i32> {
+        self.found.granted.fifo
+    }
+
+    /// Whether memory stays in RAM.
+    #[getter]
+    fn locked(&self) -> bool {
+        let Granted { locked, .. } = self.found.granted;
+        locked
+    }
+
+    /// How long it took [s].
+    #[getter]
+    fn seconds(&self) -> f64 {
+        self.found.seconds
+    }
+
+    /// How late each tick began (n_ticks,) [s].
+    fn lateness<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        seconds(py, &self.found.lateness)
+    }
+
+    /// From each force to its reply (n_replies,) [s].
+    fn round_trips<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        seconds(py, &self.found.round_trips)
+    }
+
+    /// Forces without a reply.
+    #[getter]
+    fn unanswered(&self) -> u64 {
+        self.found.unanswered
+    }
+
+    /// Bytes that belonged to no packet.
+    #[getter]
+    fn garbage(&self) -> u64 {
+        self.stats.garbage
+    }
+
+    /// How much faster the device's clock goes than ours [1e-6].
+    #[getter]
+    fn drift_ppm(&self) -> Option<f64> {
+        self.stats.drift_ppm
+    }
+}
+
+impl Checkup {
+    fn new(found: Measured, stats: Stats) -> Self {
+        Self { found, stats }
+    }
+}
+
+fn seconds<'py>(py: Python<'py>, nanoseconds: &[u32]) -> Bound<'py, PyArray1<f64>> {
+    let seconds = nanoseconds.iter().map(|&ns| f64::from(ns) * 1e-9);
+    PyArray1::from_iter(py, seconds)
+}

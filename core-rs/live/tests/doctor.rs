@@ -1,0 +1,110 @@
+//! A checkup counts what it sees, and allocates nothing while it looks.
+#![cfg(unix)]
+
+#[allow(dead_code)] // what the other tests ask of it
+mod emulator;
+
+use std::sync::atomic::AtomicBool;
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use emulator::{Emulator, options};
+use ergon_live::device::calibrate::{Axis, applied};
+use ergon_live::device::{Device, Gone, Sample};
+use ergon_live::doctor::checkup;
+use ergon_live::emulate::{Hand, Protocol, Transport};
+use ergon_live::safety::{Guarded, Limits};
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+const PERIOD: f64 = 1e-3;
+static GO: AtomicBool = AtomicBool::new(false);
+
+fn udp(lockstep: bool) -> Emulator {
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    options.board.lockstep = lockstep;
+    Emulator::start(options)
+}
+
+fn guarded(device: Box<dyn Device>) -> Guarded {
+    let limits = Limits::of(device.spec());
+    Guarded::new(device, limits, PERIOD)
+}
+
+#[test]
+fn a_clock_is_never_early() {
+    let found = std::thread::spawn(|| checkup::<Box<dyn Device>>(None, PERIOD, 300, &GO));
+    let found = found.join().unwrap().unwrap();
+    assert_eq!(found.lateness.len(), 300);
+    assert!(found.seconds >= 0.299, "{}", found.seconds);
+    assert_eq!((found.round_trips.len(), found.unanswered), (0, 0));
+}
+
+#[test]
+fn every_force_is_answered_or_counted() {
+    let emulator = udp(true);
+    let mut device = guarded(emulator.open("frame+udp", "lockstep&wide"));
+    let found = checkup(Some(&mut device), PERIOD, 500, &GO).unwrap();
+    assert_eq!((found.round_trips.len(), found.unanswered), (500, 0));
+    assert!(found.lateness.is_empty(), "lockstep has no clock");
+    drop(device);
+    // Forces, and the zero ones at the end; none of them moved the key.
+    assert!(emulator.end().packets >= 500);
+    let emulator = udp(false);
+    let mut device = guarded(emulator.open("frame+udp", ""));
+    let found = checkup(Some(&mut device), PERIOD, 200, &GO).unwrap();
+    assert_eq!(found.round_trips.len() as u64 + found.unanswered, 200);
+    assert_eq!(found.lateness.len(), 200);
+    assert!(
+        found
+            .round_trips
+            .iter()
+            .all(|&ns| (1_000..25_000_000).contains(&ns))
+    );
+    // However long it lasts, only its beginning allocates.
+    let mut allocated = [0; 2];
+    for (allocated, ticks) in allocated.iter_mut().zip([2, 50]) {
+        reset_violation_count();
+        assert_no_alloc(|| checkup(Some(&mut device), PERIOD, ticks, &GO)).unwrap();
+        *allocated = violation_count();
+    }
+    assert_eq!(allocated[0], allocated[1]);
+    emulator.end();
+    // Nobody is there any more: each force waits in vain.
+    let found = checkup(Some(&mut device), PERIOD, 5, &GO).unwrap();
+    assert_eq!((found.round_trips.len(), found.unanswered), (0, 5));
+    assert!(found.seconds > 0.1, "{}", found.seconds);
+}
+
+#[test]
+fn a_device_is_opened_with_what_is_known_of_its_axes() {
+    let emulator = udp(true);
+    let device = emulator.open("frame+udp", "lockstep&wide");
+    let plain = Axis::plain(device.spec());
+    let known = Axis {
+        offset: 0.01,
+        gain: 2.0,
+        force_max: 3.0,
+        ..plain
+    };
+    let mut device = applied(device, &[(0, known), (7, plain)]);
+    assert_eq!(device.spec().force_max_peak, 3.0);
+    let mut sample = Sample::default();
+    device
+        .receive(&mut sample, std::time::Instant::now())
+        .unwrap();
+    assert_eq!(sample.position[0], -0.02);
+    emulator.end();
+}
+
+#[test]
+fn it_ends_when_it_is_told_to() {
+    let stop = AtomicBool::new(true);
+    let found = checkup::<Box<dyn Device>>(None, PERIOD, 1000, &stop).unwrap();
+    assert!(found.lateness.is_empty());
+    let emulator = udp(true);
+    let mut device = emulator.open("frame+udp", "lockstep");
+    let ended = ergon_live::device::calibrate::ends(&mut device, 1.0, PERIOD, &stop);
+    assert_eq!(ended, Err(Gone::Closed));
+    emulator.end();
+}

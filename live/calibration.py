@@ -1,0 +1,165 @@
+"""What was found of single axes, kept in the list of devices between the user's own lines."""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ergon import _core
+
+from .boards import Board, BoardError, config_path, read_config
+
+if TYPE_CHECKING:
+    from ergon._core import Device
+
+_TABLE = "calibration"
+# Options of a URL that say how to talk, not to whom.
+_MANNERS = ("lockstep", "wide")
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """An axis as it is; positions in m or rad, `force_max` in N or N·m.
+
+    `sign` is 1 where a positive force moves it towards positive positions as the device gives them,
+    else -1; its true position is (position - zero) · gain.
+    """
+
+    sign: int
+    zero: float
+    gain: float
+    range: tuple[float, float]
+    force_max: float
+
+    def told(self, number: int) -> tuple[int, float, float, float, tuple[float, float], float]:
+        """As the core takes it."""
+        return number, float(self.sign), self.zero, self.gain, self.range, self.force_max
+
+
+def plain(device: Device, sign: int) -> Axis:
+    """An axis that is what its device says, but for its sign."""
+    return Axis(sign, 0.0, 1.0, device.range, device.force_max)
+
+
+def between(axis: Axis, low: float, high: float, apart: float) -> Axis:
+    """With its ends where the device gives `low` and `high`, truly `apart`; zero in the middle."""
+    half = 0.5 * abs(apart)
+    return Axis(axis.sign, 0.5 * (low + high), apart / (high - low), (-half, half), axis.force_max)
+
+
+def key(url: str, number: int) -> str:
+    """An axis of a device, by whatever options it is spoken to."""
+    target, _, options = url.partition("?")
+    kept = [option for option in options.split("&") if option and option not in _MANNERS]
+    return target + ("?" + "&".join(kept) if kept else "") + f"#{number}"
+
+
+def known(url: str) -> dict[int, Axis]:
+    """What was found of a device's axes, by their numbers. Raises BoardError."""
+    table = _table(read_config())
+    return {
+        number: _axis(name, table[name])
+        for number in range(16)
+        if (name := key(url, number)) in table
+    }
+
+
+def _table(config: dict[str, Any]) -> dict[str, Any]:
+    table = config.get(_TABLE, {})
+    if not isinstance(table, dict):
+        raise BoardError(f"{config_path()}: [{_TABLE}] is no table")
+    return table
+
+
+def as_recorded(board: Board, number: int) -> dict[str, object]:
+    """An axis, as the beginning of a recording has it."""
+    found = board.known.get(number)
+    return {
+        "device": f"{board.url}#{number}",
+        "calibration": None if found is None else asdict(found),
+    }
+
+
+def _axis(name: str, row: Any) -> Axis:
+    try:
+        low, high = row["range"]
+        axis = Axis(
+            int(row["sign"]),
+            float(row["zero"]),
+            float(row["gain"]),
+            (float(low), float(high)),
+            float(row["force_max"]),
+        )
+        numbers = (axis.zero, axis.gain, *axis.range, axis.force_max)
+        if not all(map(math.isfinite, numbers)) or axis.gain == 0 or axis.sign not in (-1, 1):
+            raise ValueError
+    except (KeyError, TypeError, ValueError):
+        raise BoardError(
+            f'{config_path()}: [{_TABLE}."{name}"] is not what `ergon devices calibrate` writes'
+        ) from None
+    return axis
+
+
+def tried(url: str, number: int) -> Axis:
+    """Push an axis a little and see which way it goes. Raises EngineError."""
+    device = _core.Device(url)
+    try:
+        return plain(device, int(device.direction(number, 1e-3)))
+    finally:
+        device.close()
+
+
+def remember(url: str, number: int, axis: Axis) -> Path:
+    """Write an axis into the user's list of devices; every other line stays. Raises BoardError."""
+    from ergon.exchange.safe import writing
+
+    path = config_path()
+    before = read_config()
+    text = path.read_bytes().decode() if path.exists() else ""
+    name = key(url, number)
+    row: dict[str, Any] = {
+        "sign": axis.sign,
+        "zero": axis.zero,
+        "gain": axis.gain,
+        "range": list(axis.range),
+        "force_max": axis.force_max,
+    }
+    lines = [f"[{_TABLE}.{json.dumps(name)}]"]
+    lines += [f"{field} = {json.dumps(value)}" for field, value in row.items()]
+    after = _replaced(text, lines)
+    # Whatever way the user's file is written in: what it says besides must be what it said.
+    try:
+        wanted = {**before, _TABLE: {**_table(before), name: row}}
+        kept = tomllib.loads(after) == wanted
+    except tomllib.TOMLDecodeError:
+        kept = False
+    if not kept:
+        raise BoardError(
+            f"{path} is written in a way that is not ours to change; add to it:\n"
+            + ("\n".join(lines))
+        )
+    with writing(path, binary=False, force=True) as file:
+        file.write(after.encode())
+    return path
+
+
+def _replaced(text: str, lines: list[str]) -> str:
+    """The text with a table instead of the one with the same header, or behind all others."""
+    end = "\r\n" if "\r\n" in text else "\n"
+    table = end.join(lines) + end
+    rows = text.splitlines(keepends=True)
+    at = next((i for i, row in enumerate(rows) if row.strip() == lines[0]), None)
+    if at is None:
+        gap = "" if not text else end if text.endswith("\n") else end + end
+        return text + gap + table
+    after = at + 1
+    while after < len(rows) and not rows[after].lstrip().startswith("["):
+        after += 1
+    # What stands above the next table belongs to that.
+    while after > at + 1 and (not rows[after - 1].strip() or rows[after - 1].startswith("#")):
+        after -= 1
+    return "".join(rows[:at]) + table + "".join(rows[after:])

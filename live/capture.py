@@ -1,0 +1,59 @@
+"""A hand on a device, recorded without any force and without a score."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ergon import _core
+
+from .boards import Board
+from .calibration import as_recorded
+
+_RATE = 44100
+
+
+def capture(
+    boards: Sequence[Board], path: Path, *, tick: float, seconds: float | None
+) -> _core.Performance:
+    """Begin to record hands at `tick` [Hz]; nothing pushes them. Raises EngineError.
+
+    What is performed is a scene of keys that nothing touches: a hand is where it is, no more.
+    """
+    import numpy as np
+
+    every = max(1, round(_RATE / tick))
+    network = _core.Network()
+    network.part("hands")
+    axes = [(board, number, player) for board in boards for number, player in board.axes]
+    mats = [network.mas(player, M=1.0) for _, _, player in axes]
+    timeline = _core.Timeline(network, _RATE)
+    still = np.zeros(1)
+    for mat in mats:
+        timeline.hand(mat, every, positions=still)
+    hands = {player: hand for hand, (_, _, player) in enumerate(axes)}
+    about = {
+        "made": f"by ergon {_core.__version__}",
+        "day": time.strftime("%Y-%m-%d %H:%M:%S"),
+        "axes": [as_recorded(board, number) for board, number, _ in axes],
+    }
+    return _core.Performance(
+        _core.Simulation(network, timeline),
+        _core.Mixer(_RATE, 0, 1),
+        every=every,
+        audio="null",
+        n_frames=None if seconds is None else max(1, round(seconds * _RATE / every)) * every,
+        hands=[(still, 1.0, None, np.zeros(0)) for _ in axes],
+        boards=[
+            (
+                board.url,
+                [(number, hands[player]) for number, player in board.axes],
+                0.0,
+                [axis.told(number) for number, axis in board.known.items()],
+            )
+            for board in boards
+        ],
+        record=(path, [(player, "") for _, _, player in axes], json.dumps(about)),
+    )

@@ -1,0 +1,218 @@
+"""Whether this machine is fit to play: what was measured, and what to do about it."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+from .ports import latency_timer
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import Checkup
+
+# A tick of 44 frames at 44.1 kHz [s].
+PERIOD = 44 / 44100
+# Positions that are read in a tick are felt as the force of the next: one tick, whatever the wire.
+STRUCTURAL_TICKS = 1
+# Frames that a performance keeps ready for the card.
+AHEAD = 1024
+_LATE = 0.5  # a tick is late when it begins so much of its length after it was due
+_OFTEN = 1e-3  # of all ticks
+_RIGHTS = (
+    "put `@audio - rtprio 95` and `@audio - memlock unlimited` into "
+    "/etc/security/limits.d/95-ergon.conf, join the group audio, and log in again"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was found, and what to do about it: nothing where it is well."""
+
+    what: str
+    said: str
+    todo: str = ""
+    numbers: Mapping[str, object] = field(default_factory=dict)
+
+
+def machine() -> Finding:
+    """Kernel and processors."""
+    cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    system = f"{platform.system()} {platform.release()}"
+    todo = ""
+    if (cpus or 1) < 2:
+        todo = "physics and sound share one processor: expect gaps, and play with --ahead 4096"
+    numbers = {"system": platform.system(), "kernel": platform.release(), "cpus": cpus}
+    return Finding("machine", f"{system}, {cpus} CPUs", todo, numbers)
+
+
+def rights(found: Checkup) -> Iterator[Finding]:
+    """What the system granted the physics thread; read back from the kernel, not what was asked."""
+    if found.priority is None:
+        said, todo = "no real-time priority", _RIGHTS
+        if platform.system() != "Linux":
+            todo = "this system gives none; keep other programs closed, and play with --ahead 4096"
+    else:
+        said, todo = f"SCHED_FIFO {found.priority}", ""
+    yield Finding("thread", said, todo, {"fifo": found.priority})
+    said = "locked in RAM" if found.locked else "not locked: it may be swapped out"
+    yield Finding("memory", said, "" if found.locked else _RIGHTS, {"locked": found.locked})
+
+
+def waking(found: Checkup, what: str = "wake-up") -> Finding:
+    """How late a thread that sleeps from tick to tick wakes."""
+    lateness = found.lateness()
+    late = int((lateness > _LATE * PERIOD).sum())
+    said = f"{quantiles(lateness)}; {late:,} of {len(lateness):,} ticks late"
+    todo = ""
+    if late > _OFTEN * len(lateness):
+        todo = (
+            "the machine is held up: close other programs, set the processor's governor to "
+            "performance, and keep more ready for the card (--ahead 4096)"
+        )
+    numbers = {"ticks": len(lateness), "late_ticks": late, **histogram(lateness)}
+    return Finding(what, said, todo, numbers)
+
+
+def sound(spec: str) -> Finding:
+    """The audio server: which, and how long sound takes through it."""
+    import numpy as np
+
+    rate = 44100
+    try:
+        out = _core.AudioOut(spec, rate, 2)
+        out.set_prefill(AHEAD)
+        out.play(np.zeros((rate // 2, 2), dtype=np.float32))
+        out.finish(5.0)
+        backend, device, card, block, latency, sentence = out.info
+        gaps = out.underruns
+        out.close()
+    except _core.EngineError as error:
+        todo = (
+            "start PipeWire, PulseAudio or JACK; without one `--audio file:x.wav` keeps the sound"
+        )
+        return Finding("sound", str(error), todo, {"backend": None})
+    total = AHEAD / rate + latency
+    said = f"{sentence}; heard {1e3 * total:.0f} ms after it is computed"
+    todo = ""
+    if backend == "null":
+        todo = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
+    elif gaps:
+        todo = "half a second of silence had gaps: ask for a larger --block, or --ahead 4096"
+    elif block > 1024:
+        todo = "the server takes large blocks: --block 256 asks for smaller ones"
+    numbers: dict[str, object] = {
+        "backend": backend,
+        "device": device,
+        "rate_hz": card,
+        "block": block,
+        "latency_s": latency,
+        "total_s": total,
+        "gaps": gaps,
+    }
+    return Finding("sound", said, todo, numbers)
+
+
+def device(url: str, seconds: float) -> list[Finding]:
+    """How long a device takes to answer. Raises EngineError where it is not there."""
+    own = _core.Device(url)
+    try:
+        found, lockstep = own.checkup(seconds, PERIOD), own.lockstep
+    finally:
+        own.close()
+    trips = found.round_trips()
+    asked = len(trips) + found.unanswered
+    said = f"{quantiles(trips)}; {found.unanswered:,} of {asked:,} unanswered"
+    todo = []
+    timer = latency_timer(url)
+    if timer is not None and timer > 1:
+        port = os.path.basename(os.path.realpath(url.partition(":")[2].partition("?")[0]))
+        todo.append(
+            f"its FTDI chip holds bytes back for {timer} ms: "
+            f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{port}/latency_timer"
+        )
+    if found.unanswered > _OFTEN * asked:
+        todo.append("replies are lost: try another cable or port, without a hub")
+    slow = quantile(trips, 0.99)
+    if not lockstep and slow > _LATE * PERIOD:
+        todo.append("it needs much of a tick: a score's `tick: 500Hz` leaves it more time")
+    numbers: dict[str, object] = {
+        "url": url,
+        "asked": asked,
+        "unanswered": found.unanswered,
+        "garbage": found.garbage,
+        "drift_ppm": found.drift_ppm,
+        "latency_timer_ms": timer,
+        "per_second": asked / found.seconds if found.seconds else None,
+        **histogram(trips),
+    }
+    return [
+        Finding("device", f"{url}: {said}", "; ".join(todo), numbers),
+        _felt(url, trips, lockstep=lockstep),
+    ]
+
+
+def _felt(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
+    """From where a hand is to the force that answers it."""
+    structural = STRUCTURAL_TICKS * PERIOD
+    usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
+    how = "in its own time, for it is in lockstep" if lockstep else f"p99 {ms(mostly)}"
+    said = (
+        f"{url}: {ms(usual)} = {STRUCTURAL_TICKS} tick of {ms(PERIOD)} and a round trip of "
+        f"{ms(usual - structural)}; {how}"
+    )
+    numbers: dict[str, object] = {
+        "url": url,
+        "structural_ticks": STRUCTURAL_TICKS,
+        "tick_s": PERIOD,
+        "felt_p50_s": usual,
+        "felt_p99_s": mostly,
+    }
+    return Finding("felt", said, "", numbers)
+
+
+# --- durations ------------------------------------------------------------------------------------
+
+
+def quantile(seconds: NDArray[np.float64], part: float) -> float:
+    """No more than this was taken by `part` of them [s]; NaN where there are none."""
+    import numpy as np
+
+    if not len(seconds):
+        return float("nan")
+    return float(np.quantile(seconds, part, method="higher"))
+
+
+def quantiles(seconds: NDArray[np.float64]) -> str:
+    """Median, 99 %, 99.9 % and the longest, in words."""
+    if not len(seconds):
+        return "nothing to measure"
+    parts = (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999), ("longest", 1.0))
+    return ", ".join(f"{name} {ms(quantile(seconds, part))}" for name, part in parts)
+
+
+def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
+    """The same [s], and how many took at least 2^(i-1) µs and less than 2^i, for each i."""
+    import numpy as np
+
+    bins = np.zeros(24, dtype=int)
+    us = np.maximum(np.floor(1e6 * seconds + 1e-6), 0.0).astype(int)
+    widths = np.array([int(n).bit_length() for n in us], dtype=int)
+    np.add.at(bins, np.minimum(widths, len(bins) - 1), 1)
+    names = (("p50_s", 0.5), ("p99_s", 0.99), ("p999_s", 0.999), ("max_s", 1.0))
+    found: dict[str, object] = {name: quantile(seconds, part) for name, part in names}
+    return {**found, "histogram_us": bins.tolist()}
+
+
+def ms(seconds: float) -> str:
+    """A duration in µs or ms, whichever is shorter to read."""
+    if seconds < 1e-3:
+        return f"{1e6 * seconds:.0f} µs"
+    return f"{1e3 * seconds:.2f} ms"

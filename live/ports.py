@@ -1,0 +1,64 @@
+"""What is plugged in: serial ports that look like boards, and the URL that plays each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ergon import _core
+
+BY_ID = Path("/dev/serial/by-id")
+# USB vendors → what they make, and the kinds of device that are built of it.
+_VENDORS: dict[int, tuple[str, tuple[str, ...]]] = {
+    0x2341: ("Arduino", ("firefader", "frame")),
+    0x2A03: ("Arduino", ("firefader", "frame")),
+    0x0403: ("FTDI", ("firefader",)),
+    0x1A86: ("CH340", ("firefader",)),
+    0x16C0: ("Teensy", ("frame",)),
+    0x2E8A: ("RP2040", ("frame",)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """A serial port. `urls` are what may be opened there; none where no board is known by it."""
+
+    path: str
+    name: str
+    urls: tuple[str, ...]
+
+
+def ports() -> list[Port]:
+    """All serial ports; none is opened."""
+    return [_port(path, usb) for path, usb in _core.serial_ports()]
+
+
+def _port(path: str, usb: tuple[int, int, str, str] | None) -> Port:
+    if usb is None:
+        return Port(path, "", ())
+    vendor, _, name, serial = usb
+    maker, kinds = _VENDORS.get(vendor, ("", ()))
+    words = [maker] if maker and maker not in name else []
+    words += [word for word in (name, serial) if word]
+    where = _by_id(path)
+    return Port(path, " ".join(words), tuple(f"{kind}:{where}" for kind in kinds))
+
+
+def _by_id(path: str) -> str:
+    """A name that stays when another board is plugged in first."""
+    try:
+        links = sorted(BY_ID.iterdir())
+    except OSError:
+        return path
+    found = (str(link) for link in links if link.resolve() == Path(path).resolve())
+    return next(found, path)
+
+
+def latency_timer(url: str, root: Path = Path("/sys/bus/usb-serial/devices")) -> int | None:
+    """How long an FTDI chip holds bytes back [ms]; None where the port is of another kind."""
+    target = url.partition(":")[2].partition("?")[0]
+    name = Path(target).resolve().name
+    try:
+        return int((root / name / "latency_timer").read_text())
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,218 @@
+"""Axes as they were found: tried, remembered between a person's own lines, and applied."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from boards import Board, emulated
+
+from ergon import _core
+from ergon.cli import app
+from ergon.live import boards
+from ergon.live.boards import BoardError, config_path
+from ergon.live.calibration import Axis, key, known, remember
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+Capture = pytest.CaptureFixture[str]
+AXIS = Axis(-1, 0.0125, 2.0, (-0.03, 0.03), 3.5)
+OWN = """\
+# my keys
+[devices]
+tgr0 = "frame:/dev/ttyACM0"   # the left one
+far = 'frame+udp:10.0.0.7:9999?wide#3'
+
+[calibration."frame:/dev/ttyACM9#0"]
+sign = 1
+zero = 0.0
+gain = 1.0
+range = [-0.01,
+  0.01]
+force_max = 2.0
+
+# what others keep here
+[other]
+rows = ["[calibration]", 'x']
+"""
+
+
+@pytest.fixture(autouse=True)
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert config_path() == tmp_path / "config/ergon/devices.toml"
+    return config_path()
+
+
+def written(config: Path, text: str) -> None:
+    config.parent.mkdir(parents=True, exist_ok=True)
+    config.write_bytes(text.encode())
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_persons_own_lines_stay_byte_for_byte(config: Path, end: str):
+    own = OWN.replace("\n", end)
+    written(config, own)
+    remember("frame:/dev/ttyACM0?lockstep", 2, AXIS)
+    text = config.read_bytes().decode()
+    assert text.startswith(own + end + '[calibration."frame:/dev/ttyACM0#2"]' + end)
+    assert known("frame:/dev/ttyACM0") == {2: AXIS}
+    # Again: only its own table is another one.
+    other = Axis(1, 1e-5, -1.0, (0.0, 0.02), 1.0)
+    remember("frame:/dev/ttyACM9", 0, other)
+    begin, rest = own.split(f'[calibration."frame:/dev/ttyACM9#0"]{end}')
+    changed = config.read_bytes().decode()
+    assert changed.startswith(begin)
+    assert changed.endswith(text[text.index(f"{end}# what others") :])
+    assert known("frame:/dev/ttyACM9") == {0: other}
+    assert boards.names() == {
+        "tgr0": "frame:/dev/ttyACM0",
+        "far": "frame+udp:10.0.0.7:9999?wide#3",
+    }
+    assert "range = [-0.01" not in changed
+    assert "range = [-0.01" in rest
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'calibration = {"emul:#0" = {sign = 1}}\n',
+        '[calibration]\n"emul:#0".sign = 1\n',
+        'x = """\n[calibration."emul:#0"]\n"""\n',
+        "calibration = 3\n",
+    ],
+)
+def test_what_it_would_break_it_leaves_alone(config: Path, text: str):
+    written(config, text)
+    with pytest.raises(BoardError, match=r"not ours to change|is no table"):
+        remember("emul:", 0, AXIS)
+    assert config.read_bytes().decode() == text
+
+
+def test_a_new_list_and_its_links(config: Path, tmp_path: Path):
+    remember("emul:?mass=0.1", 0, AXIS)
+    assert known("emul:?mass=0.1") == {0: AXIS}
+    assert known("emul:") == {}
+    real = tmp_path / "elsewhere.toml"
+    config.rename(real)
+    config.symlink_to(real)
+    remember("emul:", 1, AXIS)
+    assert config.is_symlink()
+    assert known("emul:") == {1: AXIS}
+
+
+def test_an_axis_is_the_same_however_it_is_spoken_to():
+    assert key("frame+udp:1.2.3.4:5?lockstep&wide", 3) == "frame+udp:1.2.3.4:5#3"
+    assert key("haply:ws://h?id=A&lockstep", 0) == "haply:ws://h?id=A#0"
+
+
+@pytest.mark.parametrize(
+    ("url", "is_one"),
+    [
+        ("emul:", True),
+        ("firefader:/dev/pts/3", True),
+        ("frame:/dev/ttyACM0?wide&lockstep", True),
+        ("frame+udp://127.0.0.1:9", True),
+        ("frame+udp:192.168.1.7:9", False),
+        ("firefader:/dev/ttyACM0", False),
+        ("haply:ws://127.0.0.1:10001", False),
+    ],
+)
+def test_what_is_surely_no_machine(url: str, is_one: bool):
+    assert boards.Board(url, ()).emulated is is_one
+
+
+# A finger that lies still for three seconds, then goes 20 mm up and 10 mm down.
+GOES = "0mm@0 line 0mm@3 smooth 20mm@4 -10mm@5 0mm@6"
+
+
+def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture):
+    strong = ("--hand", "2000N/m", "--grip", "40Ns/m")
+    with emulated("frame", "--pty", "--lockstep", "--gesture", GOES, *strong) as url:
+        written(config, f'[devices]\nmine = "{url}"\n')
+        asked = ["devices", "calibrate", "mine", "--seconds", "6", "--travel", "60mm", "--json"]
+        assert app.run([*asked, "--force-max", "3"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["sign"] == 1
+    assert record["zero"] == pytest.approx(5e-3, abs=1e-3)
+    # 60 mm by the ruler, 30 mm by the device.
+    assert record["gain"] == pytest.approx(2.0, rel=0.05)
+    assert record["range"] == [-0.03, 0.03]
+    assert record["force_max"] == 3.0
+    found = known(url)[0]
+    assert (found.zero, found.force_max) == (record["zero"], 3.0)
+
+
+def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture):
+    with Board(-1e-3) as board:
+        assert app.run(["devices", "calibrate", board.url, "--seconds", "0"]) == 0
+        assert "the other way round, which is put right" in capsys.readouterr().err
+        assert known(board.url)[0].sign == -1
+        # A fifth of its force is as much as it gets.
+        assert 0.1 < board.strongest < 4.01
+        device = _core.Device(board.url, [known(board.url)[0].told(0)])
+        assert device.direction(0, 1e-3) == 1.0
+        assert app.run(["devices", "calibrate", board.url, "--turned", "--seconds", "0"]) == 0
+    assert known(board.url)[0].gain == -1.0
+    assert known(board.url)[0].range == pytest.approx((-0.05, 0.05))
+
+
+def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
+    with Board(0.0) as board:
+        assert app.run(["devices", "calibrate", board.url]) == 2
+        assert "did not move" in capsys.readouterr().err
+        assert app.run(["devices", "calibrate", board.url, "--axis", "3"]) == 2
+        assert "it has no axis 3" in capsys.readouterr().err
+    assert not config.exists()
+    assert app.run(["devices", "calibrate", "frame:/dev/nowhere"]) == 3
+    assert app.run(["devices", "calibrate", "nobody"]) == 2
+
+
+SCORE = """\
+ergon: 1
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: 220Hz, t60: 0.5s}}
+      b: {BUT: {between: [k, m], K: 100N/m, gap: 1mm}}
+    out: {SOX: m}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 0mm@1/2}
+players: {remi: {hand: live, key: k, standin: knock}}
+render: {tail: 0.2s}
+"""
+
+
+def test_before_an_axis_plays_it_is_tried_once(config: Path, tmp_path: Path, capsys: Capture):
+    (tmp_path / "s.yaml").write_text(SCORE)
+    duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--live"]
+    with Board(-1e-3) as board:
+        assert app.run([*duet, f"remi={board.url}", "--plain", "--unchecked"]) == 0
+        assert "let go of the key" not in capsys.readouterr().err
+        assert not config.exists()
+        assert app.run([*duet, f"remi={board.url}", "--plain", "--record", "a.take"]) == 0
+        assert "let go of the key" in capsys.readouterr().err
+        assert known(board.url)[0].sign == -1
+        assert app.run([*duet, f"remi={board.url}", "--plain"]) == 0
+        assert "let go of the key" not in capsys.readouterr().err
+    about = json.loads(_core.read_recording("a.take").about)
+    assert about["axes"][0]["device"] == f"{board.url}#0"
+    assert about["axes"][0]["calibration"]["sign"] == -1
+    with Board(0.0) as stuck:
+        assert app.run([*duet, f"remi={stuck.url}"]) == 2
+        said = capsys.readouterr().err
+        assert "remi: the axis did not move" in said
+        assert "--unchecked" in said
+
+
+def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
+    (tmp_path / "s.yaml").write_text(SCORE)
+    with emulated("frame", "--udp", "0", "--lockstep", "--gesture", "0mm@0 8mm@1/2") as url:
+        duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--record", "b.take"]
+        assert app.run([*duet, "--live", f"remi={url}&wide", "-q"]) == 0
+    found = _core.read_recording("b.take")
+    forces, sent = found.forces()[:, 0], found.sent()[:, 0]
+    assert np.any(forces)
+    assert np.flatnonzero(sent)[0] == np.flatnonzero(forces)[0] + 1
