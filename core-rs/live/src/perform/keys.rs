@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Command, Hand};
-use crate::device::{self, MAX_AXES, Sample, Url};
+use crate::device::{self, Device, MAX_AXES, Sample, Url};
 use crate::safety::{Guarded, Limits, stiffness};
 
 /// A device that is gone is looked for so often.
@@ -80,14 +80,30 @@ impl Keyboard {
         most: Option<f64>,
         period: f64,
     ) -> Result<Self, device::DeviceError> {
-        Ok(Self {
-            guarded: guard(url, most, period)?,
+        let device = device::open(url)?;
+        let n = device.spec().dof;
+        if axes.iter().any(|(axis, _)| *axis >= n) {
+            return Err(url.cannot(device::NO_AXIS));
+        }
+        Ok(Self::around(device, url, axes, most, period))
+    }
+
+    /// A device that is open already; gone, it is looked for at `url`.
+    pub(super) fn around(
+        device: Box<dyn Device>,
+        url: &Url,
+        axes: Vec<(usize, usize)>,
+        most: Option<f64>,
+        period: f64,
+    ) -> Self {
+        Self {
+            guarded: guard(device, most, period),
             url: url.clone(),
             axes,
             most,
             period,
             scales: Vec::new(),
-        })
+        }
     }
 
     /// Let no axis feel more of the scene than it bears without swinging up.
@@ -162,15 +178,10 @@ impl Keyboard {
     }
 }
 
-fn guard(url: &Url, most: Option<f64>, period: f64) -> Result<Box<Guarded>, device::DeviceError> {
-    let device = device::open(url)?;
+fn guard(device: Box<dyn Device>, most: Option<f64>, period: f64) -> Box<Guarded> {
     let own = Limits::of(device.spec());
     let force = most.map_or(own.force, |most| most.min(own.force));
-    Ok(Box::new(Guarded::new(
-        device,
-        Limits { force, ..own },
-        period,
-    )))
+    Box::new(Guarded::new(device, Limits { force, ..own }, period))
 }
 
 impl Slot {
@@ -206,14 +217,24 @@ impl Slot {
         let Some(guarded) = &mut self.guarded else {
             return true;
         };
+        match guarded.send(&self.forces) {
+            Ok(sent) => {
+                let newtons = sent.newtons();
+                self.sent[..newtons.len()].copy_from_slice(newtons);
+                self.look()
+            }
+            Err(_) => self.let_go(),
+        }
+    }
+
+    /// Positions in. False: the device has just gone.
+    pub(super) fn look(&mut self) -> bool {
+        let Some(guarded) = &mut self.guarded else {
+            return true;
+        };
         let deadline = Instant::now() + self.wait;
-        let sent = guarded.send(&self.forces);
-        let done = sent.and_then(|sent| {
-            let newtons = sent.newtons();
-            self.sent[..newtons.len()].copy_from_slice(newtons);
-            self.sample.fresh = guarded.receive(&mut self.sample, deadline)?;
-            Ok(())
-        });
+        let done = guarded.receive(&mut self.sample, deadline);
+        self.sample.fresh = matches!(done, Ok(true));
         self.silent = if self.sample.fresh {
             0
         } else {
@@ -222,6 +243,10 @@ impl Slot {
         if done.is_ok() && self.silent <= self.patience {
             return true;
         }
+        self.let_go()
+    }
+
+    fn let_go(&mut self) -> bool {
         if let Some(dead) = self.guarded.take() {
             // Freed by the seeker: closing a port takes its time.
             if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {
@@ -263,9 +288,18 @@ impl Search {
                 continue;
             }
             next = Instant::now() + RETRY;
-            let Ok(mut guarded) = guard(&self.url, self.most, self.period) else {
+            let Ok(device) = device::open(&self.url) else {
                 continue;
             };
+            // Another device may have taken its name.
+            if self
+                .scales
+                .iter()
+                .any(|(axis, _)| *axis >= device.spec().dof)
+            {
+                continue;
+            }
+            let mut guarded = guard(device, self.most, self.period);
             for &(axis, scale) in &self.scales {
                 guarded.scale(axis, scale);
             }
