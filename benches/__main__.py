@@ -1,13 +1,18 @@
-"""`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md."""
+"""`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md.
+
+`--minutes 10`: how long the duet is; a minute otherwise.
+"""
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable
 from functools import partial
 
 from benches import hands, reading, report
 from benches.bank import bank
+from benches.duet import duet
 from benches.gong import gong
 from benches.growth import growth
 from benches.hammer import hammer
@@ -19,8 +24,13 @@ from benches.quetzalcoatl import quetzalcoatl
 from benches.string import string
 
 
-def main(wanted: list[str]) -> int:
+def main(arguments: list[str]) -> int:
     """Run scenes; only a run of all of them is written down."""
+    parser = argparse.ArgumentParser("python -m benches")
+    parser.add_argument("scenes", nargs="*")
+    parser.add_argument("--minutes", type=float, default=1.0)
+    asked = parser.parse_args(arguments)
+    wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
     networks = (bank, string, mesh, hammer, gong, quetzalcoatl, growth)
     scenes: dict[str, Callable[[], list[Row]]] = {
@@ -29,6 +39,7 @@ def main(wanted: list[str]) -> int:
         "gesture": hands.gesture,
         "check": reading.check,
         "start": reading.start,
+        "duet": partial(duet, asked.minutes),
     }
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)

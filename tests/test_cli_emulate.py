@@ -1,21 +1,19 @@
 """Emulated devices as processes of their own, driven by bytes written here by hand."""
 
-import json
 import math
 import os
 import select
 import signal
 import socket
 import struct
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from emulators import crc, emulator
 from numpy.typing import NDArray
 
 from ergon.cli import app
@@ -23,42 +21,6 @@ from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
-COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
-
-
-@dataclass
-class Emulator:
-    process: subprocess.Popen[str]
-    url: str = ""
-    told: list[dict[str, object]] = field(default_factory=list)
-
-    def next(self) -> dict[str, object]:
-        """The next line of JSON."""
-        assert self.process.stdout is not None
-        line = self.process.stdout.readline()
-        assert line, "the emulator ended"
-        self.told.append(json.loads(line))
-        return self.told[-1]
-
-    def end(self, number: signal.Signals = signal.SIGINT) -> str:
-        """Ctrl-C; the hash of all positions, and 130."""
-        self.process.send_signal(number)
-        while self.next()["event"] != "over":
-            pass
-        assert self.process.wait(timeout=10) == 128 + number
-        return str(self.told[-1]["positions"])
-
-
-@contextmanager
-def emulator(*arguments: str) -> Iterator[Emulator]:
-    command = [*COMMAND, *arguments, "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        started = Emulator(process)
-        try:
-            started.url = str(started.next()["url"])
-            yield started
-        finally:
-            process.kill()
 
 
 @contextmanager
@@ -136,15 +98,6 @@ def test_silence_lets_go_by_the_wall():
         with serial(device.url) as port:
             assert exchange(port, bytes([0x7F, 0, 0]))[1] == 128
         device.end(signal.SIGTERM)
-
-
-def crc(data: bytes) -> bytes:
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte << 8
-        for _ in range(8):
-            value = (value << 1 ^ 0x1021 if value & 0x8000 else value << 1) & 0xFFFF
-    return struct.pack("<H", value)
 
 
 def test_a_frame_answers_by_datagram():

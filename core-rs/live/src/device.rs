@@ -34,6 +34,9 @@ const ASK_AGAIN: Duration = Duration::from_millis(50);
 /// In lockstep nobody is late; a device silent for so long is gone.
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(2);
 
+/// What a device says to an axis that it does not have.
+pub(crate) const NO_AXIS: &str = "it has no such axis (they count from 0)";
+
 /// What an axis's position is measured in; its force is N or N·m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
@@ -241,7 +244,7 @@ pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
         Kind::Emul => Box::new(Emulated::open(url)?),
     };
     if url.axis.is_some_and(|axis| axis >= device.spec().dof) {
-        return Err(url.cannot("it has no such axis (they count from 0)"));
+        return Err(url.cannot(NO_AXIS));
     }
     Ok(device)
 }

@@ -139,7 +139,29 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
-    pub fn start(mut stage: Stage, mut boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
+    pub fn start(stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
+        let (mut this, mut player) = Self::prepare(stage, boards, how)?;
+        let own = this.desk.clone();
+        let thread = std::thread::Builder::new()
+            .name("ergon physics".into())
+            .spawn(move || {
+                own.grant(realtime::ask(realtime::PHYSICS));
+                player.run();
+                own.done.store(true, Ordering::Release);
+                // Given back to be freed where time does not count.
+                player
+            })
+            .map_err(PlayError::Thread)?;
+        this.thread = Some(thread);
+        Ok(this)
+    }
+
+    /// All but the thread that plays.
+    fn prepare(
+        mut stage: Stage,
+        mut boards: Vec<Keyboard>,
+        how: How,
+    ) -> Result<(Self, Player), PlayError> {
         let rate = stage.simulation.rate();
         let channels = stage.mixer.n_channels();
         let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every);
@@ -196,22 +218,12 @@ impl Performance {
             stage.every as f64 / rate,
             ahead.max(2 * info.block as usize),
             by_keys,
+            info.paced,
         );
-        let mut player = Player::new(stage, slots, links, clock, info.paced || by_keys);
-        let own = desk.clone();
-        let thread = std::thread::Builder::new()
-            .name("ergon physics".into())
-            .spawn(move || {
-                own.grant(realtime::ask(realtime::PHYSICS));
-                player.run();
-                own.done.store(true, Ordering::Release);
-                // Given back to be freed where time does not count.
-                player
-            })
-            .map_err(PlayError::Thread)?;
-        Ok(Self {
+        let player = Player::new(stage, slots, links, clock, info.paced || by_keys);
+        let this = Self {
             desk,
-            thread: Some(thread),
+            thread: None,
             seekers,
             commands,
             status,
@@ -220,7 +232,8 @@ impl Performance {
             recorder,
             reader,
             borne,
-        })
+        };
+        Ok((this, player))
     }
 
     /// How it goes now.
@@ -327,3 +340,6 @@ impl Desk {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

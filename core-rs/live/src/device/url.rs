@@ -152,7 +152,7 @@ impl Url {
         }
     }
 
-    pub(super) fn cannot(&self, what: &'static str) -> DeviceError {
+    pub(crate) fn cannot(&self, what: &'static str) -> DeviceError {
         DeviceError::Cannot {
             url: self.text.clone(),
             what,

@@ -22,6 +22,8 @@ pub(super) struct Clock {
     target: f64,
     /// By the keys; else the ring alone says when.
     keys: bool,
+    /// The card has a clock of its own, which the ring's fill tells; a file takes what comes.
+    steered: bool,
     due: Option<Instant>,
     integral: f64,
 }
@@ -36,11 +38,12 @@ pub(super) struct Beat {
 }
 
 impl Clock {
-    pub(super) fn new(period: f64, target: usize, keys: bool) -> Self {
+    pub(super) fn new(period: f64, target: usize, keys: bool, steered: bool) -> Self {
         Self {
             period,
             target: target.max(1) as f64,
             keys,
+            steered,
             due: None,
             integral: 0.0,
         }
@@ -74,6 +77,9 @@ impl Clock {
 
     /// Relative stretch of the next tick: a ring that is too full lets the keys go slower.
     fn steer(&mut self, filled: usize, playing: bool) -> f64 {
+        if !self.steered {
+            return 0.0;
+        }
         if !playing {
             // Until the card takes anything the ring just fills.
             return -MOST;
@@ -99,7 +105,7 @@ mod tests {
     fn the_ring_settles_at_its_target_whatever_the_card_does() {
         for drift in [-2e-3, 0.0, 1e-3, 3e-3] {
             let (frames, period, target) = (44.0, 1e-3, 1_024);
-            let mut clock = Clock::new(period, target, true);
+            let mut clock = Clock::new(period, target, true, true);
             let mut filled = 1_024.0;
             let mut widest: f64 = 0.0;
             for tick in 0..120_000 {
@@ -115,7 +121,7 @@ mod tests {
 
     #[test]
     fn a_late_tick_is_told_and_a_lost_one_sets_the_clock_anew() {
-        let mut clock = Clock::new(1e-3, 64, true);
+        let mut clock = Clock::new(1e-3, 64, true, true);
         assert!(!clock.tick(0, false).lost);
         std::thread::sleep(Duration::from_millis(5));
         let beat = clock.tick(64, true);

@@ -9,7 +9,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Command, Hand};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, MAX_AXES, Sample, Url};
+use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url};
 use crate::safety::{Guarded, Limits, stiffness};
 
 /// A device that is gone is looked for so often.
@@ -86,12 +86,26 @@ impl Keyboard {
     /// # Errors
     /// What the device's driver says.
     pub fn open(known: Known, axes: Vec<(usize, usize)>) -> Result<Self, device::DeviceError> {
-        Ok(Self {
-            guarded: known.guard()?,
+        let device = known.open()?;
+        let n = device.spec().dof;
+        if axes.iter().any(|(axis, _)| *axis >= n) {
+            return Err(known.url.cannot(device::NO_AXIS));
+        }
+        Ok(Self::around(device, known, axes))
+    }
+
+    /// A device that is open already; gone, it is looked for by what is known of it.
+    pub(super) fn around(
+        device: Box<dyn Device>,
+        known: Known,
+        axes: Vec<(usize, usize)>,
+    ) -> Self {
+        Self {
+            guarded: known.guard(device),
             known,
             axes,
             scales: Vec::new(),
-        })
+        }
     }
 
     /// Let no axis feel more of the scene than it bears without swinging up.
@@ -167,12 +181,19 @@ impl Keyboard {
 }
 
 impl Known {
-    fn guard(&self) -> Result<Box<Guarded>, device::DeviceError> {
+    fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
         let device = calibrate::applied(device::open(&self.url)?, &self.calibration);
+        if device.spec().unit == Unit::Radian {
+            return Err(self.url.cannot("it turns, and a key of a score goes by metres"));
+        }
+        Ok(device)
+    }
+
+    fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
         let own = Limits::of(device.spec());
         let force = self.most.map_or(own.force, |most| most.min(own.force));
         let limits = Limits { force, ..own };
-        Ok(Box::new(Guarded::new(device, limits, self.period)))
+        Box::new(Guarded::new(device, limits, self.period))
     }
 }
 
@@ -209,14 +230,24 @@ impl Slot {
         let Some(guarded) = &mut self.guarded else {
             return true;
         };
+        match guarded.send(&self.forces) {
+            Ok(sent) => {
+                let newtons = sent.newtons();
+                self.sent[..newtons.len()].copy_from_slice(newtons);
+                self.look()
+            }
+            Err(_) => self.let_go(),
+        }
+    }
+
+    /// Positions in. False: the device has just gone.
+    pub(super) fn look(&mut self) -> bool {
+        let Some(guarded) = &mut self.guarded else {
+            return true;
+        };
         let deadline = Instant::now() + self.wait;
-        let sent = guarded.send(&self.forces);
-        let done = sent.and_then(|sent| {
-            let newtons = sent.newtons();
-            self.sent[..newtons.len()].copy_from_slice(newtons);
-            self.sample.fresh = guarded.receive(&mut self.sample, deadline)?;
-            Ok(())
-        });
+        let done = guarded.receive(&mut self.sample, deadline);
+        self.sample.fresh = matches!(done, Ok(true));
         self.silent = if self.sample.fresh {
             0
         } else {
@@ -225,6 +256,10 @@ impl Slot {
         if done.is_ok() && self.silent <= self.patience {
             return true;
         }
+        self.let_go()
+    }
+
+    fn let_go(&mut self) -> bool {
         if let Some(dead) = self.guarded.take() {
             // Freed by the seeker: closing a port takes its time.
             if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {
@@ -259,14 +294,25 @@ impl Search {
         let mut next = Instant::now();
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(LOOK);
+            let is_gone = self.gone.load(Ordering::Acquire);
+            // What is dead sends its last zeros and closes its port before it is opened again.
             while self.graves.pop().is_ok() {}
-            if !self.gone.load(Ordering::Acquire) || Instant::now() < next {
+            if !is_gone || Instant::now() < next {
                 continue;
             }
             next = Instant::now() + RETRY;
-            let Ok(mut guarded) = self.known.guard() else {
+            let Ok(device) = self.known.open() else {
                 continue;
             };
+            // Another device may have taken its name.
+            if self
+                .scales
+                .iter()
+                .any(|(axis, _)| *axis >= device.spec().dof)
+            {
+                continue;
+            }
+            let mut guarded = self.known.guard(device);
             for &(axis, scale) in &self.scales {
                 guarded.scale(axis, scale);
             }

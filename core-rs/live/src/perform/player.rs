@@ -63,6 +63,8 @@ pub(super) struct Player {
     panicked: bool,
     /// By a clock: the card's, or the keys'.
     paced: bool,
+    /// Where the keys are in this tick is known already.
+    looked: bool,
 }
 
 impl Player {
@@ -104,6 +106,7 @@ impl Player {
             status,
             panicked: false,
             paced,
+            looked: false,
             stage,
             slots,
             links,
@@ -128,10 +131,12 @@ impl Player {
         self.links.feed.close();
     }
 
-    /// Hands where they are, before the first tick.
-    fn begin(&mut self) {
+    /// Hands where they are, before the first force.
+    pub(super) fn begin(&mut self) {
+        self.looked = true;
         for slot in 0..self.slots.len() {
-            self.exchange(slot);
+            let there = self.slots[slot].look();
+            self.met(slot, there);
             for at in 0..self.slots[slot].axes.len() {
                 let (axis, hand) = self.slots[slot].axes[at];
                 if self.slots[slot].is_there() {
@@ -157,12 +162,18 @@ impl Player {
         let began = Instant::now();
         self.count(beat.late, beat.lost);
         self.commands();
-        self.keys();
-        self.hands();
         let n = (self.stage.every as u64).min(left) as usize;
-        self.step(n);
-        self.look();
-        self.record();
+        if n > 0 {
+            self.keys();
+            self.hands();
+            self.step(n);
+            self.watch();
+            self.record();
+        } else {
+            // What the limiter still holds is heard; nobody's hand moves anything any more.
+            self.slots.iter_mut().for_each(|slot| slot.stop(true));
+            self.step(0);
+        }
         self.load(began.elapsed());
         self.links.status.write(self.status);
         self.feed(
@@ -217,8 +228,11 @@ impl Player {
         frame.div_ceil(self.stage.every as u64)
     }
 
-    /// Forces of the tick before go out, positions come in.
+    /// Forces of the tick before go out, positions come in: in the first tick they did.
     fn keys(&mut self) {
+        if std::mem::take(&mut self.looked) {
+            return;
+        }
         let rate = 1.0 / self.clock.period();
         for hand in 0..self.movers.len() {
             let Some((slot, axis)) = self.of[hand] else {
@@ -235,12 +249,14 @@ impl Player {
             self.slots[slot].force(axis, force);
         }
         for slot in 0..self.slots.len() {
-            self.exchange(slot);
+            let there = self.slots[slot].exchange();
+            self.met(slot, there);
         }
     }
 
-    fn exchange(&mut self, slot: usize) {
-        if self.slots[slot].exchange() {
+    /// A keyboard was asked; one that is not there any more has its hands stood in for.
+    fn met(&mut self, slot: usize, there: bool) {
+        if there {
             return;
         }
         self.tell(What::Gone(slot));
@@ -400,8 +416,8 @@ impl Player {
         status.filled = self.links.feed.filled();
     }
 
-    /// How every hand does in this tick.
-    fn look(&mut self) {
+    /// What is to be told of every hand.
+    fn watch(&mut self) {
         for (hand, mover) in self.movers.iter().enumerate().take(HANDS_MAX) {
             let own = &mut self.status.hands[hand];
             (own.position, own.force, own.real) = (mover.x, self.felt[hand], mover.real);

@@ -1,0 +1,75 @@
+"""Two keys in other processes, by the wall clock, for minutes: late ticks and gaps in the sound."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from benches.measure import Row
+
+_ERGON = [sys.executable, "-m", "ergon.cli"]
+_BLOCK = 256  # frames
+_HAND = "0mm@0 (smooth 7mm@1 0mm@2)*{times}"
+_SCORE = """\
+ergon: 1
+use: [instruments/gong.yaml]
+keys: {{k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}, k2: {{like: k1}}, v: {{like: k1}}}}
+instruments:
+  gong: {{from: gong/plate, f: A1, t60: 8s}}
+  action:
+    modules:
+      a: {{BUT: {{between: [k1, gong.centre], K: 150N/m, gap: 1mm}}}}
+      b: {{BUT: {{between: [k2, gong.centre], K: 150N/m, gap: 1mm}}}}
+      c: {{BUT: {{between: [v, gong.centre], K: 600N/m, gap: 1mm}}}}
+gestures: {{knock: 0mm@0 smooth 6mm@1/8 0mm@1/2}}
+players: {{ada: {{hand: live, key: k1}}, remi: {{hand: live, key: k2}}, leo: {{key: v}}}}
+duet: [{{couple: [k1, k2], REF: {{K: 20N/m, Z: 0.2Ns/m}}}}]
+parts: {{leo: [{{at: 1|1, play: knock, every: 1, times: {times}}}]}}
+render: {{tail: 500ms}}
+"""
+
+
+def duet(minutes: float = 1.0) -> list[Row]:
+    """A duet at 1,002 Hz over UDP, and the same over pseudo-terminals beside it."""
+    return [_played("UDP", ("--udp", "0"), minutes), _played("pty", ("--pty",), minutes)]
+
+
+def _played(wire: str, way: tuple[str, ...], minutes: float) -> Row:
+    seconds = round(60 * minutes)
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as keys:
+        score = Path(folder) / "duet.yaml"
+        score.write_text(_SCORE.format(times=seconds))
+        hand = ("--gesture", _HAND.format(times=seconds // 2 + 10), "--hand", "900N/m")
+        first, second = (keys.enter_context(_key(*way, *hand)) for _ in range(2))
+        live = ("--live", f"ada={first}", "--live", f"remi={second}")
+        audio = ("--audio", f"null,block={_BLOCK}", "--gain", "0dB", "--json")
+        command = [*_ERGON, "duet", str(score), *live, *audio]
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    told = json.loads(done.stdout.splitlines()[-1])
+    gaps = told["underruns"] + (told["dropped"] > 0)
+    late = told["late_ticks"] / told["ticks"]
+    return Row(
+        f"a duet of two keys over {wire} at 1,002 Hz, {_BLOCK} frames a block, {seconds} s",
+        f"{gaps} gaps, {late:.3%} of ticks late",
+        "target: none, below 0.1 %" if wire == "UDP" else "none: the kernel hands its bytes on",
+        None,
+        "by the clock",
+        {"gaps": gaps, "late": late, "ticks": told["ticks"], "dropped": told["dropped"]},
+    )
+
+
+@contextmanager
+def _key(*how: str) -> Iterator[str]:
+    """An emulated key with a hand on it; its URL."""
+    command = [*_ERGON, "emulate", "frame", *how, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            yield json.loads(process.stdout.readline())["url"]
+        finally:
+            process.terminate()
