@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use ergon_engine::mix::glide::Glide;
 use rtrb::{Consumer, Producer};
 
 use super::clock::Clock;
@@ -36,6 +37,7 @@ pub(super) struct Links {
 /// All that plays.
 pub(super) struct Player {
     stage: Stage,
+    gain: Glide,
     slots: Vec<Slot>,
     links: Links,
     clock: Clock,
@@ -65,7 +67,7 @@ pub(super) struct Player {
 
 impl Player {
     pub(super) fn new(
-        stage: Stage,
+        mut stage: Stage,
         slots: Vec<Slot>,
         links: Links,
         clock: Clock,
@@ -78,6 +80,7 @@ impl Player {
                 of[hand] = Some((slot, axis));
             }
         }
+        stage.mixer.seek(stage.simulation.frame());
         let latency = stage.limiter.latency();
         let (every, n_out) = (stage.every, stage.simulation.n_out());
         let channels = stage.mixer.n_channels();
@@ -86,6 +89,7 @@ impl Player {
             ..Status::default()
         };
         Self {
+            gain: Glide::new(stage.simulation.rate(), stage.gain),
             movers: vec![Mover::default(); n],
             before: vec![0.0; n],
             felt: vec![0.0; n],
@@ -182,8 +186,12 @@ impl Player {
         while let Ok(command) = self.links.commands.pop() {
             match command {
                 Command::Gain(gain) => {
-                    self.stage.gain = gain;
+                    self.gain.set(gain);
                     self.note(format_args!("{{\"gain\":{gain}}}"));
+                }
+                Command::Part(part, gain) => {
+                    self.stage.mixer.set_gain(part, gain);
+                    self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
                 Command::Keys(slot, guarded) => {
                     self.slots[slot].comes_back(guarded);
@@ -286,7 +294,7 @@ impl Player {
                 stage.simulation.process(heard)
             };
             stage.mixer.process(heard, mixed);
-            mixed.iter_mut().for_each(|x| *x *= stage.gain);
+            self.gain.apply(self.frame, mixed, channels);
             stage.limiter.process(mixed);
         } else {
             let n = stage.every.min(self.tail);
