@@ -80,7 +80,7 @@ def _fields(path: Path, found: WaveInfo) -> dict[str, object]:
 
 def _lines(path: Path, found: WaveInfo, samples: str) -> str:
     bits = found.format.bits
-    form = "32-bit float" if bits == "float" else f"{bits} bits"
+    form = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
     lines = [
         f"{path}: {seconds(found.n_frames / found.format.rate)} ({found.n_frames:,} frames), "
         f"{plural(found.format.n_channels, 'channel')}, {found.format.rate} Hz, {form}, "

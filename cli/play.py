@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
@@ -28,6 +29,12 @@ def _playing(command: Any) -> Any:
             "--ahead", type=click.IntRange(64, 1 << 20), help="Frames kept ready for the card."
         ),
         click.option("--gain", metavar="LEVEL", help="Instead of what a preflight finds: -12dB."),
+        click.option(
+            "--frozen",
+            type=click.Path(path_type=Path, file_okay=False),
+            metavar="DIR",
+            help="Prepared parts (ergon render --freeze) are read, not computed.",
+        ),
         click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
         click.option("--plain", is_flag=True, help="Print lines, redraw nothing."),
         click.option("--osc", metavar="[HOST:]PORT", help="Hear OSC there; this machine's alone."),

@@ -11,18 +11,20 @@ from typing import TYPE_CHECKING
 
 from ergon.exchange.level import HIGHPASS, NORMALISE_DB
 
-from . import score
+from . import freezing, score
 from .console import Console
 from .outcome import DeviceMissing, Late, Refused
 
 if TYPE_CHECKING:
     from ergon import _core
+    from ergon.exchange.frozen import Checked
     from ergon.live.boards import Board
     from ergon.live.osc import Osc
     from ergon.live.perform import Order
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
+_NOT_HERE = ("N401",)  # that a live hand is not there: here it is, or its absence is seen
 _LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
 _SAY = 2.0  # [s] between two lines under --plain
 _AFTER = 10.0  # [s] that what is in the ring may take to be heard
@@ -52,6 +54,7 @@ class Wishes:
     standin: Sequence[str] = ()
     record: str | None = None
     force_max: float | None = None
+    frozen: Path | None = None
 
     @property
     def plan(self) -> score.Plan:
@@ -61,23 +64,39 @@ class Wishes:
 
 def play_score(console: Console, path: str, wishes: Wishes) -> None:
     """Play a score to its end, or until Ctrl-C."""
-    loaded = score.read(console, path)
-    piece = _standing_in(score.piece_of(loaded), wishes.standin)
+    loaded = score.read(console, path, leave_out=_NOT_HERE)
+    written = score.piece_of(loaded)
+    piece = _standing_in(written, wishes.standin)
     loaded = replace(loaded, piece=piece)
     boards = _boards(piece, wishes)
     real = {player: None for board in boards for _, player in board.axes}
     osc = _osc(console, wishes)
+    frozen = None
+    if wishes.frozen is not None:
+        frozen = freezing.read(console, written, wishes.frozen, wishes.seed)
+        freezing.are_free(piece, frozen, real)
     staged = score.stage_piece(
-        console, loaded, seed=wishes.seed, plan=wishes.plan, real=real, on_fault="mute"
+        console,
+        loaded,
+        seed=wishes.seed,
+        plan=wishes.plan,
+        real=real,
+        silent=() if frozen is None else frozen.parts,
+        on_fault="mute",
     )
     stage = staged.stage
-    order = _order(console, piece, stage, boards, wishes)
+    stems: Sequence[Checked] = ()
+    if frozen is not None and wishes.frozen is not None:
+        stems = freezing.whole(stage, frozen, wishes.frozen)
+        console.say(f"from {wishes.frozen}: {', '.join(frozen.parts)}")
+    order = _order(console, piece, stage, boards, wishes, stems)
     from ergon import _core
     from ergon.live.perform import perform
 
     while True:
         try:
-            performance = perform(stage, order)
+            with console.progress("going there", order.start, stage.rate) as progress:
+                performance = perform(stage, order, progress.at)
         except _core.EngineError as error:
             raise DeviceMissing(str(error)) from None
         console.say(performance.output())
@@ -169,7 +188,12 @@ def _no_player(piece: Piece, name: str, option: str) -> str:
 
 
 def _order(
-    console: Console, piece: Piece, stage: Stage, boards: Sequence[Board], wishes: Wishes
+    console: Console,
+    piece: Piece,
+    stage: Stage,
+    boards: Sequence[Board],
+    wishes: Wishes,
+    frozen: Sequence[Checked],
 ) -> Order:
     from ergon.live.perform import Order, every
 
@@ -185,7 +209,7 @@ def _order(
     record = None if wishes.record is None else _recording(wishes.record, stage)
     order = Order(
         audio=audio,
-        gain=_gain(console, piece, stage, wishes),
+        gain=_gain(console, piece, stage, wishes, frozen),
         limit=limit,
         highpass=HIGHPASS,
         start=start // every(stage) * every(stage),
@@ -194,6 +218,7 @@ def _order(
         force_max=wishes.force_max,
         ahead=wishes.ahead,
         record=record,
+        frozen=frozen,
     )
     if record is None:
         return order
@@ -217,10 +242,12 @@ def _about(piece: Piece, stage: Stage, order: Order, wishes: Wishes) -> dict[str
     }
 
 
-def _gain(console: Console, piece: Piece, stage: Stage, wishes: Wishes) -> float:
+def _gain(
+    console: Console, piece: Piece, stage: Stage, wishes: Wishes, frozen: Sequence[Checked]
+) -> float:
     """As asked, as the score's master says, or as a preflight finds."""
     from ergon import _core
-    from ergon.live.preflight import level
+    from ergon.live.preflight import length, level
     from ergon.scores.tables.quantities import gain
     from ergon.scores.text.errors import TextError
 
@@ -233,7 +260,9 @@ def _gain(console: Console, piece: Piece, stage: Stage, wishes: Wishes) -> float
     if master is not None and master.normalise is None:
         return 1.0
     target = master.normalise if master is not None and master.normalise else None
-    found = level(stage, HIGHPASS, target or _core.decibels(NORMALISE_DB))
+    with console.progress("listening beforehand", length(stage), stage.rate) as progress:
+        target = target or _core.decibels(NORMALISE_DB)
+        found = level(stage, HIGHPASS, target, frozen, progress.at)
     heard = "" if found.seconds is None else f" (the first {found.seconds:.0f} s were listened to)"
     from .units import decibels
 
@@ -395,6 +424,7 @@ class _Session:
             "ticks": status.ticks,
             "underruns": status.underruns,
             "dropped": status.dropped,
+            "missed": status.missed,
         }
         if self._osc is not None and (ignored := self._osc.malformed):
             self._console.warn(f"{ignored} datagrams were no OSC and were ignored")
@@ -403,5 +433,8 @@ class _Session:
         else:
             gaps = f", {status.underruns} gaps" if status.underruns else ""
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
-        if self._strict and (late or status.underruns or status.dropped):
+        if status.missed:
+            missed = status.missed / self._stage.rate
+            self._console.warn(f"{missed:.3f} s of frozen parts were not read in time: silent")
+        if self._strict and (late or status.underruns or status.dropped or status.missed):
             raise Late(f"{late} late ticks, {status.underruns} gaps in the sound (--strict)")

@@ -47,6 +47,7 @@ class Wishes:
     cents: float | None = None
     pinned: str | None = None
     hands: str | None = None
+    freeze: str | None = None
 
     @property
     def plan(self) -> score.Plan:
@@ -94,6 +95,11 @@ class Wishes:
     metavar="FILE.take",
     help="What live hands did (ergon duet --record), at the level that was heard.",
 )
+@click.option(
+    "--freeze",
+    metavar="PART[,PART]",
+    help="Instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
+)
 @options.accuracy
 @click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
 @options.force
@@ -116,10 +122,44 @@ def render(
     wishes = Wishes(output=output, from_=from_, **wished)  # type: ignore[arg-type]
     if output == "-" and console.json:
         raise Refused("--json and -o - both want stdout")
-    if watch:
+    if wishes.freeze is not None:
+        _freeze(console, score_path, wishes, dry, watch)
+    elif watch:
         _watch(console, score_path, wishes)
     else:
         render_file(console, score_path, wishes, dry)
+
+
+def _freeze(console: Console, path: str, wishes: Wishes, dry: bool, watch: bool) -> None:
+    from . import freezing
+
+    others = {
+        "--from": wishes.from_,
+        "--to": wishes.to,
+        "--stems": wishes.stems,
+        "--channels": wishes.channels,
+        "--bits": wishes.bits,
+        "--hands": wishes.hands,
+        "--watch": watch or None,
+    }
+    for option, value in others.items():
+        if value is not None:
+            raise Refused(f"--freeze writes whole parts as they are; {option} does nothing to them")
+    if wishes.output == "-":
+        raise Refused("--freeze writes a folder; stdout is none")
+    parts = list(dict.fromkeys(filter(None, (wishes.freeze or "").replace(",", " ").split())))
+    if not parts:
+        raise Refused("--freeze: which instruments?")
+    asked = freezing.Wishes(
+        parts,
+        wishes.output,
+        wishes.seed,
+        wishes.rate,
+        wishes.threads,
+        wishes.force,
+        wishes.plan,
+    )
+    freezing.freeze(console, path, asked, dry=dry)
 
 
 def render_file(console: Console, path: str, wishes: Wishes, dry: bool = False) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -79,12 +79,15 @@ class Staged:
     plan_s: float
 
 
-def read(console: Console, path: str) -> Loaded:
-    """Load a score and print its diagnostics; `-` is stdin."""
+def read(console: Console, path: str, *, leave_out: Sequence[str] = ()) -> Loaded:
+    """Load a score and print its diagnostics, but for some codes; `-` is stdin."""
     from ergon.scores.reading.load import load
 
     text = _stdin() if path == STDIN else None
     loaded = load(path, text=text)
+    loaded = replace(
+        loaded, diagnostics=[one for one in loaded.diagnostics if one.code not in leave_out]
+    )
     console.diagnostics(loaded.diagnostics, loaded.files, loaded.left_out)
     return loaded
 
@@ -114,6 +117,7 @@ def stage_piece(
     plan: Plan | None = None,
     threads: int = 1,
     real: Real | None = None,
+    silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
 ) -> Staged:
     """Put the piece on its stage, and print what the engine has to say of it.
@@ -140,6 +144,7 @@ def stage_piece(
             store=of_user(),
             threads=threads,
             real=real,
+            silent=silent,
             on_fault=on_fault,
         )
     except StageError as error:

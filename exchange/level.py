@@ -151,6 +151,8 @@ class Finish:
         bits = self._writer.format.bits
         if bits == "float":
             self._writer.write(_core.single(kept, 1.0))
+        elif bits == "double":
+            self._writer.write(kept)
         else:
             self._writer.write(_core.pcm(kept, 1.0, bits))
 

@@ -181,7 +181,7 @@ def _simulate(
     at = 0
     # A limiter looks ahead, past the cut.
     last = min(stage.n_frames, order.stop + max(track.finish.latency for track in tracks))
-    blocks = _frames(stage.simulation, last, order.block)
+    blocks = frames_of(stage.simulation, last, order.block)
     with contextlib.closing(ahead(blocks) if order.threads > 1 else blocks) as coming:
         for frames in coming:
             for track in tracks:
@@ -192,7 +192,7 @@ def _simulate(
             progress(at)
 
 
-def _frames(
+def frames_of(
     simulation: Simulation, stop: int, block: int
 ) -> Generator[NDArray[np.float64], None, None]:
     """The frames from 0 to `stop`, each block an array of its own (another thread may hold it)."""

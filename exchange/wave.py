@@ -55,8 +55,8 @@ class WaveWriter:
         """Hash of the samples written so far, 64 hex digits."""
         return self._hash.hexdigest()
 
-    def write(self, block: NDArray[np.int32] | NDArray[np.float32]) -> None:
-        """Append (n_frames, n_channels): int32 with the sample in its top bits, or float32."""
+    def write(self, block: NDArray[np.int32] | NDArray[np.float32] | NDArray[np.float64]) -> None:
+        """Append (n_frames, n_channels): int32 with the sample in its top bits, or floats."""
         n_frames, n_channels = block.shape
         if n_channels != self.format.n_channels:
             raise ValueError(f"{n_channels} channels for a file of {self.format.n_channels}")
@@ -78,11 +78,12 @@ class WaveWriter:
 def _encode(block: NDArray[Any], format: WaveFormat) -> bytes:
     import numpy as np
 
-    wanted = np.float32 if format.bits == "float" else np.int32
+    floats = {"float": "<f4", "double": "<f8"}
+    wanted = np.dtype(floats.get(str(format.bits), "<i4"))
     if block.dtype != wanted:
-        raise TypeError(f"samples for {format.bits} bits come as {wanted.__name__}")
-    if format.bits == "float":
-        return block.astype("<f4", copy=False).tobytes()
+        raise TypeError(f"samples for {format.bits} bits come as {wanted.name}")
+    if format.bits in ("float", "double"):
+        return block.astype(wanted, copy=False).tobytes()
     octets = np.ascontiguousarray(block, dtype="<i4").view(np.uint8).reshape(-1, 4)
     return octets[:, 4 - BYTES[format.bits] :].tobytes()
 
@@ -105,8 +106,9 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
         while left:
             count = min(left, _BLOCK)
             data = file.read(count * info.format.frame_bytes)
-            if bits == "float":
-                flat = np.frombuffer(data, "<f4").astype(np.float64)
+            if bits in ("float", "double"):
+                form = "<f4" if bits == "float" else "<f8"
+                flat = np.frombuffer(data, form).astype(np.float64)
             else:
                 width = BYTES[bits]
                 octets = np.zeros((count * n_channels, 4), np.uint8)

@@ -12,13 +12,13 @@ import struct
 from dataclasses import dataclass
 from typing import BinaryIO, Literal
 
-Bits = Literal[16, 24, "float"]
+Bits = Literal[16, 24, "float", "double"]
 
 ORIGINATOR = "ergon"
 CHANNELS_MAX = 64
 # A RIFF size field has 32 bits; above this the file says its sizes in ds64 (EBU Tech 3306, 3).
 RIFF_LIMIT = 2**32 - 1
-BYTES: dict[Bits, int] = {16: 2, 24: 3, "float": 4}
+BYTES: dict[Bits, int] = {16: 2, 24: 3, "float": 4, "double": 8}
 
 _TAG_PCM, _TAG_FLOAT, _TAG_EXTENSIBLE = 1, 3, 0xFFFE
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")  # KSDATAFORMAT_SUBTYPE_*
@@ -139,7 +139,7 @@ def _pack_format(format: WaveFormat) -> bytes:
             n_bits,
             _SPEAKERS.get(format.n_channels, 0),
         )
-        + struct.pack("<H", _TAG_FLOAT if format.bits == "float" else _TAG_PCM)
+        + struct.pack("<H", _TAG_FLOAT if format.bits in ("float", "double") else _TAG_PCM)
         + _GUID_TAIL
     )
 
@@ -197,6 +197,7 @@ def _parse_format(content: bytes) -> WaveFormat:
         (_TAG_PCM, 16): 16,
         (_TAG_PCM, 24): 24,
         (_TAG_FLOAT, 32): "float",
+        (_TAG_FLOAT, 64): "double",
     }
     bits = forms.get((tag, n_bits))
     if bits is None or not n_channels or not rate:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from .boards import Board
 from .guard import response
 
 if TYPE_CHECKING:
+    from ergon.exchange.frozen import Checked
     from ergon.scores.staging.stage import Stage
 
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
@@ -39,6 +40,7 @@ class Order:
     ahead: int | None = None
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
+    frozen: Sequence[Checked] = ()
 
 
 def every(stage: Stage) -> int:
@@ -46,14 +48,19 @@ def every(stage: Stage) -> int:
     return stage.live[0].every if stage.live else EVERY
 
 
-def perform(stage: Stage, order: Order) -> _core.Performance:
-    """Begin to play; the stage itself stays where it is. Raises EngineError."""
+def perform(
+    stage: Stage, order: Order, progress: Callable[[int], None] = lambda _: None
+) -> _core.Performance:
+    """Begin to play; the stage itself stays where it is. Raises EngineError.
+
+    `progress` hears how many frames before the first are done.
+    """
     import numpy as np
 
     tick = every(stage)
     simulation = stage.simulation
     start = simulation.snapshot()
-    _skip(simulation, order.start // tick * tick)
+    _skip(simulation, order.start // tick * tick, progress)
     numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in order.boards for _, player in board.axes}
     hands = [
@@ -87,6 +94,7 @@ def perform(stage: Stage, order: Order) -> _core.Performance:
             bars=bars(stage),
             ahead=order.ahead,
             record=record,
+            frozen=[(stem.path, stem.offset, stem.n_frames, stem.taps) for stem in order.frozen],
         )
     finally:
         simulation.restore(start)
@@ -111,9 +119,11 @@ def _guide(stiffness: float | None) -> tuple[float, float] | None:
     return None if stiffness is None else (stiffness, GUIDE[1])
 
 
-def _skip(simulation: _core.Simulation, n_frames: int) -> None:
+def _skip(simulation: _core.Simulation, n_frames: int, progress: Callable[[int], None]) -> None:
     import numpy as np
 
     block = 4096
     for at in range(0, n_frames, block):
-        simulation.process(np.zeros((min(block, n_frames - at), simulation.n_out)))
+        frames = np.zeros((min(block, n_frames - at), simulation.n_out))
+        simulation.process(frames)
+        progress(at + len(frames))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
 
 if TYPE_CHECKING:
+    from ergon.exchange.frozen import Checked
     from ergon.scores.staging.stage import Stage
 
 _BLOCK = 4096  # frames
@@ -26,28 +28,42 @@ class Level:
     seconds: float | None
 
 
-def level(stage: Stage, highpass: float | None, target: float) -> Level:
-    """The gain that brings the mix's peak to `target`; the stage stays at its frame 0.
-
-    Real hands are played by what stands in for them.
-    """
-    import numpy as np
-
+def length(stage: Stage) -> int:
+    """Frames that are listened to: all, or as many as are worth the wait."""
     from ergon.scores.staging.planning import cost
 
     work = 0.0 if stage.plan is None else cost(stage.plan)
-    n_frames = stage.n_frames
-    if work * n_frames > _PATIENCE * stage.rate:
-        n_frames = int(_PATIENCE / work * stage.rate)
+    is_long = work * stage.n_frames > _PATIENCE * stage.rate
+    return int(_PATIENCE / work * stage.rate) if is_long else stage.n_frames
+
+
+def level(
+    stage: Stage,
+    highpass: float | None,
+    target: float,
+    frozen: Sequence[Checked],
+    progress: Callable[[int], None],
+) -> Level:
+    """The gain that brings the mix's peak to `target`; the stage stays at its frame 0.
+
+    Real hands are played by what stands in for them, `frozen` parts are heard. `progress` hears
+    how many frames are done.
+    """
+    import numpy as np
+
+    n_frames = length(stage)
     simulation, mixer = stage.simulation, stage.mixer(highpass=highpass)
     start = simulation.snapshot()
     peak = 0.0
     for at in range(0, n_frames, _BLOCK):
         frames = np.zeros((min(_BLOCK, n_frames - at), simulation.n_out))
         simulation.process(frames)
+        for stem in frozen:
+            stem.join(frames, at)
         mixed = np.zeros((len(frames), stage.n_channels))
         mixer.process(frames, mixed)
         peak = max(peak, float(np.max(np.abs(mixed), initial=0.0)))
+        progress(at + len(frames))
     simulation.restore(start)
     if n_frames == stage.n_frames:
         return Level(target / peak if peak > 0 else 1.0, peak, None)

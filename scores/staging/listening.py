@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ergon import _core
@@ -32,6 +32,12 @@ class Listening:
     n_channels: int
     outputs: list[str] = field(default_factory=list)
     ways: list[Way] = field(default_factory=list)
+    # Instruments whose taps hear nothing: somebody else knows what they sound like.
+    silent: Container[str] = ()
+
+    def taps(self, part: str) -> list[int]:
+        """Taps that an instrument is heard by, rising."""
+        return sorted({way.tap for way in self.ways if way.part == part})
 
     def parts(self) -> list[str]:
         """Instruments that reach a loudspeaker, in order."""
@@ -51,22 +57,30 @@ class Listening:
         return mixer
 
 
-def listen(piece: Piece, assembly: Assembly) -> Listening:
-    """Add the taps that the piece's routes need to the network. Raises EngineError."""
+def heard(piece: Piece) -> list[tuple[Route, Instrument, Output]]:
+    """What reaches loudspeakers, and by which route."""
     routes = piece.mix.routes or tuple(_unsaid(piece))
-    heard = [(route, *one) for route in routes for one in _of(piece, route)]
-    listening = Listening(max(1, piece.mix.channels))
+    return [(route, *one) for route in routes for one in _of(piece, route)]
+
+
+def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Listening:
+    """Add the taps that the piece's routes need to the network. Raises EngineError.
+
+    The taps of `silent` instruments are there and hear nothing.
+    """
+    all_heard = heard(piece)
+    listening = Listening(max(1, piece.mix.channels), silent=silent)
     taps: dict[tuple[str, str], int] = {}
-    alone = Counter(route for route, *_ in heard)
+    alone = Counter(route for route, *_ in all_heard)
     position: dict[Route, int] = {}
-    for route, instrument, output in heard:
+    for route, instrument, output in all_heard:
         index = position[route] = position.get(route, -1) + 1
         if output.nearest is not None or route.to == "nearest":
             _nearest(listening, piece, assembly, instrument, output, route)
         else:
             name = instrument.name, output.name
             if name not in taps:
-                taps[name] = _tap(listening, assembly, ".".join(filter(None, name)), output)
+                taps[name] = _tap(listening, assembly, name, output)
             # As many outputs as channels: one each, in order; else each output to all channels.
             channels = route.to[index : index + 1] if alone[route] == len(route.to) else route.to
             _ways(listening, piece, taps[name], (c - 1 for c in channels), route)
@@ -99,20 +113,22 @@ def _ways(
         listening.ways.append(Way(route.part, tap, channel, gain, route.highpass))
 
 
-def _tap(listening: Listening, assembly: Assembly, name: str, output: Output) -> int:
+def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output) -> int:
     """One output as one tap: the sum of what it listens to."""
     positions: list[_Range] = []
     forces: list[_Range] = []
     ground: list[_Range] = []
-    for target in output.targets:
+    for target in output.targets if name[0] not in listening.silent else ():
         if output.kind == "SOX":
             positions.append(_range(assembly, target))
         elif (target.part, target.module) in assembly.links:
             forces.append((assembly.links[target.part, target.module], 1, 1.0))
         else:
             ground.append(_range(assembly, target))
-    listening.outputs.append(name)
-    return assembly.network.listen(name, positions=positions, forces=forces, ground_forces=ground)
+    listening.outputs.append(".".join(filter(None, name)))
+    return assembly.network.listen(
+        listening.outputs[-1], positions=positions, forces=forces, ground_forces=ground
+    )
 
 
 def _range(assembly: Assembly, target: Target) -> _Range:
@@ -132,8 +148,7 @@ def _nearest(
     room = output.nearest or piece.mix.layout
     assert room is not None
     near: dict[int, list[_Range]] = {}
-    targets = output.targets or _everything(instrument)
-    for target in targets:
+    for target in targets_of(instrument, output):
         for mat in assembly.members(target):
             ranges = near.setdefault(_speaker(assembly.network.position_of(mat), room), [])
             if ranges and ranges[-1][0] + ranges[-1][1] == mat:
@@ -142,11 +157,16 @@ def _nearest(
                 ranges.append((mat, 1, 1.0))
     for speaker in sorted(near):
         name = ".".join(filter(None, (instrument.name, output.name, str(speaker + 1))))
-        ranges = near[speaker]
+        ranges = near[speaker] if instrument.name not in listening.silent else []
         heard = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
         tap = assembly.network.listen(name, **heard)
         _ways(listening, piece, tap, (speaker,), route)
+
+
+def targets_of(instrument: Instrument, output: Output) -> Sequence[Target]:
+    """What an output listens to."""
+    return output.targets or _everything(instrument)
 
 
 def _everything(instrument: Instrument) -> list[Target]:

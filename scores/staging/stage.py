@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal
@@ -96,17 +96,18 @@ class Ready:
 
 
 @lasting
-def prepare(piece: Piece, real: Real | None = None) -> Ready:
+def prepare(piece: Piece, real: Real | None = None, silent: Container[str] = ()) -> Ready:
     """What is and what will happen in a piece. Raises StageError with every mistake found.
 
-    `real`: players whose hands are real, and where each was at every tick, if that is known.
+    `real`: players whose hands are real, and where each was at every tick, if that is known;
+    `silent`: instruments that are not listened to.
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     assembly = Assembly(seed=piece.seed)
     try:
-        couplings = _network(piece, assembly)
-        listening = listen(piece, assembly)
+        couplings = add_network(piece, assembly)
+        listening = listen(piece, assembly, silent)
         timeline = _core.Timeline(assembly.network, piece.rate)
         hands = Hands(piece, timeline, Takes(piece, collector), collector)
         live = tuple(join(piece, real, assembly, timeline, collector))
@@ -133,18 +134,19 @@ def stage(
     store: Store | None = None,
     threads: int = 1,
     real: Real | None = None,
+    silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
     A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
     earlier plan, `store` keeps plans, `real` the players whose hands are real, with what is known
-    of them. A part that leaves all bounds ends the run, or is muted alone. Raises StageError with
-    every mistake that the engine finds.
+    of them, `silent` the instruments that are not listened to. A part that leaves all bounds ends
+    the run, or is muted alone. Raises StageError with every mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
-    ready = prepare(piece, real)
+    ready = prepare(piece, real, silent)
     native.speed_up(ready.network, ready.n_frames)
     plan, is_kept = None, False
     try:
@@ -205,7 +207,7 @@ def solo(piece: Piece, name: str, key: str) -> Stage:
     return stage(alone)
 
 
-def _network(piece: Piece, assembly: Assembly) -> list[int]:
+def add_network(piece: Piece, assembly: Assembly) -> list[int]:
     """Keys, instruments and couplings; returns the LIA of each coupling."""
     # Links reach the <M> points of other parts: all of those first.
     for name, key in piece.keys.items():

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use ergon_engine::mix::limiter::Limiter;
 use ergon_live::audio;
 use ergon_live::device::Url;
-use ergon_live::perform::{self, Guide, Hand, How, Keyboard, Stage, What};
+use ergon_live::perform::{self, Guide, Hand, How, Keyboard, Stage, Stem, What};
 use ergon_live::recording::{Axis, Header};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
-use crate::error::said;
+use crate::error::{refused, said};
 use crate::mixer::Mixer;
 use crate::simulation::Simulation;
 
@@ -33,6 +33,9 @@ type BoardOf = (String, Vec<(usize, usize)>, Option<f64>);
 /// (path, [(player, key)], what else is known as JSON)
 type RecordOf = (PathBuf, Vec<(String, String)>, String);
 
+/// (path, bytes before its samples, frames, outputs)
+type StemOf = (PathBuf, u64, u64, Vec<usize>);
+
 /// A piece that is being played.
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Performance(Mutex<Option<perform::Performance>>);
@@ -41,7 +44,7 @@ pub(crate) struct Performance(Mutex<Option<perform::Performance>>);
 impl Performance {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (simulation, mixer, *, every=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None))]
+    #[pyo3(signature = (simulation, mixer, *, every=64, audio="auto", gain=1.0, limit=1.0, n_frames=None, hands=Vec::new(), boards=Vec::new(), bars=Vec::new(), ahead=None, record=None, frozen=Vec::new()))]
     fn new(
         py: Python<'_>,
         simulation: &Simulation,
@@ -56,6 +59,7 @@ impl Performance {
         bars: Vec<u64>,
         ahead: Option<usize>,
         record: Option<RecordOf>,
+        frozen: Vec<StemOf>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
         let hand = |(standin, reach, guide, response): &HandOf<'_>| {
@@ -76,6 +80,7 @@ impl Performance {
             every: every.max(1),
             hands: hands.iter().map(hand).collect::<PyResult<_>>()?,
             bars,
+            frozen: stems(frozen, simulation.0.n_out())?,
         };
         let how = How {
             audio: audio.parse().map_err(said)?,
@@ -205,6 +210,21 @@ fn open((url, axes, most): BoardOf, period: f64) -> PyResult<Keyboard> {
     Keyboard::open(&url, axes, most, period).map_err(said)
 }
 
+fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {
+    let stem = |(path, offset, n_frames, outputs): StemOf| {
+        if outputs.is_empty() || outputs.iter().any(|&output| output >= n_out) {
+            return Err(refused("frozen", "a stem is of outputs that are there"));
+        }
+        Ok(Stem {
+            path,
+            offset,
+            n_frames,
+            outputs,
+        })
+    };
+    frozen.into_iter().map(stem).collect()
+}
+
 fn told(event: perform::Event) -> Told {
     let (what, number) = match event.what {
         What::Gone(board) => ("gone", board as f64),
@@ -227,6 +247,7 @@ pub(crate) struct Status {
     latest: f64,
     lost: u64,
     dropped: u64,
+    missed: u64,
     load: f64,
     busiest: f64,
     filled: usize,
@@ -253,6 +274,7 @@ impl Status {
             latest: status.latest.as_secs_f64(),
             lost: status.lost,
             dropped: status.dropped,
+            missed: status.missed,
             load: status.load,
             busiest: status.busiest,
             filled: status.filled,

@@ -5,11 +5,13 @@
 //! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
 
 mod clock;
+mod frozen;
 mod hand;
 mod keys;
 mod player;
 mod status;
 
+pub use frozen::Stem;
 pub use hand::{Guide, Hand};
 pub use keys::{Borne, Keyboard, Slot};
 pub use status::{Event, HandStatus, Status, What};
@@ -57,6 +59,8 @@ pub struct Stage {
     pub hands: Vec<Hand>,
     /// Frames at which a bar begins, rising: where a hand that comes back takes over.
     pub bars: Vec<u64>,
+    /// Outputs that were computed before: the simulation leaves them at 0.
+    pub frozen: Vec<Stem>,
 }
 
 /// How it is to be played.
@@ -82,6 +86,14 @@ pub enum PlayError {
     /// The recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// A prepared part.
+    #[error("{}: {error}", path.display())]
+    Frozen {
+        /// Its file.
+        path: PathBuf,
+        /// Why it cannot be read.
+        error: std::io::Error,
+    },
     /// The system refused a thread.
     #[error("no thread for the physics: {0}")]
     Thread(#[source] std::io::Error),
@@ -120,6 +132,7 @@ pub struct Performance {
     events: Consumer<Event>,
     output: Output,
     recorder: Option<RecorderHandle>,
+    reader: Option<frozen::Reader>,
     borne: Vec<Borne>,
 }
 
@@ -128,12 +141,20 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
-    pub fn start(stage: Stage, mut boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
+    pub fn start(mut stage: Stage, mut boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
         let rate = stage.simulation.rate();
         let channels = stage.mixer.n_channels();
         let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every);
         let (feed, drain) = audio::ring(channels, 4 * ahead);
         feed.set_prefill(ahead);
+        let stems = std::mem::take(&mut stage.frozen);
+        let (frozen, reader) = if stems.is_empty() {
+            (None, None)
+        } else {
+            let (frozen, reader) = frozen::open(stems, stage.simulation.frame())
+                .map_err(|(path, error)| PlayError::Frozen { path, error })?;
+            (Some(frozen), Some(reader))
+        };
         let (sink, recorder) = match &how.record {
             Some((path, header)) => {
                 let (sink, handle) = Recorder::start(path, header)?;
@@ -169,6 +190,7 @@ impl Performance {
             status: to_status,
             feed,
             record: sink,
+            frozen,
             shared: output.shared().clone(),
         };
         let by_keys = slots.iter().any(Slot::is_on_the_clock);
@@ -198,6 +220,7 @@ impl Performance {
             events,
             output,
             recorder,
+            reader,
             borne,
         })
     }
@@ -283,6 +306,7 @@ impl Performance {
             // A physics thread that panicked has sent zero forces on its way out.
             drop(thread.join());
         }
+        self.reader = None;
         let _ = self.output.wait(patience);
         self.output.close()?;
         if let Some(recorder) = self.recorder.take() {

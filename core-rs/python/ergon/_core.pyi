@@ -108,9 +108,7 @@ class Network:
     n_mat: int
     n_lia: int
     n_out: int
-    def part(
-        self, name: str, *, ca_rate: float | None = None, every: int | None = None
-    ) -> None:
+    def part(self, name: str, *, ca_rate: float | None = None, every: int | None = None) -> None:
         """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
         Z of the discrete network at that rate, which then is the truth (GENESIS habit). A plan lets
         its own springs pull once `every` so many frames, where it may (E4)."""
@@ -426,7 +424,16 @@ class PlanRow:
     n_mat: int  # MATs that move
     n_lia: int
     what: Literal[
-        "stepped", "oscillators", "modes", "ca2p", "bm4", "ieq", "trapezoid", "e4", "unheard", "still"
+        "stepped",
+        "oscillators",
+        "modes",
+        "ca2p",
+        "bm4",
+        "ieq",
+        "trapezoid",
+        "e4",
+        "unheard",
+        "still",
     ]
     modes: tuple[int, int] | None  # computed, of how many
     left_out_db: float | None  # the other modes together, relative to all
@@ -667,6 +674,7 @@ def survey_audio() -> list[tuple[str, bool, str]]:
 
 # --- live ---------------------------------------------------------------------------------------
 
+@final
 class HandStatus:
     """How a real hand does: position [m], force felt and force sent [N]."""
 
@@ -678,6 +686,7 @@ class HandStatus:
     enabled: bool
     tripped: bool
 
+@final
 class Status:
     """How a performance goes. `load` and `busiest` are parts of a tick, `latest` is in seconds.
 
@@ -691,6 +700,7 @@ class Status:
     latest: float
     lost: int
     dropped: int
+    missed: int
     load: float
     busiest: float
     filled: int
@@ -703,11 +713,12 @@ class Status:
     peaks: list[float]
     hands: list[HandStatus]
 
+@final
 class Performance:
     """A piece that is being played: one real-time thread, keys on one side, sound on the other."""
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         simulation: Simulation,
         mixer: Mixer,
         *,
@@ -716,17 +727,19 @@ class Performance:
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
-        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = (),
-        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = (),
-        bars: Sequence[int] = (),
+        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = ...,
+        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None]] = ...,
+        bars: Sequence[int] = ...,
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
-    ) -> None:
+        frozen: Sequence[tuple[Path, int, int, Sequence[int]]] = ...,
+    ) -> Self:
         """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it,
         the scene's force in each tick after it was 1 m away for one [N/m]);
         `boards`: (url, (axis, hand) of each hand on it, most force [N]); `bars`: frames at which a
         hand that comes back takes over; `record`: (file, (player, key) of each hand, JSON about
-        it). Raises EngineError."""
+        it); `frozen`: (file, bytes before its doubles, frames, outputs) of parts that were computed
+        before. Raises EngineError."""
     def status(self) -> Status: ...
     def events(self) -> list[tuple[int, str, float]]:
         """What happened since the last call: (frame, what, number of the hand or board)."""
@@ -753,6 +766,7 @@ class Performance:
         """Wait until the last frame is computed; False when `seconds` came first."""
     def close(self, patience: float) -> list[tuple[int, str, float]]:
         """Wait until everything was heard, put everything away; the events that are left."""
+
 # --- devices ------------------------------------------------------------------------------------
 
 def emulate(

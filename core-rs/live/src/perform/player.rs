@@ -8,6 +8,7 @@ use ergon_engine::mix::glide::Glide;
 use rtrb::{Consumer, Producer};
 
 use super::clock::Clock;
+use super::frozen::Frozen;
 use super::hand::Mover;
 use super::status::{Event, HANDS_MAX, Status, What};
 use super::{Command, Desk, Slot, Stage};
@@ -31,6 +32,7 @@ pub(super) struct Links {
     pub(super) status: triple_buffer::Input<Status>,
     pub(super) feed: Feed,
     pub(super) record: Option<RowSink>,
+    pub(super) frozen: Option<Frozen>,
     pub(super) shared: Arc<Shared>,
 }
 
@@ -116,7 +118,12 @@ impl Player {
     /// Play to the end.
     pub(super) fn run(&mut self) {
         self.begin();
-        while !self.links.desk.stop.load(Ordering::Acquire) && self.tick() {}
+        loop {
+            let is_over = self.links.desk.stop.load(Ordering::Acquire);
+            if is_over || !self.tick() {
+                break;
+            }
+        }
         for slot in &mut self.slots {
             slot.stop(true);
         }
@@ -293,6 +300,15 @@ impl Player {
             } else {
                 stage.simulation.process(heard)
             };
+            if let Some(frozen) = &mut self.links.frozen {
+                // Where no clock presses, the disk is waited for.
+                let asked = Instant::now();
+                let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
+                while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE {
+                    self.clock.nap();
+                }
+                self.status.missed += frozen.join(heard, n_out, self.frame);
+            }
             stage.mixer.process(heard, mixed);
             self.gain.apply(self.frame, mixed, channels);
             stage.limiter.process(mixed);

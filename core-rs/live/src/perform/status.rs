@@ -22,6 +22,8 @@ pub struct Status {
     pub lost: u64,
     /// Frames that found no room in the ring.
     pub dropped: u64,
+    /// Frames of prepared parts that were not read in time.
+    pub missed: u64,
     /// Part of a tick's time that its work took, over the last second; and the greatest of all ticks.
     pub load: f64,
     /// The greatest load of one tick.
@@ -45,6 +47,7 @@ impl Default for Status {
             latest: Duration::ZERO,
             lost: 0,
             dropped: 0,
+            missed: 0,
             load: 0.0,
             busiest: 0.0,
             filled: 0,

@@ -1,0 +1,193 @@
+//! Prepared parts: outputs that were computed before come from files, frame by frame beside those that are simulated.
+//!
+//! A plain thread reads ahead into a ring; the physics thread takes what belongs to its frames and waits for nothing.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rtrb::chunks::ChunkError;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+/// Frames that are read at once.
+const BLOCK: u64 = 4_096;
+/// Frames that are ready before they are due, 1.5 s at 44.1 kHz; the ring is memory that stays locked.
+const AHEAD: usize = 1 << 16;
+const RING_MAX: usize = (64 << 20) / size_of::<f64>();
+/// How often the reader looks for room.
+const NAP: Duration = Duration::from_millis(10);
+
+/// A file of outputs that were computed before, from the first frame of the piece on.
+#[derive(Clone, Debug)]
+pub struct Stem {
+    /// Where its frames of little-endian doubles are.
+    pub path: PathBuf,
+    /// Bytes before the first of them.
+    pub offset: u64,
+    /// How many frames there are.
+    pub n_frames: u64,
+    /// Which outputs of the simulation it stands for.
+    pub outputs: Vec<usize>,
+}
+
+/// The physics thread's end.
+pub(super) struct Frozen {
+    ring: Consumer<f64>,
+    outputs: Vec<usize>,
+    /// The frame that is next in the ring.
+    next: u64,
+}
+
+/// The thread that reads; dropped, it ends.
+pub(super) struct Reader {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Open stems at a frame of the piece and read ahead; the file that cannot be read is told with its error.
+pub(super) fn open(stems: Vec<Stem>, start: u64) -> Result<(Frozen, Reader), (PathBuf, io::Error)> {
+    let outputs: Vec<usize> = stems.iter().flat_map(|stem| stem.outputs.clone()).collect();
+    let width = outputs.len().max(1);
+    let room = (RING_MAX / width).clamp(2 * BLOCK as usize, AHEAD);
+    let (to_ring, ring) = RingBuffer::new(room * width);
+    let n_frames = stems.iter().map(|stem| stem.n_frames).min().unwrap_or(0);
+    let mut files = Files {
+        files: Vec::new(),
+        left: n_frames.saturating_sub(start),
+        bytes: Vec::new(),
+        frames: Vec::new(),
+        width,
+        to_ring,
+    };
+    for stem in stems {
+        let width = stem.outputs.len();
+        let at = stem.offset + start * (width * size_of::<f64>()) as u64;
+        let file = File::open(&stem.path).and_then(|mut file| {
+            file.seek(SeekFrom::Start(at))?;
+            Ok(file)
+        });
+        let file = file.map_err(|error| (stem.path.clone(), error))?;
+        files.files.push((stem.path, BufReader::new(file), width));
+    }
+    files.fill()?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let asked = stop.clone();
+    let thread = std::thread::Builder::new()
+        .name("ergon frozen".into())
+        .spawn(move || {
+            // What cannot be read is not there when it is due: it is silent, and counted.
+            while !asked.load(Ordering::Acquire) && matches!(files.fill(), Ok(true)) {
+                std::thread::sleep(NAP);
+            }
+        })
+        .map_err(|error| (PathBuf::new(), error))?;
+    let thread = Some(thread);
+    let next = start;
+    Ok((
+        Frozen {
+            ring,
+            outputs,
+            next,
+        },
+        Reader { stop, thread },
+    ))
+}
+
+/// The reader's end: files side by side.
+struct Files {
+    /// Path, file, outputs in a frame of it.
+    files: Vec<(PathBuf, BufReader<File>, usize)>,
+    /// Frames to be read.
+    left: u64,
+    bytes: Vec<u8>,
+    /// A block of all files   (n_frames · width)
+    frames: Vec<f64>,
+    width: usize,
+    to_ring: Producer<f64>,
+}
+
+impl Files {
+    /// Read as long as there is room; whether there is more to come.
+    fn fill(&mut self) -> Result<bool, (PathBuf, io::Error)> {
+        while self.left > 0 {
+            let n = self.left.min(BLOCK) as usize;
+            if self.to_ring.slots() < n * self.width {
+                return Ok(true);
+            }
+            self.frames.resize(n * self.width, 0.0);
+            let mut first = 0;
+            for (path, file, width) in &mut self.files {
+                self.bytes.resize(n * *width * size_of::<f64>(), 0);
+                if let Err(error) = file.read_exact(&mut self.bytes) {
+                    return Err((path.clone(), error));
+                }
+                let (samples, _) = self.bytes.as_chunks();
+                let rows = samples.chunks_exact((*width).max(1));
+                for (frame, row) in self.frames.chunks_exact_mut(self.width).zip(rows) {
+                    for (to, &sample) in frame[first..].iter_mut().zip(row) {
+                        *to = f64::from_le_bytes(sample);
+                    }
+                }
+                first += *width;
+            }
+            match self.to_ring.write_chunk_uninit(self.frames.len()) {
+                Ok(chunk) => chunk.fill_from_iter(self.frames.iter().copied()),
+                Err(ChunkError::TooFewSlots(_)) => return Ok(true), // never: it was looked at
+            };
+            self.left -= n as u64;
+        }
+        Ok(false)
+    }
+}
+
+impl Drop for Reader {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            drop(thread.join());
+        }
+    }
+}
+
+impl Frozen {
+    /// Whether `n` frames from frame `at` on are there, or will never be.
+    pub(super) fn is_ready(&self, at: u64, n: usize) -> bool {
+        let behind = at.saturating_sub(self.next) as usize;
+        self.ring.slots() >= (behind + n) * self.outputs.len() || self.ring.is_abandoned()
+    }
+
+    /// Put into `frames` (n_frames, n_out) what belongs there from frame `at` on; frames that were not read in time
+    /// are left as they are, and counted.
+    pub(super) fn join(&mut self, frames: &mut [f64], n_out: usize, at: u64) -> u64 {
+        let width = self.outputs.len();
+        let wanted = frames.len() / n_out.max(1);
+        let ready = self.ring.slots() / width.max(1);
+        let stale = (at.saturating_sub(self.next)).min(ready as u64) as usize;
+        if let Ok(chunk) = self.ring.read_chunk(stale * width) {
+            chunk.commit_all();
+            self.next += stale as u64;
+        }
+        let n = if self.next == at {
+            wanted.min(ready - stale)
+        } else {
+            0
+        };
+        if let Ok(chunk) = self.ring.read_chunk(n * width) {
+            let mut samples = chunk.into_iter();
+            for frame in frames.chunks_exact_mut(n_out).take(n) {
+                for (&output, sample) in self.outputs.iter().zip(&mut samples) {
+                    frame[output] = sample;
+                }
+            }
+            self.next += n as u64;
+        }
+        (wanted - n) as u64
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,230 @@
+"""Prepared parts of a piece: what their outputs hear, and a manifest that says of which piece.
+
+    DIR/frozen.json   {"made": …, "ergon_frozen": 1, "score": …, "seed": …, "stems": […]}
+    DIR/01_gong.wav   a channel for each output of a part: doubles, before gains and high-passes
+
+Outputs and not channels: one mixer goes over all of a piece, and no bit of it depends on what was
+frozen.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .ahead import ahead
+from .render import BLOCK, Staged, frames_of, stem_paths
+from .safe import MARK, check_target, writing
+from .wave import WaveWriter, hash_samples, read_info
+from .wave_header import CHANNELS_MAX, NotWaveError, Stamp, WaveFormat
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+VERSION = 1
+MANIFEST = "frozen.json"
+_SIZE_MAX = 10_000_000  # bytes: no manifest is larger
+_PARTS_MAX = 10_000
+
+
+class NotFrozenError(ValueError):
+    """The folder holds nothing that can be played with this piece; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """What frozen parts are a function of; `plan` is the hash of how they were computed."""
+
+    title: str
+    score: str
+    seed: int
+    rate: float
+    version: str
+    plan: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Stem:
+    """A file of a part's outputs; `taps` are their indices in the network, in order."""
+
+    part: str
+    path: Path
+    taps: tuple[int, ...]
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True)
+class Frozen:
+    """What a folder says that it holds."""
+
+    source: Source
+    n_frames: int
+    stems: tuple[Stem, ...]
+
+    @property
+    def parts(self) -> list[str]:
+        """The parts that are frozen."""
+        return list(dict.fromkeys(stem.part for stem in self.stems))
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A stem that is whole: its doubles begin after `offset` bytes."""
+
+    path: Path
+    offset: int
+    n_frames: int
+    taps: tuple[int, ...]
+
+    def join(self, frames: NDArray[np.float64], at: int) -> None:
+        """Put its frames from `at` on into frames (n_frames, n_out)."""
+        import numpy as np
+
+        width = len(self.taps)
+        with self.path.open("rb") as file:
+            file.seek(self.offset + at * width * 8)
+            found = np.frombuffer(file.read(len(frames) * width * 8), "<f8")
+        frames[:, list(self.taps)] = found.reshape(len(frames), width)
+
+
+def write(
+    stage: Staged,
+    taps: Mapping[str, Sequence[int]],
+    source: Source,
+    folder: Path,
+    progress: Callable[[int], None],
+    *,
+    n_frames: int,
+    force: bool = False,
+    threads: int = 1,
+) -> Frozen:
+    """Compute `n_frames` frames of the taps of parts; all files or none.
+
+    Raises RefusedError before any work when a file may not be written, DivergedError from the
+    engine when a part goes non-finite.
+    """
+    import numpy as np
+
+    pieces = [
+        (part, tuple(own[first : first + CHANNELS_MAX]))
+        for part, own in taps.items()
+        for first in range(0, len(own), CHANNELS_MAX)
+    ]
+    paths = stem_paths(folder, [part for part, _ in pieces])
+    for path in (*paths, folder / MANIFEST):
+        check_target(path, force=force)
+    stamp = Stamp(source.title, source.score, source.plan)
+    with contextlib.ExitStack() as stack:
+        # Entered first, it gets its name last.
+        manifest = stack.enter_context(writing(folder / MANIFEST, binary=True, force=force))
+        writers = []
+        for (_, own), path in zip(pieces, paths, strict=True):
+            file = stack.enter_context(writing(path, binary=True, force=force))
+            format = WaveFormat(int(source.rate), len(own), "double")
+            writers.append(WaveWriter(file, format, n_frames, stamp))
+        at = 0
+        blocks = frames_of(stage.simulation, n_frames, BLOCK)
+        with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as coming:
+            for frames in coming:
+                for writer, (_, own) in zip(writers, pieces, strict=True):
+                    writer.write(np.ascontiguousarray(frames[:, list(own)]))
+                at += len(frames)
+                progress(at)
+        for writer in writers:
+            writer.close()
+        stems = tuple(
+            Stem(part, path, own, writer.sha256)
+            for (part, own), path, writer in zip(pieces, paths, writers, strict=True)
+        )
+        frozen = Frozen(source, n_frames, stems)
+        manifest.write(_text(frozen).encode())
+    return frozen
+
+
+def _text(frozen: Frozen) -> str:
+    source = frozen.source
+    head = {
+        "made": f"{MARK.decode()} {source.version}",
+        "ergon_frozen": VERSION,
+        "title": source.title,
+        "score": source.score,
+        "seed": source.seed,
+        "rate": source.rate,
+        "frames": frozen.n_frames,
+        "plan": source.plan,
+    }
+    stems = [
+        {"part": s.part, "file": s.path.name, "outputs": list(s.taps), "sha256": s.sha256}
+        for s in frozen.stems
+    ]
+    return json.dumps(head | {"stems": stems}, indent=1, ensure_ascii=False) + "\n"
+
+
+def read(folder: Path) -> Frozen:
+    """What a folder says that it holds. Raises NotFrozenError."""
+    path = folder / MANIFEST
+    try:
+        if path.stat().st_size > _SIZE_MAX:
+            raise NotFrozenError(f"{path}: larger than any manifest")
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["ergon_frozen"] != VERSION:
+            raise NotFrozenError(f"{path}: this is no manifest of version {VERSION}")
+        source = Source(
+            str(found["title"]),
+            str(found["score"]),
+            int(found["seed"]),
+            float(found["rate"]),
+            str(found["made"]).removeprefix(f"{MARK.decode()} "),
+            str(found["plan"]),
+        )
+        stems = tuple(_stem(folder, stem) for stem in found["stems"][:_PARTS_MAX])
+        return Frozen(source, int(found["frames"]), stems)
+    except OSError as error:
+        why = error.strerror or "cannot be read"
+        raise NotFrozenError(f"{path}: {why}; ergon render --freeze writes it") from None
+    except NotFrozenError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        raise NotFrozenError(f"{path}: this is no manifest of frozen parts") from None
+
+
+def _stem(folder: Path, found: Any) -> Stem:
+    name = str(found["file"])
+    if Path(name).name != name or "\0" in name:  # never outside of its folder
+        raise NotFrozenError(f"{folder / MANIFEST}: {name!r} is no name of a file beside it")
+    taps = tuple(int(tap) for tap in found["outputs"])
+    return Stem(str(found["part"]), folder / name, taps, str(found["sha256"]))
+
+
+def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[Checked]:
+    """The stems, if they are whole and of this stage's taps. Raises NotFrozenError.
+
+    Every file is read once and hashed.
+    """
+    found: dict[str, list[int]] = {}
+    for stem in frozen.stems:
+        found.setdefault(stem.part, []).extend(stem.taps)
+    if frozen.n_frames < n_frames:
+        raise NotFrozenError(f"it lasts {frozen.n_frames:,} frames, the piece {n_frames:,}")
+    for part, own in taps.items():
+        if found.get(part) != list(own):
+            raise NotFrozenError(f"its {part} has other outputs than the score's")
+    return [_whole(stem, frozen) for stem in frozen.stems]
+
+
+def _whole(stem: Stem, frozen: Frozen) -> Checked:
+    try:
+        info = read_info(stem.path)
+        same = WaveFormat(int(frozen.source.rate), len(stem.taps), "double")
+        if info.format != same or info.n_frames != frozen.n_frames:
+            raise NotFrozenError(f"{stem.path} is not the file that was frozen")
+        if hash_samples(stem.path) != stem.sha256:
+            raise NotFrozenError(f"{stem.path} is not the file that was frozen: its samples differ")
+    except (OSError, NotWaveError) as error:
+        raise NotFrozenError(f"{stem.path}: {error}") from None
+    return Checked(stem.path, info.offset, info.n_frames, stem.taps)

@@ -1,0 +1,174 @@
+"""Which instruments can be computed before a performance: those that no live hand can feel.
+
+Nothing passes between two islands of a network, so what hangs together by links is frozen together
+or not at all. A fixed or imposed point ends an island; a live hand's key does not: it is felt.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ergon.instruments.assemble import Assembly
+from ergon.instruments.kinds import LINKS
+from ergon.instruments.model import Module, Target
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.listening import heard, targets_of
+from ergon.scores.staging.stage import add_network
+from ergon.scores.text.values import Place
+
+
+class Link(NamedTuple):
+    """A link as the composer wrote it."""
+
+    name: str
+    place: Place
+
+    def __str__(self) -> str:
+        """`gong.b (piece.yaml:12:7)`."""
+        return f"{self.name} ({self.place})"
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """What keeps `part` from being frozen: `links` lead from it to a live `player` or `other`."""
+
+    part: str
+    links: tuple[Link, ...]
+    player: str | None = None
+    key: str | None = None
+    other: str | None = None
+
+    def __str__(self) -> str:
+        """A sentence that names the links."""
+        way = ", ".join(map(str, self.links))
+        if self.player is not None:
+            reached = f"reaches it by {way}" if way else f"is on {self.key}, to which it listens"
+            return f"{self.part} cannot be frozen: {self.player}'s hand {reached}"
+        way = f"{way} ties them" if len(self.links) == 1 else f"{way} tie them"
+        way = way if self.links else "both listen to one module"
+        return f"{self.part} cannot be frozen without {self.other}: {way}"
+
+
+def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[Tie]:
+    """Why instruments cannot be frozen; none where they can. `players`: whose hands are live."""
+    web = _Web(piece)
+    hands = {}
+    for player in players:
+        key = piece.keys[piece.players[player].key]
+        hands[web.assembly.mats[key.name, key.struck]] = (player, key.name)
+    others = {
+        mat: part
+        for part in dict.fromkeys(instrument.name for _, instrument, _ in heard(piece))
+        if part not in parts
+        for mat in web.heard(piece, part)
+    }
+    found = (web.tie(part, web.heard(piece, part), hands, others) for part in parts)
+    return [tie for tie in found if tie is not None]
+
+
+class _Web:
+    """Points and the links between them. A string or a plate is one point: it moves as a whole."""
+
+    def __init__(self, piece: Piece) -> None:
+        self.assembly = Assembly(seed=piece.seed)
+        add_network(piece, self.assembly)
+        self._kinds: dict[tuple[str, str], str] = {}
+        self._links: dict[int, list[tuple[int, Link]]] = {}
+        self._ends: dict[tuple[str, str], tuple[int, int]] = {}
+        modules = [*_modules(piece)]
+        for part, module in modules:
+            self._kinds[part, module.name] = module.kind
+        self._held = {
+            mat
+            for part, module in modules
+            if module.kind == "SOL" or (module.kind == "ENX" and self._is_alone(module))
+            for mat in self._held_by(part, module)
+        }
+        for part, module in modules:
+            if module.kind in LINKS:
+                a, b = (self._points(target)[0] for target in module.fields["between"])
+                self._ends[part, module.name] = a, b
+                name = ".".join(filter(None, (part, module.name)))
+                self._link(Link(name, module.place), a, b)
+        for coupling in piece.duet:
+            a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
+            name = f"the coupling of {coupling.a.part} and {coupling.b.part}"
+            self._link(Link(name, coupling.place), a, b)
+
+    def _link(self, link: Link, a: int, b: int) -> None:
+        self._links.setdefault(a, []).append((b, link))
+        self._links.setdefault(b, []).append((a, link))
+
+    def _is_alone(self, module: Module) -> bool:
+        """Whether what it imposes is the whole point."""
+        target = module.fields["to"]
+        return self._kinds[target.part, target.module] not in ("STRING", "PLATE")
+
+    def _held_by(self, part: str, module: Module) -> range:
+        if module.kind == "ENX":
+            return self._points(module.fields["to"])
+        first = self.assembly.mats[part, module.name]
+        return range(first, first + 1)
+
+    def _points(self, target: Target) -> range:
+        if self._kinds[target.part, target.module] in ("STRING", "PLATE"):
+            first = self.assembly.mats[target.part, target.module]
+            return range(first, first + 1)
+        return self.assembly.members(target)
+
+    def heard(self, piece: Piece, part: str) -> set[int]:
+        """Points whose movement an instrument's outputs hear."""
+        points: set[int] = set()
+        for _, instrument, output in heard(piece):
+            if instrument.name != part:
+                continue
+            for target in targets_of(instrument, output):
+                if (target.part, target.module) in self._ends:
+                    points.update(self._ends[target.part, target.module])
+                else:
+                    points.update(self._points(target))
+        return points - self._held
+
+    def tie(
+        self,
+        part: str,
+        start: set[int],
+        hands: Mapping[int, tuple[str, str]],
+        others: Mapping[int, str],
+    ) -> Tie | None:
+        """The shortest way to a live hand, or else to an instrument that is not frozen."""
+        came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start))
+        queue = deque(came)
+        found = None
+        while queue:
+            mat = queue.popleft()
+            if mat in hands:
+                return Tie(part, _way(mat, came), *hands[mat])
+            if mat in others and found is None:
+                found = Tie(part, _way(mat, came), other=others[mat])
+            if mat in self._held:
+                continue
+            for other, link in self._links.get(mat, ()):
+                if other not in came:
+                    came[other] = mat, link
+                    queue.append(other)
+        return found
+
+
+def _way(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
+    """The links from where the search began to a point."""
+    links: list[Link] = []
+    while (step := came[mat]) is not None:
+        mat, link = step
+        links.append(link)
+    return tuple(reversed(links))
+
+
+def _modules(piece: Piece) -> Iterator[tuple[str, Module]]:
+    for key in piece.keys.values():
+        yield from ((key.name, module) for module in key.modules)
+    for instrument in piece.instruments.values():
+        yield from ((instrument.name, module) for module in instrument.modules)
