@@ -37,6 +37,8 @@ def _playing(command: Any) -> Any:
         ),
         click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
         click.option("--plain", is_flag=True, help="Print lines, redraw nothing."),
+        click.option("--osc", metavar="[HOST:]PORT", help="Hear OSC there; this machine's alone."),
+        click.option("--osc-to", metavar="HOST:PORT", help="Tell by OSC what is played, and when."),
         click.option("--strict", is_flag=True, help="Exit 5 when sound was late."),
         options.seed,
         options.accuracy,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.exchange.frozen import Checked
     from ergon.live.boards import Board
+    from ergon.live.osc import Osc
     from ergon.live.perform import Order
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
@@ -41,6 +42,8 @@ class Wishes:
     loop: bool = False
     plain: bool = False
     strict: bool = False
+    osc: str | None = None
+    osc_to: str | None = None
     seed: int | None = None
     method: str | None = None
     error: str | None = None
@@ -68,6 +71,7 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
     loaded = replace(loaded, piece=piece)
     boards = [ready(console, board, wishes.unchecked) for board in _boards(piece, wishes)]
     real = {player: None for board in boards for _, player in board.axes}
+    osc = _osc(console, wishes)
     frozen = None
     if wishes.frozen is not None:
         frozen = freezing.read(console, written, wishes.frozen, wishes.seed)
@@ -98,8 +102,11 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
             raise DeviceMissing(str(error)) from None
         console.say(performance.output())
         _borne(console, stage, performance)
-        ended = _Session(console, stage, performance, boards, wishes).run()
-        if not wishes.loop or not ended:
+        session = _Session(console, stage, performance, boards, wishes)
+        if osc is not None:
+            session.serve(osc, order)
+        ended = session.run()
+        if not wishes.loop or not ended or (osc is not None and osc.stopped):
             return
         order = replace(order, start=0)
 
@@ -175,6 +182,28 @@ def ready(console: Console, board: Board, unchecked: bool) -> Board:
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
     return replace(board, known=found)
+
+
+def _osc(console: Console, wishes: Wishes) -> Osc | None:
+    if wishes.osc is None and wishes.osc_to is None:
+        return None
+    from ergon.live.datagrams import MissingError
+    from ergon.live.osc import Osc, OscError, place
+
+    try:
+        here = None if wishes.osc is None else place(wishes.osc)
+        there = None if wishes.osc_to is None else place(wishes.osc_to)
+        osc = Osc(here, there)
+    except MissingError as error:
+        raise Refused(str(error)) from None
+    except OscError as error:
+        raise Refused(f"OSC: {error}") from None
+    if osc.place is not None:
+        host, port = osc.place
+        if console.json:
+            console.record("osc", host=host, port=port)
+        console.say(f"OSC is heard at {host}:{port}")
+    return osc
 
 
 def _no_player(piece: Piece, name: str, option: str) -> str:
@@ -325,6 +354,12 @@ class _Session:
         self._drawn = 0
         self._said = 0.0
         self._sound_events = 0
+        self._osc: Osc | None = None
+
+    def serve(self, osc: Osc, order: Order) -> None:
+        """Let others ask and be told by OSC while it plays."""
+        self._osc = osc
+        osc.begin(self._performance, self._stage, order.gain, order.start)
 
     def run(self) -> bool:
         """Play to the end; False when a person ended it."""
@@ -336,15 +371,27 @@ class _Session:
                 self._show()
             self._show(last=True)
             status = performance.status()
+            self._rest()
             self._tell(performance.close(_AFTER))
         except KeyboardInterrupt:
             performance.panic()
             performance.stop()
+            self._rest()
             performance.close(0.05)
             self._clear()
             raise
         self._finish(status)
         return True
+
+    def _rest(self) -> None:
+        if self._osc is not None:
+            self._osc.rest()
+            self._remark()
+
+    def _remark(self) -> None:
+        for remark in self._osc.remarks() if self._osc is not None else ():
+            self._clear()
+            self._console.warn(remark)
 
     def _granted(self) -> str | None:
         self._performance.wait(0.02)
@@ -359,6 +406,7 @@ class _Session:
         for _, sentence in sound[self._sound_events :]:
             self._say(sentence)
         self._sound_events = len(sound)
+        self._remark()
         status = performance.status()
         view = self._watcher.look(status)
         now = time.monotonic()
@@ -410,6 +458,8 @@ class _Session:
             "dropped": status.dropped,
             "missed": status.missed,
         }
+        if self._osc is not None and (ignored := self._osc.malformed):
+            self._console.warn(f"{ignored} datagrams were no OSC and were ignored")
         if self._console.json:
             self._console.record("played", **fields)
         else:

@@ -89,6 +89,8 @@ def _doubts(recording: _core.Recording, said: dict[str, Any], piece: Piece) -> l
         doubts.append("the score has changed since: it will not sound as it did")
     if recording.damage:
         doubts.append(recording.damage)
+    if any('"gain"' in line for _, line in recording.events):
+        doubts.append("gains were moved while it was made: those it began with are used")
     if recording.dropped:
         doubts.append(f"{recording.dropped} rows found no room while it was made")
     return doubts

@@ -48,10 +48,12 @@ class Listening:
     ) -> _core.Mixer:
         """A fresh mixer of all ways, or of one part's; `highpass` [Hz] where a way has none."""
         mixer = _core.Mixer(rate, n_out, self.n_channels)
+        # The routes of an instrument are a group: its gain may be moved while it sounds.
+        groups = {name: group for group, name in enumerate(self.parts())}
         for way in self.ways:
             if part is None or way.part == part:
                 cut = highpass if way.highpass is None else way.highpass
-                mixer.route(way.tap, way.channel, way.gain, cut or None)
+                mixer.route(way.tap, way.channel, way.gain, cut or None, groups[way.part])
         return mixer
 
 

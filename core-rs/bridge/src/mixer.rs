@@ -18,16 +18,25 @@ impl Mixer {
         Self(mixer::Mixer::new(rate, n_out, n_channels))
     }
 
-    /// Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2.
-    #[pyo3(signature = (out, channel, gain = 1.0, highpass = None))]
+    /// Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2. The gain of a group of
+    /// routes may be moved while they sound.
+    #[pyo3(signature = (out, channel, gain = 1.0, highpass = None, group = 0))]
     fn route(
         &mut self,
         out: usize,
         channel: usize,
         gain: f64,
         highpass: Option<f64>,
+        group: usize,
     ) -> PyResult<()> {
-        self.0.route(out, channel, gain, highpass).map_err(said)
+        self.0
+            .route_of(group, out, channel, gain, highpass)
+            .map_err(said)
+    }
+
+    /// Let the gain of a group glide to another over 20 ms, from the next multiple of 64 frames on.
+    fn set_gain(&mut self, group: usize, gain: f64) {
+        self.0.set_gain(group, gain);
     }
 
     /// (n_frames, n_out) -> (n_frames, n_channels).

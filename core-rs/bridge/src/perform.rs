@@ -155,6 +155,11 @@ impl Performance {
         self.with(|own| own.gain(gain))
     }
 
+    /// Another gain of one of the mixer's groups of routes.
+    fn part_gain(&self, group: usize, gain: f64) -> PyResult<bool> {
+        self.with(|own| own.part_gain(group, gain))
+    }
+
     /// Play nothing more.
     fn stop(&self) -> PyResult<()> {
         self.with(|own| own.stop())
@@ -258,6 +263,9 @@ pub(crate) struct Status {
     underruns: u64,
     played: u64,
     alive: bool,
+    sounding: Option<f64>,
+    latency: f64,
+    paced: bool,
     peaks: Vec<f32>,
     hands: Vec<HandStatus>,
 }
@@ -266,6 +274,8 @@ impl Status {
     fn of(own: &mut perform::Performance) -> Self {
         let status = own.status();
         let sound = own.output().shared();
+        let info = own.output().info();
+        let (_, latency) = sound.timing();
         Self {
             frame: status.frame,
             ticks: status.ticks,
@@ -280,6 +290,9 @@ impl Status {
             underruns: sound.underruns(),
             played: sound.played(),
             alive: sound.alive(),
+            sounding: sound.sounding().map(|since| since.as_secs_f64()),
+            latency: f64::from(latency) / f64::from(info.rate.max(1)),
+            paced: info.paced,
             peaks: status.peaks.to_vec(),
             hands: status.hands.iter().map(HandStatus::of).collect(),
         }

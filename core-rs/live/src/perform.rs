@@ -103,6 +103,8 @@ pub enum PlayError {
 pub(crate) enum Command {
     /// Another gain.
     Gain(f64),
+    /// Another gain of a group of routes.
+    Part(usize, f64),
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
 }
@@ -273,13 +275,22 @@ impl Performance {
         self.output.shared().release();
     }
 
-    /// Another gain, from the next tick on; false where too much is asked at once.
+    /// Go to another gain over 20 ms, from the next tick on; false where too much is asked at once.
     pub fn gain(&self, gain: f64) -> bool {
+        self.command(Command::Gain(gain))
+    }
+
+    /// Another gain of one of the mixer's groups of routes, as [`Performance::gain`].
+    pub fn part_gain(&self, group: usize, gain: f64) -> bool {
+        self.command(Command::Part(group, gain))
+    }
+
+    fn command(&self, command: Command) -> bool {
         let mut commands = self
             .commands
             .lock()
             .unwrap_or_else(std::sync::PoisonError::into_inner);
-        commands.push(Command::Gain(gain)).is_ok()
+        commands.push(command).is_ok()
     }
 
     /// Play nothing more: forces are zero, and what sounds ends in 5 ms.

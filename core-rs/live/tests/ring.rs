@@ -1,6 +1,9 @@
 //! The ring to the card: what passes untroubled is untouched, what is troubled never cracks, and nothing allocates.
 
+use std::time::{Duration, Instant};
+
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use ergon_engine::mix::mixer::Mixer;
 use ergon_live::audio::{Drain, Feed, ring};
 use proptest::prelude::*;
 
@@ -113,6 +116,51 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
     let out = filled(&mut drain, FADE + 1);
     assert_eq!((out[0], out[FADE]), (1.0 / FADE as f32, 1.0));
     assert_eq!((shared.underruns(), shared.missing()), (0, 0));
+}
+
+#[test]
+fn when_a_frame_went_to_the_card_is_told_by_its_last_block() {
+    let (mut feed, mut drain) = ring(1, 4096);
+    feed.set_prefill(1);
+    let shared = feed.shared().clone();
+    assert_eq!(shared.sounding(), None);
+    feed.push(&[1.0; 2000]);
+    let began = Instant::now();
+    filled(&mut drain, 480);
+    assert!(shared.sounding().unwrap() <= began.elapsed());
+    // The second block begins with frame 480: 10 ms after frame 0, whenever it comes.
+    let early = Instant::now();
+    filled(&mut drain, 480);
+    let passed = shared.sounding().unwrap();
+    let block = Duration::from_millis(10);
+    assert!((block..=block + early.elapsed()).contains(&passed));
+    // What a panic throws away is gone for good: frame 2000 comes next.
+    shared.panic();
+    filled(&mut drain, HUSH);
+    filled(&mut drain, 1);
+    shared.release();
+    filled(&mut drain, 1);
+    feed.push(&[1.0; 100]);
+    let early = Instant::now();
+    filled(&mut drain, 1);
+    let passed = shared.sounding().unwrap();
+    let before = Duration::from_nanos(2000 * 1_000_000_000 / 48_000);
+    let longest = before + early.elapsed() + Duration::from_micros(1);
+    assert!((before..=longest).contains(&passed), "{passed:?}");
+}
+
+#[test]
+fn a_gain_that_is_moved_allocates_nothing() {
+    let mut mixer = Mixer::new(44_100.0, 1, 1);
+    mixer.route_of(1, 0, 0, 1.0, None).expect("both are there");
+    let (frames, mut mixed) = ([1.0; 2048], [0.0; 2048]);
+    reset_violation_count();
+    assert_no_alloc(|| {
+        mixer.set_gain(1, 0.5);
+        mixer.process(&frames, &mut mixed);
+    });
+    assert_eq!((mixed[0], mixed[2047]), (1.0, 0.5));
+    assert_eq!(violation_count(), 0);
 }
 
 #[test]

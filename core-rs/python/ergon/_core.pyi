@@ -583,9 +583,19 @@ class Mixer:
 
     def __new__(cls, rate: float, n_out: int, n_channels: int) -> Self: ...
     def route(
-        self, out: int, channel: int, gain: float = 1.0, highpass: float | None = None
+        self,
+        out: int,
+        channel: int,
+        gain: float = 1.0,
+        highpass: float | None = None,
+        group: int = 0,
     ) -> None:
-        """Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2."""
+        """Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2.
+
+        The gain of a group of routes may be moved while they sound.
+        """
+    def set_gain(self, group: int, gain: float) -> None:
+        """Let the gain of a group glide to another, 20 ms from the next multiple of 64 frames on."""
     def process(self, frames: _Floats, mixed: _Floats) -> None:
         """(n_frames, n_out) -> (n_frames, n_channels)."""
 
@@ -683,7 +693,11 @@ class HandStatus:
 
 @final
 class Status:
-    """How a performance goes. `load` and `busiest` are parts of a tick, `latest` is in seconds."""
+    """How a performance goes. `load` and `busiest` are parts of a tick, `latest` is in seconds.
+
+    `sounding` [s]: since the first frame went to the card, by what its last block tells (frame n
+    goes n frames later; None before that); `latency` [s]: from there to being heard.
+    """
 
     frame: int
     ticks: int
@@ -698,6 +712,9 @@ class Status:
     underruns: int
     played: int
     alive: bool
+    sounding: float | None
+    latency: float
+    paced: bool
     peaks: list[float]
     hands: list[HandStatus]
 
@@ -745,7 +762,9 @@ class Performance:
     def release(self) -> None:
         """After a panic: sound and force again."""
     def gain(self, gain: float) -> bool:
-        """Another gain, from the next tick on; False where too much is asked at once."""
+        """Go to another gain in 20 ms; False where too much is asked at once."""
+    def part_gain(self, group: int, gain: float) -> bool:
+        """Another gain of one of the mixer's groups of routes, in the same way."""
     def stop(self) -> None:
         """Play nothing more."""
     def wait(self, seconds: float) -> bool:

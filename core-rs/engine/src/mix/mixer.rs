@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use super::glide::{Glide, until};
 use crate::section::{BUTTERWORTH_2, Section};
 
 /// Why a route cannot be built.
@@ -23,6 +24,9 @@ pub enum RouteError {
         /// How many there are.
         n_channels: usize,
     },
+    /// Too many groups.
+    #[error("a group of routes is counted from 0 up to {most}; here {0}", most = GROUPS_MAX - 1)]
+    Group(usize),
     /// NaN or infinite.
     #[error("a route's gain is a finite number; here {0}")]
     Gain(f64),
@@ -36,22 +40,29 @@ pub enum RouteError {
     },
 }
 
+/// Groups of routes that a mixer has at most.
+const GROUPS_MAX: usize = 1 << 16;
+
 /// Routes of outputs to channels, with gains and high-passes.
 ///
 /// A channel is the sum of its routes in the order in which they were added, so the last bit of a
-/// mix does not depend on how it is cut into blocks.
+/// mix does not depend on how it is cut into blocks. Routes belong to groups (0 if nothing is said),
+/// each with a gain of its own that may be moved while it sounds.
 #[derive(Clone, Debug)]
 pub struct Mixer {
     rate: f64,
     n_out: usize,
     n_channels: usize,
     routes: Vec<Route>,
+    groups: Vec<Glide>,
+    frame: u64,
 }
 
 #[derive(Clone, Debug)]
 struct Route {
     out: usize,
     channel: usize,
+    group: usize,
     gain: f64,
     highpass: Option<Section>,
 }
@@ -64,6 +75,8 @@ impl Mixer {
             n_out,
             n_channels,
             routes: Vec::new(),
+            groups: vec![Glide::new(rate, 1.0)],
+            frame: 0,
         }
     }
 
@@ -85,6 +98,21 @@ impl Mixer {
         gain: f64,
         highpass: Option<f64>,
     ) -> Result<(), RouteError> {
+        self.route_of(0, out, channel, gain, highpass)
+    }
+
+    /// A route of a group; groups that are not there yet come to be.
+    pub fn route_of(
+        &mut self,
+        group: usize,
+        out: usize,
+        channel: usize,
+        gain: f64,
+        highpass: Option<f64>,
+    ) -> Result<(), RouteError> {
+        if group >= GROUPS_MAX {
+            return Err(RouteError::Group(group));
+        }
         let (n_out, n_channels, rate) = (self.n_out, self.n_channels, self.rate);
         if out >= n_out {
             return Err(RouteError::Out { out, n_out });
@@ -102,13 +130,34 @@ impl Mixer {
             return Err(RouteError::Highpass { cutoff, rate });
         }
         let highpass = highpass.map(|cutoff| Section::new(cutoff, rate, BUTTERWORTH_2));
+        let n_groups = self.groups.len().max(group + 1);
+        self.groups.resize(n_groups, Glide::new(rate, 1.0));
         self.routes.push(Route {
             out,
             channel,
+            group,
             gain,
             highpass,
         });
         Ok(())
+    }
+
+    /// How many groups of routes there are.
+    pub fn n_groups(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// The next frame to be mixed is frame `n` of the piece.
+    pub fn seek(&mut self, n: u64) {
+        self.frame = n;
+    }
+
+    /// Let the gain of a group glide to `gain`, over 20 ms from the next multiple of 64 frames on.
+    /// A group that is not there is left alone. Allocates nothing.
+    pub fn set_gain(&mut self, group: usize, gain: f64) {
+        if let Some(glide) = self.groups.get_mut(group) {
+            glide.set(gain);
+        }
     }
 
     /// Fill `mixed` (n_frames, n_channels) from `frames` (n_frames, n_out), both row by row.
@@ -120,17 +169,47 @@ impl Mixer {
         assert_eq!(mixed.len(), n_frames * self.n_channels);
         assert_eq!(frames.len(), n_frames * self.n_out);
         mixed.fill(0.0);
+        let mut at = 0;
+        while at < n_frames {
+            let n = self.frame;
+            self.groups.iter_mut().for_each(|glide| glide.turn(n));
+            let steady = self.groups.iter().all(|glide| glide.steady(n).is_some());
+            let count = until(n, steady).min((n_frames - at) as u64) as usize;
+            let span = at..at + count;
+            self.add(
+                &frames[span.start * self.n_out..span.end * self.n_out],
+                &mut mixed[span.start * self.n_channels..span.end * self.n_channels],
+            );
+            at += count;
+            self.frame += count as u64;
+        }
+    }
+
+    /// Add all routes of a span in which no gain sets out.
+    fn add(&mut self, frames: &[f64], mixed: &mut [f64]) {
         for route in &mut self.routes {
             let from = frames.iter().skip(route.out).step_by(self.n_out);
             let to = mixed
                 .iter_mut()
                 .skip(route.channel)
                 .step_by(self.n_channels);
-            match &mut route.highpass {
-                None => to.zip(from).for_each(|(y, x)| *y += route.gain * x),
-                Some(section) => to
-                    .zip(from)
-                    .for_each(|(y, x)| *y += route.gain * heard(section, *x)),
+            let own = &self.groups[route.group];
+            match (own.steady(self.frame), &mut route.highpass) {
+                (Some(gain), None) => {
+                    let gain = route.gain * gain;
+                    to.zip(from).for_each(|(y, x)| *y += gain * x);
+                }
+                (Some(gain), Some(section)) => {
+                    let gain = route.gain * gain;
+                    to.zip(from)
+                        .for_each(|(y, x)| *y += gain * heard(section, *x));
+                }
+                (None, section) => {
+                    for ((y, x), n) in to.zip(from).zip(self.frame..) {
+                        let x = section.as_mut().map_or(*x, |section| heard(section, *x));
+                        *y += route.gain * own.at(n) * x;
+                    }
+                }
             }
         }
     }
@@ -203,6 +282,51 @@ mod tests {
             whole.iter().all(|x| x.is_finite()),
             "one bad sample does not stay"
         );
+    }
+
+    /// Two groups, one of which is moved at frame 1000 of the piece: the other keeps its bits.
+    #[test]
+    fn a_group_glides_and_blocks_change_nothing() {
+        let n = 4000;
+        let frames = frames(n);
+        let mixed = |block: usize| {
+            let mut mixer = Mixer::new(44_100.0, 3, 2);
+            mixer.route_of(0, 0, 0, 0.5, None).unwrap();
+            mixer.route_of(2, 0, 1, 0.5, None).unwrap();
+            mixer.route_of(2, 1, 1, 1.0, Some(8.0)).unwrap();
+            assert_eq!(mixer.n_groups(), 3);
+            mixer.seek(500);
+            let mut mixed = vec![0.0; 2 * n];
+            let mut at = 0;
+            while at < n {
+                if at == 500 {
+                    mixer.set_gain(2, 0.5);
+                    mixer.set_gain(7, 9.0);
+                }
+                let stop = (at + block).min(if at < 500 { 500 } else { n });
+                mixer.process(&frames[3 * at..3 * stop], &mut mixed[2 * at..2 * stop]);
+                at = stop;
+            }
+            mixed
+        };
+        let whole = mixed(n);
+        for block in [1, 44, 64, 333] {
+            assert_eq!(mixed(block), whole);
+        }
+        let mut plain = vec![0.0; 2 * n];
+        let mut mixer = Mixer::new(44_100.0, 3, 2);
+        mixer.route(0, 0, 0.5, None).unwrap();
+        mixer.route(0, 1, 0.5, None).unwrap();
+        mixer.route(1, 1, 1.0, Some(8.0)).unwrap();
+        mixer.process(&frames, &mut plain);
+        for (i, (now, was)) in whole.chunks(2).zip(plain.chunks(2)).enumerate() {
+            assert_eq!(now[0], was[0]);
+            // Frame 1024 of the piece is the first multiple of 64 after 1000; 896 are 20 ms and a bit.
+            let u = (i as f64 + 500.0 - 1024.0) / 896.0;
+            let u = u.clamp(0.0, 1.0);
+            let gain = 1.0 - 0.5 * (3.0 - 2.0 * u) * u * u;
+            assert!((now[1] - gain * was[1]).abs() < 1e-15, "frame {i}");
+        }
     }
 
     #[test]

@@ -35,6 +35,8 @@ pub struct Drain {
     /// Whether the loudspeakers are behind this one; a rate converter's inner drain tells nothing.
     outermost: bool,
     given: Given,
+    /// Of the frames that are handed out [Hz].
+    rate: u32,
 }
 
 /// Of one ring.
@@ -105,8 +107,16 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
             score_rate: 1,
             card_rate: 1,
         },
+        rate: 48_000,
     };
     (feed, drain)
+}
+
+impl Given {
+    /// All of them, in frames of the score.
+    fn score(self) -> u64 {
+        self.before + self.frames * self.score_rate / self.card_rate
+    }
 }
 
 impl Feed {
@@ -183,6 +193,7 @@ impl Drain {
     /// The rate of the frames that are handed out [Hz]: ramps are times.
     pub(super) fn set_rate(&mut self, rate: u32) {
         self.shape.set_rate(rate);
+        self.rate = rate.max(1);
     }
 
     /// This one stands before another ring: it tells nothing of its own.
@@ -322,9 +333,12 @@ impl Drain {
             return;
         }
         let given = &mut self.given;
+        if frames > 0 {
+            let rate = f64::from(self.rate) * given.score_rate as f64 / given.card_rate as f64;
+            self.shared.begins(given.score(), rate);
+        }
         given.frames += frames as u64;
-        let score = given.frames * given.score_rate / given.card_rate;
-        self.shared.set_played(given.before + score);
+        self.shared.set_played(given.score());
         if ended {
             self.shared.set_finished();
         }
@@ -336,6 +350,9 @@ impl Drain {
         if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
             chunk.commit_all();
         }
+        let given = self.given;
+        let skipped = frames as u64 * given.score_rate / given.card_rate;
+        self.shared.add_skipped(skipped);
         if self.outermost {
             self.shared.add_discarded(frames as u64);
             if closed {

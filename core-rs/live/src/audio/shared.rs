@@ -1,10 +1,18 @@
 //! What the physics, the card and the player know of each other while it plays: atomics only.
 
-use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicI64, AtomicU32, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// No frame has gone to the card yet.
+const NEVER: i64 = i64::MIN;
 
 /// News of one performance's sound. Every method may be called from any thread, the callback's too.
-#[derive(Default)]
 pub struct Shared {
+    began: Instant,
+    /// When frame 0 went to the card, or would have, by what its last block tells [ns since `began`].
+    zero: AtomicI64,
+    /// Frames of the score that a panic threw away, before or behind a converter.
+    skipped: AtomicU64,
     panic: AtomicBool,
     alive: AtomicBool,
     freewheel: AtomicBool,
@@ -17,6 +25,28 @@ pub struct Shared {
     priority: AtomicI32,
     latency: AtomicU32,
     block: AtomicU32,
+}
+
+impl Default for Shared {
+    fn default() -> Self {
+        Self {
+            began: Instant::now(),
+            zero: AtomicI64::new(NEVER),
+            skipped: AtomicU64::new(0),
+            panic: AtomicBool::default(),
+            alive: AtomicBool::default(),
+            freewheel: AtomicBool::default(),
+            finished: AtomicBool::default(),
+            underruns: AtomicU64::default(),
+            missing: AtomicU64::default(),
+            played: AtomicU64::default(),
+            discarded: AtomicU64::default(),
+            xruns: AtomicU64::default(),
+            priority: AtomicI32::default(),
+            latency: AtomicU32::default(),
+            block: AtomicU32::default(),
+        }
+    }
 }
 
 macro_rules! count {
@@ -107,6 +137,29 @@ impl Shared {
 
     pub(super) fn set_played(&self, frames: u64) {
         self.played.store(frames, Ordering::Release);
+    }
+
+    /// How long ago frame 0 of the ring went to the card, by what its last block tells: frame n went n frames later.
+    /// Silence that an underrun put in moves it. `None` before the first block.
+    #[must_use]
+    pub fn sounding(&self) -> Option<Duration> {
+        let zero = self.zero.load(Ordering::Acquire);
+        let now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        (zero != NEVER)
+            .then(|| Duration::from_nanos(now.saturating_sub(zero).max(0).unsigned_abs()))
+    }
+
+    /// A block that begins with frame `n`, at `rate` [Hz], goes to the card now.
+    pub(super) fn begins(&self, n: u64, rate: f64) {
+        let n = n + self.skipped.load(Ordering::Relaxed);
+        let before = (n as f64 / rate * 1e9) as i64;
+        let now = i64::try_from(self.began.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        self.zero
+            .store(now.saturating_sub(before), Ordering::Release);
+    }
+
+    pub(super) fn add_skipped(&self, frames: u64) {
+        self.skipped.fetch_add(frames, Ordering::Relaxed);
     }
 
     /// SCHED_FIFO priority that the card's thread really runs at; `None`: scheduled like any other.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use ergon_engine::mix::glide::Glide;
 use rtrb::{Consumer, Producer};
 
 use super::clock::Clock;
@@ -38,6 +39,7 @@ pub(super) struct Links {
 /// All that plays.
 pub(super) struct Player {
     stage: Stage,
+    gain: Glide,
     slots: Vec<Slot>,
     links: Links,
     clock: Clock,
@@ -69,7 +71,7 @@ pub(super) struct Player {
 
 impl Player {
     pub(super) fn new(
-        stage: Stage,
+        mut stage: Stage,
         slots: Vec<Slot>,
         links: Links,
         clock: Clock,
@@ -82,6 +84,7 @@ impl Player {
                 of[hand] = Some((slot, axis));
             }
         }
+        stage.mixer.seek(stage.simulation.frame());
         let latency = stage.limiter.latency();
         let (every, n_out) = (stage.every, stage.simulation.n_out());
         let channels = stage.mixer.n_channels();
@@ -90,6 +93,7 @@ impl Player {
             ..Status::default()
         };
         Self {
+            gain: Glide::new(stage.simulation.rate(), stage.gain),
             movers: vec![Mover::default(); n],
             before: vec![0.0; n],
             felt: vec![0.0; n],
@@ -201,8 +205,12 @@ impl Player {
         while let Ok(command) = self.links.commands.pop() {
             match command {
                 Command::Gain(gain) => {
-                    self.stage.gain = gain;
+                    self.gain.set(gain);
                     self.note(format_args!("{{\"gain\":{gain}}}"));
+                }
+                Command::Part(part, gain) => {
+                    self.stage.mixer.set_gain(part, gain);
+                    self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
                 Command::Keys(slot, guarded) => {
                     self.slots[slot].comes_back(guarded);
@@ -319,7 +327,7 @@ impl Player {
                 self.status.missed += frozen.join(heard, n_out, self.frame);
             }
             stage.mixer.process(heard, mixed);
-            mixed.iter_mut().for_each(|x| *x *= stage.gain);
+            self.gain.apply(self.frame, mixed, channels);
             stage.limiter.process(mixed);
         } else {
             let n = stage.every.min(self.tail);

@@ -1,0 +1,148 @@
+//! A gain that is moved while it sounds: it never jumps.
+
+use crate::timeline::GRID;
+
+/// From one gain to the next it takes this time [s], rounded up to the grid: as couplings do.
+const GLIDE: f64 = 0.02;
+
+/// A gain on its way. It sets out at multiples of [`GRID`] frames, so that no block size moves it.
+#[derive(Clone, Copy, Debug)]
+pub struct Glide {
+    from: f64,
+    to: f64,
+    start: u64,
+    length: u64,
+    /// Where it is to go from the next multiple of the grid on.
+    wish: Option<f64>,
+}
+
+impl Glide {
+    /// At rest at `gain`, for frames at `rate` [Hz].
+    #[must_use]
+    pub fn new(rate: f64, gain: f64) -> Self {
+        let length = ((GLIDE * rate) as u64).div_ceil(GRID).max(1) * GRID;
+        Self {
+            from: gain,
+            to: gain,
+            start: 0,
+            length,
+            wish: None,
+        }
+    }
+
+    /// Go to `gain` from the next multiple of the grid on; what is not finite is left alone.
+    pub fn set(&mut self, gain: f64) {
+        if gain.is_finite() {
+            self.wish = Some(gain);
+        }
+    }
+
+    /// Where it is at frame `n`.
+    #[must_use]
+    pub fn at(&self, n: u64) -> f64 {
+        let into = n.saturating_sub(self.start);
+        if into >= self.length {
+            return self.to;
+        }
+        let u = into as f64 / self.length as f64;
+        self.from + (self.to - self.from) * u * u * (3.0 - 2.0 * u)
+    }
+
+    /// The gain, if it stays what it is from frame `n` on.
+    #[must_use]
+    pub fn steady(&self, n: u64) -> Option<f64> {
+        let rests = self.wish.is_none() && n.saturating_sub(self.start) >= self.length;
+        (rests || self.wish.is_none() && self.from == self.to).then_some(self.to)
+    }
+
+    /// At frame `n`: set out, if it is to and may.
+    pub fn turn(&mut self, n: u64) {
+        if n.is_multiple_of(GRID)
+            && let Some(gain) = self.wish.take()
+        {
+            (self.from, self.to, self.start) = (self.at(n), gain, n);
+        }
+    }
+
+    /// Multiply frames (n_frames, n_channels), the first of which is frame `n`.
+    pub fn apply(&mut self, n: u64, frames: &mut [f64], n_channels: usize) {
+        let mut n = n;
+        let mut rest = frames;
+        while !rest.is_empty() {
+            self.turn(n);
+            let count = until(n, self.steady(n).is_some());
+            let length = rest.len();
+            let span = count.saturating_mul(n_channels as u64).min(length as u64) as usize;
+            let (now, later) = rest.split_at_mut(span);
+            match self.steady(n) {
+                Some(gain) => now.iter_mut().for_each(|x| *x *= gain),
+                None => now
+                    .chunks_mut(n_channels.max(1))
+                    .zip(n..)
+                    .for_each(|(frame, n)| frame.iter_mut().for_each(|x| *x *= self.at(n))),
+            }
+            (n, rest) = (n.saturating_add(count), later);
+        }
+    }
+}
+
+/// Frames from `n` that need no look at what is to move: all, or those before the grid's next.
+pub(super) fn until(n: u64, steady: bool) -> u64 {
+    if steady { u64::MAX } else { GRID - n % GRID }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What it is at each of `n` frames, asked in blocks; it is sent off at frame 100 and turned round at 400.
+    fn gains(n: usize, block: usize) -> Vec<f64> {
+        let mut glide = Glide::new(44_100.0, 1.0);
+        let mut frames = vec![1.0; n];
+        let mut at = 0;
+        while at < n {
+            if at == 100 {
+                glide.set(0.25);
+            } else if at == 400 {
+                glide.set(2.0);
+            }
+            let next = [100, 400, n].into_iter().find(|&stop| at < stop);
+            let stop = (at + block).min(next.unwrap_or(n));
+            glide.apply(at as u64, &mut frames[at..stop], 1);
+            at = stop;
+        }
+        frames
+    }
+
+    #[test]
+    fn it_sets_out_on_the_grid_and_never_jumps() {
+        let gains = gains(3000, 64);
+        assert!(gains[..=128].iter().all(|&x| x == 1.0) && gains[129] < 1.0);
+        // Turned round at 448, where it was: 5 of 14 parts of its way from 1 to 1/4.
+        let u = 320.0 / 896.0_f64;
+        let there = 1.0 - 0.75 * (3.0 * u * u - 2.0 * u * u * u);
+        assert!((gains[448] - there).abs() < 1e-12, "{}", gains[448]);
+        assert!(gains[448 + 896..].iter().all(|&x| x == 2.0));
+        // 1.5/896 of the way is the most of a frame.
+        let steps = gains.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!(steps.fold(0.0, f64::max) < 1.5 * 1.75 / 896.0);
+    }
+
+    #[test]
+    fn blocks_change_nothing() {
+        let whole = gains(2000, 4096);
+        for block in [1, 7, 44, 64, 333] {
+            assert_eq!(gains(2000, block), whole);
+        }
+    }
+
+    #[test]
+    fn at_rest_it_multiplies_and_no_more() {
+        let mut frames = [0.1, -0.3, 0.7, 1e-9];
+        Glide::new(48_000.0, 0.5).apply(17, &mut frames, 2);
+        assert_eq!(frames, [0.05, -0.15, 0.35, 5e-10]);
+        let mut glide = Glide::new(48_000.0, 0.5);
+        glide.set(f64::NAN);
+        assert_eq!(glide.steady(0), Some(0.5));
+    }
+}

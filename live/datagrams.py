@@ -1,0 +1,88 @@
+"""OSC datagrams: bytes that anybody may have sent to messages, and messages to bytes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+MOST = 4096  # bytes of a datagram; what is longer is not for us
+_DEEPEST = 8  # bundles inside bundles
+_BUNDLE = b"#bundle\0"
+_HEAD = len(_BUNDLE) + 8  # with its time tag
+_TYPES = re.compile(rb",[ifdhsbtTFN]*\Z")
+PIP = "pip install ergon-live[osc]"
+
+
+class MissingError(Exception):
+    """python-osc is not there; the message says how to get it."""
+
+
+class MalformedError(Exception):
+    """Bytes that are no OSC."""
+
+
+def look() -> None:
+    """Raise MissingError where python-osc is not there."""
+    try:
+        import pythonosc.osc_message  # noqa: F401
+    except ImportError:
+        raise MissingError(f"OSC needs python-osc: {PIP}") from None
+
+
+def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
+    """(address, arguments) of every message in it; time tags are let be. Raises MalformedError."""
+    from pythonosc.osc_message import OscMessage
+
+    found = []
+    for part in _flat(datagram, _DEEPEST):
+        # What python-osc does not know of it writes to the terminal: that is not for strangers.
+        if not part.startswith(b"/") or not _TYPES.match(_types(part)):
+            raise MalformedError
+        try:
+            message = OscMessage(part)
+            found.append((message.address, list(message.params)))
+        except Exception:  # whatever strange bytes make of a parser
+            raise MalformedError from None
+    return found
+
+
+def _flat(datagram: bytes, deepest: int) -> Iterator[bytes]:
+    """The messages of bundles; sizes are looked at here, for python-osc believes them."""
+    if not datagram.startswith(_BUNDLE):
+        yield datagram
+        return
+    if deepest == 0 or len(datagram) < _HEAD:
+        raise MalformedError
+    at = _HEAD
+    while at < len(datagram):
+        size = int.from_bytes(datagram[at : at + 4], "big")
+        at += 4
+        if size == 0 or size % 4 or at + size > len(datagram):
+            raise MalformedError
+        yield from _flat(datagram[at : at + size], deepest - 1)
+        at += size
+
+
+def _types(message: bytes) -> bytes:
+    """The types of a message's arguments, `,` if it says none."""
+    at = (message.find(b"\0") // 4 + 1) * 4
+    return message[at:].partition(b"\0")[0] or b","
+
+
+def written(address: str, arguments: Sequence[object], when: float | None = None) -> bytes:
+    """A message; with an instant [s since 1970], in a bundle with that time tag.
+
+    An instant of 0 is OSC's `immediately`.
+    """
+    from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+    from pythonosc.osc_message_builder import OscMessageBuilder
+
+    builder = OscMessageBuilder(address)
+    for argument in arguments:
+        builder.add_arg(argument)  # type: ignore[arg-type]
+    message = builder.build()
+    if when is None:
+        return message.dgram
+    bundle = OscBundleBuilder(when or IMMEDIATELY)  # type: ignore[arg-type]
+    bundle.add_content(message)
+    return bundle.build().dgram

@@ -1,0 +1,208 @@
+"""OSC beside a performance: a socket, a thread of its own, and no more than somebody can read."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+from .datagrams import MOST, MalformedError, look, messages, written
+from .osc_in import AskError, no_session, table
+from .osc_out import Teller
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.stage import Stage
+
+    from .osc_in import Command, Table
+
+    Place = tuple[str, int]
+
+LOOPBACK = "127.0.0.1"
+_TURN = 0.005  # [s] between two looks at the performance
+_AT_ONCE = 64  # datagrams that are taken before it is looked at again
+_ANSWERS = 10  # a second: a flood of mistakes gets no flood of answers
+_MOST_KNOWN = 1000  # addresses that nobody knows, each warned of once
+_SHOWN = 80  # characters of such an address
+
+
+class OscError(Exception):
+    """Why there is no OSC here, as a sentence."""
+
+
+def place(text: str) -> Place:
+    """`[HOST:]PORT` as (host, port); without a host, this machine alone. Raises OscError."""
+    host, _, port = text.rpartition(":")
+    if not port.isascii() or not port.isdigit() or int(port) > 65535:
+        raise OscError(f"{text}: a place is PORT or HOST:PORT, such as {LOOPBACK}:9000")
+    return host.removeprefix("[").removesuffix("]") or LOOPBACK, int(port)
+
+
+class Osc:
+    """Hears at `here` what is asked, tells `there` what happens; either may be None."""
+
+    def __init__(
+        self, here: Place | None, there: Place | None, command: Command = no_session
+    ) -> None:
+        """Open the sockets. Raises OscError, or MissingError without python-osc."""
+        look()
+        self._command = command
+        self._here = None if here is None else _socket(here, bound=True)
+        self._there = None if there is None else _socket(there, bound=False)
+        self.place = None if self._here is None else self._here[0].getsockname()[:2]
+        self.stopped = False  # somebody asked for the end
+        self.malformed = 0  # datagrams that were no OSC
+        self.unsent = 0  # datagrams that did not leave
+        self._remarks: deque[str] = deque(maxlen=100)
+        self._unknown: set[str] = set()
+        self._answers: deque[float] = deque(maxlen=_ANSWERS)
+        self._table: Table = {}
+        self._teller: Teller | None = None
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def begin(
+        self, performance: _core.Performance, stage: Stage, gain: float, start: int = 0
+    ) -> None:
+        """Serve a performance that began at frame `start` with a `gain` (ratio)."""
+
+        def stop() -> None:
+            self.stopped = True
+            performance.stop()
+
+        self._table = table(performance, stage, gain, stop, self._command)
+        self._teller = Teller(performance, stage, start, self._send) if self._there else None
+        self._over.clear()
+        self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
+        self._thread.start()
+
+    def rest(self) -> None:
+        """Serve it no longer; what is left to be told is told."""
+        if self._thread is None:
+            return
+        self._over.set()
+        self._thread.join()
+        self._thread = None
+        self._tell()
+
+    def close(self) -> None:
+        """Close the sockets."""
+        self.rest()
+        for opened in (self._here, self._there):
+            if opened is not None:
+                opened[0].close()
+
+    def remarks(self) -> list[str]:
+        """Sentences since the last call."""
+        found = []
+        with contextlib.suppress(IndexError):
+            while True:
+                found.append(self._remarks.popleft())
+        return found
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._over.is_set():
+            self._hear(due - time.monotonic())
+            if time.monotonic() >= due:
+                due = max(due + _TURN, time.monotonic())
+                self._tell()
+
+    def _tell(self) -> None:
+        if self._teller is not None:
+            with contextlib.suppress(_core.EngineError):  # it is closed already
+                self._teller.turn(time.time)
+
+    def _send(self, address: str, arguments: Sequence[object], when: float | None = None) -> None:
+        if self._there is not None:
+            self._post(*self._there, written(address, arguments, when))
+
+    def _post(self, sender: socket.socket, to: tuple[object, ...], datagram: bytes) -> None:
+        try:
+            sender.sendto(datagram, to)
+        except OSError:
+            self.unsent += 1
+
+    def _hear(self, patience: float) -> None:
+        """Do what came, or wait for it up to `patience` [s]."""
+        if self._here is None:
+            self._over.wait(max(0.0, patience))
+            return
+        own = self._here[0]
+        if not select.select([own], [], [], max(0.0, patience))[0]:
+            return
+        for _ in range(_AT_ONCE):
+            try:
+                datagram, sender = own.recvfrom(MOST + 1)
+            except BlockingIOError:
+                return
+            except OSError:
+                self.malformed += 1  # too long, where the system says so
+                continue
+            self._do(datagram, sender)
+
+    def _do(self, datagram: bytes, sender: tuple[object, ...]) -> None:
+        try:
+            if len(datagram) > MOST:
+                raise MalformedError
+            asked = messages(datagram)
+        except MalformedError:
+            self.malformed += 1
+            return
+        for address, arguments in asked:
+            ask = self._table.get(address)
+            try:
+                if ask is None:
+                    self._wonder(address)
+                else:
+                    ask(arguments)
+            except AskError as error:
+                self._answer(sender, str(error))
+            except _core.EngineError:
+                return  # it is over
+
+    def _wonder(self, address: str) -> None:
+        """An address that nobody knows: once each, and only so many a second."""
+        if address in self._unknown or len(self._unknown) >= _MOST_KNOWN or not self._may_speak():
+            return
+        self._unknown.add(address)
+        self._remarks.append(f"osc: no address {_shown(address)}")
+
+    def _answer(self, sender: tuple[object, ...], sentence: str) -> None:
+        if self._here is not None and self._may_speak():
+            self._post(self._here[0], sender, written("/ergon/error", [sentence]))
+
+    def _may_speak(self) -> bool:
+        now = time.monotonic()
+        if len(self._answers) == _ANSWERS and now - self._answers[0] < 1.0:
+            return False
+        self._answers.append(now)
+        return True
+
+
+def _shown(address: str) -> str:
+    """An address as a terminal may show it."""
+    return ascii(address[:_SHOWN])[1:-1]
+
+
+def _socket(where: Place, *, bound: bool) -> tuple[socket.socket, tuple[object, ...]]:
+    """A datagram socket, and the address that `where` stands for."""
+    made = None
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(*where, type=socket.SOCK_DGRAM)[0]
+        made = socket.socket(family, kind, protocol)
+        made.setblocking(False)
+        if bound:
+            made.bind(address)
+    except (OSError, UnicodeError) as error:
+        if made is not None:
+            made.close()
+        what = "cannot listen at" if bound else "cannot send to"
+        raise OscError(f"{what} {where[0]}:{where[1]}: {error}") from None
+    return made, address

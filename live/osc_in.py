@@ -1,0 +1,151 @@
+"""What other programs may ask of a performance: one function for each OSC address."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ergon import _core
+
+if TYPE_CHECKING:
+    from ergon.instruments.model import Module
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+    Ask = Callable[[Sequence[object]], None]
+    Table = Mapping[str, Ask]
+    # A line of the prompt; raises AskError where it is refused.
+    Command = Callable[[str], None]
+
+# What comes over a network is not to burst ears [dB].
+_LOUDEST = 24.0
+_SILENT = -144.0
+_MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
+
+
+class AskError(Exception):
+    """Why something is not done, as a sentence for whoever asked."""
+
+
+def no_session(_line: str) -> None:
+    """What becomes of a command while there is no prompt. Raises AskError."""
+    raise AskError("the REPL takes commands")
+
+
+def table(
+    performance: _core.Performance,
+    stage: Stage,
+    gain: float,
+    stop: Callable[[], None],
+    command: Command = no_session,
+) -> dict[str, Ask]:
+    """Address → what it does with its arguments. `gain` is the ratio that 0 dB stands for."""
+    parts = stage.listening.parts()
+    groups = {name: group for group, name in enumerate(parts)}
+
+    def of(names: Iterable[str]) -> Callable[[float], None]:
+        mine = [groups[name] for name in names]
+        return lambda ratio: _heeded([performance.part_gain(group, ratio) for group in mine])
+
+    owned = alone(stage.piece, parts)
+    return {
+        "/ergon/cmd": _text(command),
+        "/ergon/panic": _pressed(performance.panic),
+        "/ergon/release": _pressed(performance.release),
+        "/ergon/stop": _pressed(stop),
+        "/ergon/gain": _level(lambda ratio: _heeded([performance.gain(gain * ratio)])),
+        **{f"/ergon/instrument/{name}/gain": _level(of([name])) for name in parts},
+        **{
+            f"/ergon/player/{player}/gain": _level(of(mine)) if mine else _shared(player)
+            for player, mine in owned.items()
+        },
+    }
+
+
+def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
+    """Player → those of the instruments `parts` that no key but the player's reaches by links."""
+    reached = {key: _reached(piece, key) for key in piece.keys}
+    found = {}
+    for player in piece.players.values():
+        others = set().union(*(names for key, names in reached.items() if key != player.key))
+        found[player.name] = [part for part in parts if part in reached[player.key] - others]
+    return found
+
+
+def _reached(piece: Piece, key: str) -> set[str]:
+    """Instruments that hang together with a key, but for those behind other keys."""
+    near: dict[str, set[str]] = {}
+    for ends in _ties(piece):
+        for end in ends:
+            near.setdefault(end, set()).update(ends)
+    found: set[str] = set()
+    seen = [key]
+    while seen:
+        for part in near.get(seen.pop(), set()) - found - piece.keys.keys():
+            found.add(part)
+            seen.append(part)
+    return found
+
+
+def _ties(piece: Piece) -> Iterator[set[str]]:
+    """Parts that each link ties: those of its two ends, and the one in which it is written."""
+    parts: list[tuple[str, Sequence[Module]]] = [
+        *((name, key.modules) for name, key in piece.keys.items()),
+        *((name, made.modules) for name, made in piece.instruments.items()),
+    ]
+    for name, modules in parts:
+        for module in modules:
+            if "between" in module.fields:
+                yield {name, *(end.part for end in module.fields["between"])}
+
+
+def _heeded(all_heeded: Sequence[bool]) -> None:
+    if not all(all_heeded):
+        raise AskError("too much is asked at once")
+
+
+# --- arguments ------------------------------------------------------------------------------------
+
+
+def _pressed(act: Callable[[], object]) -> Ask:
+    """A button: it may send nothing, or 1 when it is pressed and 0 when it is let go."""
+
+    def ask(arguments: Sequence[object]) -> None:
+        if not arguments or arguments[0] not in (0, False):
+            act()
+
+    return ask
+
+
+def _level(act: Callable[[float], object]) -> Ask:
+    """A level in dB; acts on the ratio."""
+
+    def ask(arguments: Sequence[object]) -> None:
+        level = arguments[0] if len(arguments) == 1 else None
+        if isinstance(level, bool) or not isinstance(level, int | float) or math.isnan(level):
+            raise AskError("this takes one number, in dB")
+        if level > _LOUDEST:
+            raise AskError(f"{level:.4g} dB is more than {_LOUDEST:g} dB")
+        act(_core.decibels(float(level)) if level > _SILENT else 0.0)
+
+    return ask
+
+
+def _text(act: Callable[[str], object]) -> Ask:
+    def ask(arguments: Sequence[object]) -> None:
+        line = arguments[0] if len(arguments) == 1 else None
+        if not isinstance(line, str) or len(line) > _MAX_COMMAND:
+            raise AskError(f"this takes one string of at most {_MAX_COMMAND} characters")
+        act(line)
+
+    return ask
+
+
+def _shared(player: str) -> Ask:
+    def ask(_arguments: Sequence[object]) -> None:
+        raise AskError(
+            f"no instrument is reached by {player}'s key alone: ask /ergon/instrument/NAME/gain"
+        )
+
+    return ask

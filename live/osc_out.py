@@ -1,0 +1,139 @@
+"""What other programs are told of a performance, and when each thing of it is heard."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.scores.clock.tempo import TempoMap
+    from ergon.scores.staging.stage import Stage
+
+    # Send to an address; with an instant [s since 1970], in a bundle that bears it.
+    Send = Callable[..., None]
+
+HANDS = 0.01  # [s] between two words about a hand
+_LEVELS = 0.1  # [s] between two words about the level
+_FLOOR = 1e-7  # below it the level is said as its own [ratio]: -140 dB
+# A card's blocks come late, never early: the earliest of so many seconds is the true one [s].
+_MEMORY = 1.0
+_JUMP = 0.02  # [s] by which only another time line differs: a server came back, the clock was set
+
+
+class Ear:
+    """When frames of the piece are heard, as far as the sound's server tells."""
+
+    def __init__(self, rate: float, start: int) -> None:
+        """Frames at `rate` [Hz], of which `start` was the first to be played."""
+        self._rate, self._start = rate, start
+        self._seen: deque[tuple[float, float]] = deque()
+        self._dropped = 0
+        self._line: tuple[int, int, bool] | None = None
+
+    def look(self, status: _core.Status, now: float) -> None:
+        """Take in a status that was asked for at `now`."""
+        if status.sounding is None or not status.paced:
+            return
+        zero = now - status.sounding + status.latency
+        line = (status.underruns, status.dropped, status.alive)
+        if line != self._line or (self._seen and abs(zero - self._seen[-1][1]) > _JUMP):
+            self._seen.clear()
+        self._line, self._dropped = line, status.dropped
+        self._seen.append((now, zero))
+        while self._seen[0][0] < now - _MEMORY:
+            self._seen.popleft()
+
+    def when(self, frame: int) -> float | None:
+        """The instant at which a frame is heard [s since 1970]; None where no clock says it."""
+        if not self._seen:
+            return None
+        zero = min(zero for _, zero in self._seen)
+        return zero + (frame - self._start - self._dropped) / self._rate
+
+
+class Teller:
+    """Tells of a performance; `send` puts a message on its way."""
+
+    def __init__(
+        self, performance: _core.Performance, stage: Stage, start: int, send: Send
+    ) -> None:
+        """`start`: the first frame that is played."""
+        self._performance, self._stage, self._send = performance, stage, send
+        self._ear = Ear(stage.rate, start)
+        self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live]
+        self._events = [_From(_beats(stage), start), _From(_strikes(stage), start)]
+        self._late: tuple[int, int] | None = None
+        self._next_hands = self._next_levels = -math.inf
+
+    def turn(self, clock: Callable[[], float]) -> None:
+        """Tell what is new; `clock` gives the seconds since 1970. Raises EngineError at the end."""
+        status = self._performance.status()
+        now = clock()
+        self._ear.look(status, now)
+        # What is computed is heard later: until the first block went out nobody knows when.
+        if status.sounding is not None or not status.paced:
+            for events in self._events:
+                for frame, address, arguments in events.before(status.frame):
+                    self._send(address, arguments, self._ear.when(frame) or 0.0)
+        self._told(status, now)
+
+    def _told(self, status: _core.Status, now: float) -> None:
+        # A clock that is set back must not silence anybody.
+        if not self._next_hands - HANDS <= now < self._next_hands:
+            self._next_hands = now + HANDS
+            for address, hand in zip(self._hands, status.hands, strict=False):
+                self._send(address, (hand.position, hand.force))
+        if not self._next_levels - _LEVELS <= now < self._next_levels:
+            self._next_levels = now + _LEVELS
+            peaks = status.peaks[: self._stage.n_channels]
+            self._send("/ergon/level", [20.0 * math.log10(max(peak, _FLOOR)) for peak in peaks])
+        late = status.late, status.underruns
+        if late != self._late:
+            self._late = late
+            self._send("/ergon/late", late)
+
+
+_Event = tuple[int, str, tuple[object, ...]]  # (frame, address, arguments)
+
+
+class _From:
+    """Events in the order of their frames, from `start` on."""
+
+    def __init__(self, events: Iterator[_Event], start: int) -> None:
+        self._events = (event for event in events if event[0] >= start)
+        self._next = next(self._events, None)
+
+    def before(self, frame: int) -> Iterator[_Event]:
+        """Those that come before a frame and were not asked for yet."""
+        while self._next is not None and self._next[0] < frame:
+            event, self._next = self._next, next(self._events, None)
+            yield event
+
+
+def _beats(stage: Stage) -> Iterator[_Event]:
+    """Every beat of every bar: (bar, beat, bpm)."""
+    tempo: TempoMap = stage.piece.tempo_map
+    bar = 1
+    while True:
+        start, length = tempo.bars.bar(bar)
+        for beat in range(math.ceil(length)):
+            at = start + beat
+            frame = _frame(tempo.seconds(at), stage.rate)
+            if frame >= stage.n_frames:
+                return
+            yield frame, "/ergon/beat", (bar, beat + 1, float(tempo.bpm(at)))
+        bar += 1
+
+
+def _strikes(stage: Stage) -> Iterator[_Event]:
+    """Every gesture that begins: (player, key, gesture, seconds of the piece)."""
+    for gesture in sorted(stage.gestures, key=lambda gesture: gesture.start):
+        said = (gesture.player, gesture.key, gesture.name, float(gesture.start))
+        yield _frame(gesture.start, stage.rate), "/ergon/strike", said
+
+
+def _frame(seconds: float, rate: float) -> int:
+    return int(seconds * rate + 0.5)
