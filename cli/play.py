@@ -54,8 +54,8 @@ def _playing(command: Any) -> Any:
 def play(console: Console, score_path: str, **wishes: Any) -> None:
     """Play a score through the loudspeakers.
 
-    What `ergon render` writes is what sounds. Live players are played by what stands in for them;
-    `ergon duet` puts hands there. Ctrl-C ends it within 5 ms; a second one at once.
+    Live players are played by what stands in for them;
+    `ergon duet` puts hands there. Ctrl-C ends it within 10 ms.
     """
     from .playing import Wishes, play_score
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import sys
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,8 @@ from ergon.exchange.level import HIGHPASS, NORMALISE_DB
 
 from . import freezing, score
 from .console import Console
-from .outcome import DeviceMissing, Late, Refused
+from .outcome import DeviceMissing, Refused
+from .session import Session
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -25,9 +27,6 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _NOT_HERE = ("N401",)  # that a live hand is not there: here it is, or its absence is seen
-_LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
-_SAY = 2.0  # [s] between two lines under --plain
-_AFTER = 10.0  # [s] that what is in the ring may take to be heard
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,37 +98,36 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
             with console.progress("going there", order.start, stage.rate) as progress:
                 performance = perform(stage, order, progress.at)
         except _core.EngineError as error:
-            raise DeviceMissing(str(error)) from None
-        console.say(performance.output())
-        _borne(console, stage, performance)
-        session = _Session(console, stage, performance, boards, wishes)
-        if osc is not None:
-            session.serve(osc, order)
-        ended = session.run()
-        if not wishes.loop or not ended or (osc is not None and osc.stopped):
+            raise DeviceMissing(_named(error, stage)) from None
+        session = Session(
+            console, stage, performance, boards, strict=wishes.strict, plain=wishes.plain
+        )
+        session.run(osc, order, partial(_borne, console, stage, performance))
+        if not wishes.loop or (osc is not None and osc.stopped):
             return
         order = replace(order, start=0)
 
 
-# A key that gets less of the scene's force than this feels another instrument.
-_LEAST = 0.02
-
-
 def _borne(console: Console, stage: Stage, performance: _core.Performance) -> None:
-    """Tell whose forces are scaled; refuse where hardly anything would be left."""
+    """Tell whose forces are scaled."""
     for hand, part, met, limit in performance.borne():
-        if part >= 1.0:
-            continue
-        live = stage.live[hand]
-        why = (
-            f"{live.player} on {live.key}: the scene is {met:,.0f} N/m stiff there, and the device "
-            f"bears {limit:,.0f} N/m at {stage.rate / live.every:.0f} Hz"
-        )
-        if part < _LEAST:
-            performance.panic()
-            performance.stop()
-            raise Refused(f"{why}; soften what {live.key} touches, or set a reach")
-        console.warn(f"{why}; its forces are scaled to {part:.0%}")
+        if part < 1.0:
+            live = stage.live[hand]
+            console.warn(
+                f"{live.player} on {live.key}: the scene is {met:,.0f} N/m stiff there, and the "
+                f"device bears {limit:,.0f} N/m at {stage.rate / live.every:.0f} Hz; its forces "
+                f"are scaled to {part:.0%}"
+            )
+
+
+def _named(error: Exception, stage: Stage) -> str:
+    """What the core refuses, with the player in the place of a hand's number."""
+
+    def player(found: re.Match[str]) -> str:
+        hand = stage.live[int(found[1])]
+        return f"{hand.player} on {hand.key}:"
+
+    return re.sub(r"^hand (\d+):", player, str(error))
 
 
 def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
@@ -141,6 +139,8 @@ def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
             raise Refused(_no_player(piece, name, "--standin"))
         if what not in piece.takes and what not in piece.gestures:
             raise Refused(f"--standin {pair}: no take or gesture is called '{what}'")
+        if any(play.player == name for play in piece.parts):
+            raise Refused(f"--standin {pair}: {name} has a part, which stands in")
         players[name] = replace(players[name], standin=what)
     return replace(piece, players=players)
 
@@ -233,6 +233,9 @@ def _order(
     master = piece.mix.master
     limit = master.limit if master is not None and master.limit is not None else 1.0
     audio = wishes.audio if wishes.block is None else f"{wishes.audio},block={wishes.block}"
+    if wishes.loop and (wishes.record or wishes.audio.startswith("file:")):
+        raise Refused("--loop goes with neither --record nor file:, which are written once")
+    score.whole_rate(stage.rate)
     record = None if wishes.record is None else _recording(wishes.record, stage)
     order = Order(
         audio=audio,
@@ -330,143 +333,3 @@ def _recording(path: str, stage: Stage) -> Path:
     if target.exists():
         raise Refused(f"{path} is there already, and a recording overwrites nothing")
     return target
-
-
-class _Session:
-    """A performance from its first frame to its last, and what is shown of it."""
-
-    def __init__(
-        self,
-        console: Console,
-        stage: Stage,
-        performance: _core.Performance,
-        boards: Sequence[Board],
-        wishes: Wishes,
-    ) -> None:
-        from ergon.live.display import Watcher
-
-        self._console, self._stage, self._performance = console, stage, performance
-        self._watcher = Watcher(stage)
-        self._players = [hand.player for hand in stage.live]
-        self._boards = [board.url for board in boards]
-        self._strict = wishes.strict
-        self._redraws = not (wishes.plain or console.json or console.quiet) and sys.stderr.isatty()
-        self._drawn = 0
-        self._said = 0.0
-        self._sound_events = 0
-        self._osc: Osc | None = None
-
-    def serve(self, osc: Osc, order: Order) -> None:
-        """Let others ask and be told by OSC while it plays."""
-        self._osc = osc
-        osc.begin(self._performance, self._stage, order.gain, order.start)
-
-    def run(self) -> bool:
-        """Play to the end; False when a person ended it."""
-        performance = self._performance
-        try:
-            if granted := self._granted():
-                self._console.detail(f"physics: {granted}")
-            while not performance.wait(_LOOK):
-                self._show()
-            self._show(last=True)
-            status = performance.status()
-            self._rest()
-            self._tell(performance.close(_AFTER))
-        except KeyboardInterrupt:
-            performance.panic()
-            performance.stop()
-            self._rest()
-            performance.close(0.05)
-            self._clear()
-            raise
-        self._finish(status)
-        return True
-
-    def _rest(self) -> None:
-        if self._osc is not None:
-            self._osc.rest()
-            self._remark()
-
-    def _remark(self) -> None:
-        for remark in self._osc.remarks() if self._osc is not None else ():
-            self._clear()
-            self._console.warn(remark)
-
-    def _granted(self) -> str | None:
-        self._performance.wait(0.02)
-        return self._performance.granted()
-
-    def _show(self, *, last: bool = False) -> None:
-        from ergon.live.display import lines, record
-
-        performance, console = self._performance, self._console
-        self._tell(performance.events())
-        sound = performance.sound_events()
-        for _, sentence in sound[self._sound_events :]:
-            self._say(sentence)
-        self._sound_events = len(sound)
-        self._remark()
-        status = performance.status()
-        view = self._watcher.look(status)
-        now = time.monotonic()
-        if console.json:
-            if last or now - self._said >= 1.0:
-                self._said = now
-                console.record("playing", **record(view, status.frame))
-        elif self._redraws:
-            import shutil
-
-            self._draw(lines(view, shutil.get_terminal_size().columns - 1))
-        elif last or now - self._said >= _SAY:
-            self._said = now
-            console.say(" | ".join(line.strip() for line in lines(view, 200)))
-
-    def _draw(self, lines: Sequence[str]) -> None:
-        up = f"\x1b[{self._drawn}F" if self._drawn else ""
-        sys.stderr.write(up + "".join(f"\x1b[2K{line}\n" for line in lines))
-        sys.stderr.flush()
-        self._drawn = len(lines)
-
-    def _clear(self) -> None:
-        """The lines stay where they are; what is said next stands below them."""
-        self._drawn = 0
-
-    def _tell(self, events: Sequence[tuple[int, str, float]]) -> None:
-        from ergon.live.display import told
-
-        for event in events:
-            if sentence := told(event, self._players, self._boards):
-                where = score.where(self._stage.piece, event[0] / self._stage.rate)
-                self._say(f"{where} {sentence}")
-
-    def _say(self, sentence: str) -> None:
-        self._clear()
-        if self._console.json:
-            self._console.record("event", message=sentence)
-        else:
-            self._console.say(sentence)
-
-    def _finish(self, status: _core.Status) -> None:
-        self._clear()
-        late, seconds = status.late, status.frame / self._stage.rate
-        fields = {
-            "frames": status.frame,
-            "late_ticks": late,
-            "ticks": status.ticks,
-            "underruns": status.underruns,
-            "dropped": status.dropped,
-            "missed": status.missed,
-        }
-        if self._osc is not None and (ignored := self._osc.malformed):
-            self._console.warn(f"{ignored} datagrams were no OSC and were ignored")
-        if self._console.json:
-            self._console.record("played", **fields)
-        else:
-            gaps = f", {status.underruns} gaps" if status.underruns else ""
-            self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
-        if status.missed:
-            missed = status.missed / self._stage.rate
-            self._console.warn(f"{missed:.3f} s of frozen parts were not read in time: silent")
-        if self._strict and (late or status.underruns or status.dropped or status.missed):
-            raise Late(f"{late} late ticks, {status.underruns} gaps in the sound (--strict)")

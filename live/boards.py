@@ -90,7 +90,7 @@ def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
         url, _, behind = text.partition("#")
         # Options of a URL stand behind its axis.
         number, mark, options = behind.partition("?")
-        if behind and not number.isdigit():
+        if behind and not number.isdecimal():
             raise BoardError(f"{text}: an axis is a number from 0 on, as in {url}#0")
         return url + mark + options, int(number or 0)
     named = _NAMED.match(text)

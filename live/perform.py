@@ -60,7 +60,8 @@ def perform(
     tick = every(stage)
     simulation = stage.simulation
     start = simulation.snapshot()
-    _skip(simulation, order.start // tick * tick, progress)
+    mixer = stage.mixer(highpass=order.highpass)
+    _skip(simulation, mixer, stage.n_channels, order.start // tick * tick, progress)
     numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in order.boards for _, player in board.axes}
     hands = [
@@ -88,7 +89,7 @@ def perform(
     try:
         return _core.Performance(
             simulation,
-            stage.mixer(highpass=order.highpass),
+            mixer,
             every=tick,
             audio=order.audio,
             gain=order.gain,
@@ -124,11 +125,19 @@ def _guide(stiffness: float | None) -> tuple[float, float] | None:
     return None if stiffness is None else (stiffness, GUIDE[1])
 
 
-def _skip(simulation: _core.Simulation, n_frames: int, progress: Callable[[int], None]) -> None:
+def _skip(
+    simulation: _core.Simulation,
+    mixer: _core.Mixer,
+    n_channels: int,
+    n_frames: int,
+    progress: Callable[[int], None],
+) -> None:
+    """Go on unheard; the mixer hears it, so that its filters are where they would be."""
     import numpy as np
 
     block = 4096
     for at in range(0, n_frames, block):
         frames = np.zeros((min(block, n_frames - at), simulation.n_out))
         simulation.process(frames)
+        mixer.process(frames, np.zeros((len(frames), n_channels)))
         progress(at + len(frames))

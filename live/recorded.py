@@ -12,6 +12,7 @@ from ergon.exchange.level import Level
 from .perform import Order
 
 _LOUDEST = 1e12  # no gain, and no frequency, is larger
+_MOST = 20_000_000  # ticks times hands: what a recording holds
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,6 +55,8 @@ def read(path: Path, piece: Piece) -> Recorded:
     if not len(held):
         raise NotThisError(f"{path}: nothing was recorded")
     first = int(recording.ticks()[0])
+    if (first + len(held)) * held.shape[1] > _MOST:
+        raise NotThisError(f"{path}: it begins too late in the piece")
     hands = {}
     for index, (player, key) in enumerate(recording.axes):
         if player not in piece.players or piece.players[player].key != key:
@@ -87,6 +90,8 @@ def _doubts(recording: _core.Recording, said: dict[str, Any], piece: Piece) -> l
     digest = score.get("sha256") if isinstance(score, dict) else None
     if digest is not None and digest != piece.digest():
         doubts.append("the score has changed since: it will not sound as it did")
+    if said.get("seed", piece.seed) != piece.seed:
+        doubts.append(f"its chance was drawn from seed {said['seed']}: add --seed {said['seed']}")
     if recording.damage:
         doubts.append(recording.damage)
     if any('"gain"' in line for _, line in recording.events):

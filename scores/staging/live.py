@@ -131,12 +131,16 @@ def standin(piece: Piece, player: Player, every: int, collector: Collector) -> N
     if not alone.parts and player.standin:
         hands.standin(player)
     end = max((gesture.stop for gesture in hands.gestures), default=0.0)
-    n_frames = (int(end * piece.rate) // every + 2) * every
-    path = np.zeros((n_frames, 1))
+    n_ticks = int(end * piece.rate) // every + 2
     simulation = _core.Simulation(assembly.network, timeline)
-    for at in range(0, n_frames, _BLOCK):
-        simulation.process(path[at : at + _BLOCK])
-    return np.ascontiguousarray(path[::every, 0])
+    block = max(1, _BLOCK // every)
+    positions = np.zeros(n_ticks)
+    for at in range(0, n_ticks, block):
+        count = min(block, n_ticks - at)
+        path = np.zeros((count * every, 1))
+        simulation.process(path)
+        positions[at : at + count] = path[::every, 0]
+    return positions
 
 
 def _alone(piece: Piece, player: Player) -> Piece:

@@ -18,7 +18,7 @@ use crate::mixer::Mixer;
 use crate::simulation::Simulation;
 
 /// How often a wait looks for Ctrl-C.
-const LOOK: Duration = Duration::from_millis(50);
+const LOOK: Duration = Duration::from_millis(2);
 /// Longer than any piece [s].
 const LONGEST: f64 = 1e6;
 

@@ -255,6 +255,11 @@ impl Island {
             .collect()
     }
 
+    /// How many parts were put to silence.
+    pub(crate) fn n_muted(&self) -> usize {
+        self.state.mutes.list().count()
+    }
+
     /// Room for every target there can be: a cloned vector has only what it holds.
     pub(crate) fn reserve(&mut self) {
         let most = self.script.drives.len() + self.script.voices.len();

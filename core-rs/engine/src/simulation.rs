@@ -295,6 +295,11 @@ impl Simulation {
         self.islands().flat_map(|(island, _)| of(island)).collect()
     }
 
+    /// How many parts were put to silence; nothing is allocated.
+    pub fn n_muted(&self) -> usize {
+        self.islands().map(|(island, _)| island.n_muted()).sum()
+    }
+
     /// Remember this moment.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot(Box::new(self.clone()))

@@ -14,6 +14,7 @@ mod status;
 pub use frozen::Stem;
 pub use hand::{Guide, Hand};
 pub use keys::{Borne, Keyboard, Known, Slot};
+use status::HANDS_MAX;
 pub use status::{Event, HandStatus, Status, What};
 
 use std::path::PathBuf;
@@ -37,6 +38,8 @@ use player::Player;
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
 /// real-time machine.
 const AHEAD: usize = 1_024;
+/// A key that gets less of the scene's force than this feels another instrument.
+const LEAST: f64 = 0.02;
 /// Things that may happen before anybody asks what did.
 const EVENTS: usize = 4_096;
 const COMMANDS: usize = 256;
@@ -97,6 +100,24 @@ pub enum PlayError {
     /// The system refused a thread.
     #[error("no thread for the physics: {0}")]
     Thread(#[source] std::io::Error),
+    /// The physics thread panicked: forces are zero, nothing sounds.
+    #[error("the physics failed; this is a mistake in ergon")]
+    Failed,
+    /// More hands than are told of.
+    #[error("{0} real hands: there can be {HANDS_MAX}")]
+    Hands(usize),
+    /// A scene that a key would swing up against.
+    #[error(
+        "hand {hand}: the scene is {stiffness:.0} N/m stiff there, and the device bears {limit:.0} N/m"
+    )]
+    Stiff {
+        /// Which hand.
+        hand: usize,
+        /// What it would meet [N/m].
+        stiffness: f64,
+        /// What its device bears [N/m].
+        limit: f64,
+    },
 }
 
 /// Something that is asked of the physics thread.
@@ -147,9 +168,9 @@ impl Performance {
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())
             .spawn(move || {
+                let _done = Done(own.clone());
                 own.grant(realtime::ask(realtime::PHYSICS));
                 player.run();
-                own.done.store(true, Ordering::Release);
                 // Given back to be freed where time does not count.
                 player
             })
@@ -166,7 +187,24 @@ impl Performance {
     ) -> Result<(Self, Player), PlayError> {
         let rate = stage.simulation.rate();
         let channels = stage.mixer.n_channels();
-        let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every);
+        if !(1..=audio::CHANNELS_MAX).contains(&channels) {
+            let why = format!("an output has 1 to {}", audio::CHANNELS_MAX);
+            return Err(AudioError::Channels { channels, why }.into());
+        }
+        if stage.hands.len() > HANDS_MAX {
+            return Err(PlayError::Hands(stage.hands.len()));
+        }
+        let guard = |board: &mut Keyboard| board.guard(&stage.hands);
+        let borne: Vec<Borne> = boards.iter_mut().flat_map(guard).collect();
+        if let Some(stiff) = borne.iter().find(|borne| borne.scale < LEAST) {
+            return Err(PlayError::Stiff {
+                hand: stiff.hand,
+                stiffness: stiff.stiffness,
+                limit: stiff.limit,
+            });
+        }
+        let block = how.audio.block.unwrap_or(0) as usize;
+        let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every.max(block));
         let (feed, drain) = audio::ring(channels, 4 * ahead);
         feed.set_prefill(ahead);
         let stems = std::mem::take(&mut stage.frozen);
@@ -177,6 +215,17 @@ impl Performance {
                 .map_err(|(path, error)| PlayError::Frozen { path, error })?;
             (Some(frozen), Some(reader))
         };
+        let output = audio::open(&how.audio, rate as u32, channels, drain)?;
+        let info = output.info();
+        if 2 * info.block as usize > 4 * ahead {
+            let why = format!(
+                "it takes {} frames at a time: ask for --ahead {}",
+                info.block,
+                2 * info.block
+            );
+            return Err(AudioError::Broken(why).into());
+        }
+        // Last of all: what cannot begin leaves no file.
         let (sink, recorder) = match &how.record {
             Some((path, header)) => {
                 let (sink, handle) = Recorder::start(path, header)?;
@@ -184,12 +233,6 @@ impl Performance {
             }
             None => (None, None),
         };
-        let output = audio::open(&how.audio, rate as u32, channels, drain)?;
-        let info = output.info();
-        let borne = boards
-            .iter_mut()
-            .flat_map(|board| board.guard(&stage.hands))
-            .collect();
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
         let (to_events, events) = RingBuffer::new(EVENTS);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
@@ -314,18 +357,28 @@ impl Performance {
     }
 
     fn end(&mut self, patience: Duration) -> Result<(), PlayError> {
+        // Keys first: their last zeros go out when the physics thread gives them back.
+        let played = self.thread.take().map_or(Ok(()), |thread| {
+            thread.join().map(drop).map_err(|_| PlayError::Failed)
+        });
         self.seekers.clear();
-        if let Some(thread) = self.thread.take() {
-            // A physics thread that panicked has sent zero forces on its way out.
-            drop(thread.join());
-        }
         self.reader = None;
         let _ = self.output.wait(patience);
-        self.output.close()?;
-        if let Some(recorder) = self.recorder.take() {
-            recorder.stop()?;
-        }
+        let closed = self.output.close();
+        let recorded = self.recorder.take().map(RecorderHandle::stop);
+        played?;
+        closed?;
+        recorded.transpose()?;
         Ok(())
+    }
+}
+
+/// Says that the physics is over, however it ended.
+struct Done(Arc<Desk>);
+
+impl Drop for Done {
+    fn drop(&mut self) {
+        self.0.done.store(true, Ordering::Release);
     }
 }
 

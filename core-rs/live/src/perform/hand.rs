@@ -50,6 +50,16 @@ impl Hand {
         self.standin.get(at.min(last)).copied().unwrap_or(0.0)
     }
 
+    /// All that answers it: the scene, and what guides it, by ticks of `period` [s]; see [`Hand::response`].
+    pub(super) fn met(&self, period: f64) -> Vec<f64> {
+        let mut met = self.response.clone();
+        if let (Some(guide), [now, next, ..]) = (self.guide, &mut met[..]) {
+            *now += guide.k + guide.z / period;
+            *next -= guide.z / period;
+        }
+        met
+    }
+
     /// What leads a person's hand at `x`, moving at `v`, towards its part [N].
     pub(super) fn guidance(&self, tick: u64, x: f64, v: f64) -> f64 {
         let lead = |guide: Guide| guide.k * (self.stands_at(tick) - x) - guide.z * v;

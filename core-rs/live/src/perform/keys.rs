@@ -19,6 +19,8 @@ const LOOK: Duration = Duration::from_millis(50);
 const LIGHT: (f64, f64) = (0.05, 0.3);
 /// A device that has sent no position for so long is gone, though its port may be open: datagrams never close [s].
 const SILENT: f64 = 0.25;
+/// Beyond its range a key is believed by this part of it: sensors and stops are not exact.
+const OVER: f64 = 0.5;
 /// The newest position is waited for during this part of a tick at most.
 const WAIT: f64 = 0.3;
 
@@ -69,6 +71,8 @@ pub struct Slot {
     gone: Arc<AtomicBool>,
     grave: Producer<Box<Guarded>>,
     wait: Duration,
+    /// Farther than this no key goes [m].
+    range: [f64; 2],
     /// Ticks without a new position, and how many are too many.
     silent: u32,
     patience: u32,
@@ -95,11 +99,7 @@ impl Keyboard {
     }
 
     /// A device that is open already; gone, it is looked for by what is known of it.
-    pub(super) fn around(
-        device: Box<dyn Device>,
-        known: Known,
-        axes: Vec<(usize, usize)>,
-    ) -> Self {
+    pub(super) fn around(device: Box<dyn Device>, known: Known, axes: Vec<(usize, usize)>) -> Self {
         Self {
             guarded: known.guard(device),
             known,
@@ -123,10 +123,11 @@ impl Keyboard {
         };
         let mut found = Vec::new();
         for &(axis, hand) in &self.axes {
-            let scale = stiffness::bearable(&hands[hand].response, key);
+            let response = hands[hand].met(self.known.period);
+            let scale = stiffness::bearable(&response, key);
             self.guarded.scale(axis, scale);
             self.scales.push((axis, scale));
-            let stiffest = stiffness::stiffest(&hands[hand].response);
+            let stiffest = stiffness::stiffest(&response);
             found.push(Borne {
                 hand,
                 scale,
@@ -150,7 +151,10 @@ impl Keyboard {
         let (gone, stop) = (Arc::default(), Arc::default());
         // One may die while the one before is still to be freed.
         let (grave, graves) = RingBuffer::new(4);
+        let [low, high] = self.guarded.spec().pos_range;
+        let over = OVER * (high - low).abs();
         let slot = Slot {
+            range: [low.min(high) - over, low.max(high) + over],
             lockstep: self.guarded.in_lockstep(),
             guarded: Some(self.guarded),
             axes: self.axes,
@@ -184,7 +188,9 @@ impl Known {
     fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
         let device = calibrate::applied(device::open(&self.url)?, &self.calibration);
         if device.spec().unit == Unit::Radian {
-            return Err(self.url.cannot("it turns, and a key of a score goes by metres"));
+            return Err(self
+                .url
+                .cannot("it turns, and a key of a score goes by metres"));
         }
         Ok(device)
     }
@@ -225,8 +231,8 @@ impl Slot {
         }
     }
 
-    /// Forces out, positions in. False: the device has just gone.
-    pub(super) fn exchange(&mut self) -> bool {
+    /// Forces out. False: the device has just gone.
+    pub(super) fn send(&mut self) -> bool {
         let Some(guarded) = &mut self.guarded else {
             return true;
         };
@@ -234,20 +240,30 @@ impl Slot {
             Ok(sent) => {
                 let newtons = sent.newtons();
                 self.sent[..newtons.len()].copy_from_slice(newtons);
-                self.look()
+                true
             }
             Err(_) => self.let_go(),
         }
     }
 
+    /// When positions are waited for no longer, if they are asked for now.
+    pub(super) fn deadline(&self) -> Instant {
+        Instant::now() + self.wait
+    }
+
     /// Positions in. False: the device has just gone.
-    pub(super) fn look(&mut self) -> bool {
+    pub(super) fn look(&mut self, deadline: Instant) -> bool {
+        self.sample.fresh = false;
         let Some(guarded) = &mut self.guarded else {
             return true;
         };
-        let deadline = Instant::now() + self.wait;
         let done = guarded.receive(&mut self.sample, deadline);
         self.sample.fresh = matches!(done, Ok(true));
+        let [low, high] = self.range;
+        for position in &mut self.sample.position {
+            // What a board says is no place for a key is none.
+            *position = position.clamp(low, high);
+        }
         self.silent = if self.sample.fresh {
             0
         } else {
@@ -260,6 +276,7 @@ impl Slot {
     }
 
     fn let_go(&mut self) -> bool {
+        (self.sample.fresh, self.sample.t_dev_us) = (false, None);
         if let Some(dead) = self.guarded.take() {
             // Freed by the seeker: closing a port takes its time.
             if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {

@@ -138,16 +138,19 @@ impl Player {
     /// Hands where they are, before the first force.
     pub(super) fn begin(&mut self) {
         self.looked = true;
-        for slot in 0..self.slots.len() {
-            let there = self.slots[slot].look();
-            self.met(slot, there);
-            for at in 0..self.slots[slot].axes.len() {
-                let (axis, hand) = self.slots[slot].axes[at];
-                if self.slots[slot].is_there() {
-                    let x = self.slots[slot].sample.position[axis];
-                    (self.movers[hand].real, self.movers[hand].x) = (true, x);
-                    self.before[hand] = x;
+        self.positions();
+        for slot in self.slots.iter().filter(|slot| slot.is_there()) {
+            for &(axis, hand) in &slot.axes {
+                let x = slot.sample.position[axis];
+                let mover = &mut self.movers[hand];
+                if self.tick == 0 {
+                    (mover.real, mover.x) = (true, x);
+                } else {
+                    // In the middle of a piece the key is where its part has taken it.
+                    mover.x = self.stage.hands[hand].stands_at(self.tick);
+                    mover.change(true, x);
                 }
+                self.before[hand] = mover.x;
             }
         }
     }
@@ -257,7 +260,19 @@ impl Player {
             self.slots[slot].force(axis, force);
         }
         for slot in 0..self.slots.len() {
-            let there = self.slots[slot].exchange();
+            let there = self.slots[slot].send();
+            self.met(slot, there);
+        }
+        self.positions();
+    }
+
+    /// Positions of all keyboards, which were asked together.
+    fn positions(&mut self) {
+        let Some(deadline) = self.slots.first().map(Slot::deadline) else {
+            return;
+        };
+        for slot in 0..self.slots.len() {
+            let there = self.slots[slot].look(deadline);
             self.met(slot, there);
         }
     }
@@ -321,7 +336,8 @@ impl Player {
                 // Where no clock presses, the disk is waited for.
                 let asked = Instant::now();
                 let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
-                while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE {
+                let is_over = || self.links.desk.stop.load(Ordering::Acquire);
+                while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE && !is_over() {
                     self.clock.nap();
                 }
                 self.status.missed += frozen.join(heard, n_out, self.frame);
@@ -406,7 +422,8 @@ impl Player {
         }
         // Where no clock presses, the disk is waited for.
         let asked = Instant::now();
-        while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE {
+        let is_over = || self.links.desk.stop.load(Ordering::Acquire);
+        while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE && !is_over() {
             self.clock.nap();
         }
         if !self.rows.is_empty() {
@@ -421,7 +438,13 @@ impl Player {
         status.load += (load - status.load) * (period / AVERAGE).min(1.0);
         status.busiest = status.busiest.max(load);
         (status.frame, status.ticks) = (self.frame, status.ticks + 1);
+        let muted = self.stage.simulation.n_muted() as u32;
+        let is_new = muted > status.muted;
+        status.muted = muted;
         status.filled = self.links.feed.filled();
+        if is_new {
+            self.tell(What::Muted);
+        }
     }
 
     /// What is to be told of every hand.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::simulation::{OnFault, Options};
 use ergon_engine::timeline::{HandWay, Timeline};
@@ -13,9 +13,6 @@ use super::*;
 use crate::device::{Device, Gone, Sample, Spec, Url};
 use crate::recording::{Axis, flag, read};
 use crate::safety::SafeForce;
-
-#[global_allocator]
-static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 const RATE: f64 = 44_100.0;
 const EVERY: usize = 44;
@@ -108,6 +105,7 @@ fn stage() -> Stage {
         every: EVERY,
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
+        frozen: Vec::new(),
     }
 }
 

@@ -1,0 +1,173 @@
+"""A performance from its first frame to its last, and what is shown of it."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from . import score
+from .console import Console
+from .outcome import Late, Refused
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.live.boards import Board
+    from ergon.live.osc import Osc
+    from ergon.live.perform import Order
+    from ergon.scores.staging.stage import Stage
+
+_LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
+_SAY = 2.0  # [s] between two lines under --plain
+_AFTER = 10.0  # [s] that what is in the ring may take to be heard
+
+
+class Session:
+    """A performance from its first frame to its last, and what is shown of it."""
+
+    def __init__(
+        self,
+        console: Console,
+        stage: Stage,
+        performance: _core.Performance,
+        boards: Sequence[Board],
+        *,
+        strict: bool,
+        plain: bool,
+    ) -> None:
+        """Of a stage that is played on boards."""
+        from ergon.live.display import Watcher
+
+        self._console, self._stage, self._performance = console, stage, performance
+        self._watcher = Watcher(stage)
+        self._players = [hand.player for hand in stage.live]
+        self._boards = [board.url for board in boards]
+        self._strict = strict
+        self._redraws = not (plain or console.json or console.quiet) and sys.stderr.isatty()
+        self._drawn = 0
+        self._said = 0.0
+        self._sound_events = 0
+        self._osc: Osc | None = None
+
+    def run(self, osc: Osc | None, order: Order, begin: Callable[[], None]) -> None:
+        """Play to the end. However it ends, forces are zero and nothing sounds then."""
+        from ergon import _core
+
+        performance = self._performance
+        try:
+            self._console.say(performance.output())
+            begin()
+            if osc is not None:
+                self._osc = osc
+                osc.begin(performance, self._stage, order.gain, order.start)
+            if granted := self._granted():
+                self._console.detail(f"physics: {granted}")
+            while not performance.wait(_LOOK):
+                self._show()
+            self._show(last=True)
+            status = performance.status()
+            self._rest()
+        except BaseException:
+            performance.panic()
+            performance.stop()
+            self._rest()
+            # What ended it is told, not what that did to a file.
+            with contextlib.suppress(_core.EngineError):
+                performance.close(0.05)
+            self._clear()
+            raise
+        try:
+            self._tell(performance.close(_AFTER))
+        except _core.EngineError as error:
+            raise Refused(str(error)) from None
+        self._finish(status)
+
+    def _rest(self) -> None:
+        if self._osc is not None:
+            self._osc.rest()
+            self._remark()
+
+    def _remark(self) -> None:
+        for remark in self._osc.remarks() if self._osc is not None else ():
+            self._clear()
+            self._console.warn(remark)
+
+    def _granted(self) -> str | None:
+        self._performance.wait(0.02)
+        return self._performance.granted()
+
+    def _show(self, *, last: bool = False) -> None:
+        from ergon.live.display import lines, record
+
+        performance, console = self._performance, self._console
+        self._tell(performance.events())
+        sound = performance.sound_events()
+        for _, sentence in sound[self._sound_events :]:
+            self._say(sentence)
+        self._sound_events = len(sound)
+        self._remark()
+        status = performance.status()
+        view = self._watcher.look(status)
+        now = time.monotonic()
+        if console.json:
+            if last or now - self._said >= 1.0:
+                self._said = now
+                console.record("playing", **record(view, status.frame))
+        elif self._redraws:
+            import shutil
+
+            self._draw(lines(view, shutil.get_terminal_size().columns - 1))
+        elif last or now - self._said >= _SAY:
+            self._said = now
+            console.say(" | ".join(line.strip() for line in lines(view, 200)))
+
+    def _draw(self, lines: Sequence[str]) -> None:
+        up = f"\x1b[{self._drawn}F" if self._drawn else ""
+        sys.stderr.write(up + "".join(f"\x1b[2K{line}\n" for line in lines))
+        sys.stderr.flush()
+        self._drawn = len(lines)
+
+    def _clear(self) -> None:
+        """The lines stay where they are; what is said next stands below them."""
+        self._drawn = 0
+
+    def _tell(self, events: Sequence[tuple[int, str, float]]) -> None:
+        from ergon.live.display import told
+
+        for event in events:
+            if sentence := told(event, self._players, self._boards):
+                where = score.where(self._stage.piece, event[0] / self._stage.rate)
+                self._say(f"{where} {sentence}")
+
+    def _say(self, sentence: str) -> None:
+        self._clear()
+        if self._console.json:
+            self._console.record("event", message=sentence)
+        else:
+            self._console.say(sentence)
+
+    def _finish(self, status: _core.Status) -> None:
+        self._clear()
+        late, seconds = status.late, status.frame / self._stage.rate
+        fields = {
+            "frames": status.frame,
+            "late_ticks": late,
+            "ticks": status.ticks,
+            "underruns": status.underruns,
+            "dropped": status.dropped,
+            "missed": status.missed,
+        }
+        if self._osc is not None and (ignored := self._osc.malformed):
+            self._console.warn(f"{ignored} datagrams were no OSC and were ignored")
+        if self._console.json:
+            self._console.record("played", **fields)
+        else:
+            gaps = f", {status.underruns} gaps" if status.underruns else ""
+            self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
+        if status.missed:
+            missed = status.missed / self._stage.rate
+            self._console.warn(f"{missed:.3f} s of frozen parts were not read in time: silent")
+        if self._strict and (late or status.underruns or status.dropped or status.missed):
+            raise Late(f"{late} late ticks, {status.underruns} gaps in the sound (--strict)")
