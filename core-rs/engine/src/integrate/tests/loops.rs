@@ -6,7 +6,6 @@ use super::super::banded::Factor;
 use super::super::conjugate::Conjugate;
 use super::super::order;
 use super::super::passes;
-use super::*;
 use crate::chance::Chance;
 use crate::kernel::springs::{self, Spring};
 
