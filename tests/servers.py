@@ -66,9 +66,20 @@ def jack_name() -> Iterator[str]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 continue
-            yield f"ergon-test-{i}"
+            name = f"ergon-test-{i}"
+            if _is_there(name):
+                continue  # a run that was killed has left its server
+            yield name
             return
-    pytest.fail("four test runs use JACK at once")
+    pytest.fail("four test runs use JACK at once, or left servers behind")
+
+
+def _is_there(name: str) -> bool:
+    from ergon import _core
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("JACK_DEFAULT_SERVER", name)
+        return _core.survey_audio()[0][2] != "no JACK server runs"
 
 
 class Jack:

@@ -60,8 +60,8 @@ def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_pat
     with emulator("frame", "--udp", "0", *hand) as ada, emulator(*key, *hand) as remi:
         live = ("--live", f"ada={ada.url}", "--live", f"remi={remi.url}")
         with duet(score, *live, *how) as playing:
-            playing.until("2|")
-            playing.until("load")
+            for _ in range(3):
+                playing.until("load")
             remi.process.kill()
             assert "what stands in for it plays on" in playing.until(f"{remi.url} is gone")
             with emulator(*key):
@@ -74,12 +74,10 @@ def test_a_key_that_dies_and_comes_back_is_in_the_recording(score: Path, tmp_pat
     both = recorded(take)
     _stood_in(both)
     played, expected = sound(heard), rendered(score, take)
-    # The last of it fades: Ctrl-C.
-    whole = len(both.ticks()) * TICK - 65536
-    assert whole > 3 * BAR
-    assert np.abs(expected[:whole]).max() > 1e-5
-    upto = min(len(played) - 1024, len(expected))
+    # The last of it faded, and what was still in the ring is not heard: Ctrl-C.
+    upto = len(played) - 1024
     assert upto > 3 * BAR
+    assert np.abs(played[:upto]).max() > 1e-5
     assert np.array_equal(played[:upto], expected[:upto])
 
 
@@ -138,11 +136,11 @@ class Pressed:
             number, n = struct.unpack_from("<HB", packet, 2)
             if n == 0:
                 about = (5, 5, 1e-6, -0.05, 0.05, 1000, 0.05, 1)
-                body = struct.pack("<HBB8f", number, 1, 0, *about)
+                sync, body = b"\xa5\x5d", struct.pack("<HBB8f", number, 1, 0, *about)
             else:
                 self.heard.append(struct.unpack_from("<hB", packet, 5))
-                body = struct.pack("<HIBiB", number, 0, 1, round(5e-3 / 1e-6), 3)
-            self.wire.sendto(b"\xa5\x5a" + body + crc(body), host)
+                sync, body = b"\xa5\x5a", struct.pack("<HIBiB", number, 0, 1, round(5e-3 / 1e-8), 3)
+            self.wire.sendto(sync + body + crc(body), host)
 
 
 @contextmanager
@@ -202,7 +200,7 @@ def test_what_cannot_be_played_is_said(
     Path("there.take").write_bytes(b"mine")
     score.write_text(SCORE.replace("times: 60", "times: 1"))
     audio = [] if "--audio" in arguments else ["--audio", "null:fast"]
-    assert app.run(["duet", str(score), *arguments, *audio]) == code
+    assert app.run(["duet", str(score), *arguments, *audio, "--unchecked"]) == code
     told = capsys.readouterr().err
     assert sentence in told
     assert "Traceback" not in told
