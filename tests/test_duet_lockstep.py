@@ -46,7 +46,12 @@ COUPLED = "duet: [{couple: [k, v], REF: {K: 60N/m, Z: 0Ns/m}}]"
 
 
 @pytest.mark.parametrize(
-    ("kind", "way", "scheme"), [("frame", "--pty", "frame:"), ("frame", "--udp=0", "frame+udp:")]
+    ("kind", "way", "scheme"),
+    [
+        ("frame", "--pty", "frame:"),
+        ("frame", "--udp=0", "frame+udp:"),
+        ("haply", "--ws=0", "haply:"),
+    ],
 )
 def test_a_key_in_another_process_is_the_key_in_the_network(
     tmp_path: Path, kind: str, way: str, scheme: str
@@ -62,7 +67,8 @@ def test_a_key_in_another_process_is_the_key_in_the_network(
     take, heard = tmp_path / "hand.take", tmp_path / "heard.wav"
     with emulator(kind, way, "--lockstep", "--rate", f"{rate}Hz") as device:
         assert device.url.startswith(scheme)
-        live = ("--live", f"remi={device.url}&wide", "--record", take, "--gain", "0dB")
+        wide = "&wide" if kind == "frame" else ""
+        live = ("--live", f"remi={device.url}{wide}", "--record", take, "--gain", "0dB")
         played(score, *live, "--audio", f"file:{heard}")
     apart = recorded(take)
 
