@@ -61,7 +61,7 @@ def perform(
     simulation = stage.simulation
     start = simulation.snapshot()
     mixer = stage.mixer(highpass=order.highpass)
-    _skip(simulation, mixer, stage.n_channels, order.start // tick * tick, progress)
+    _skip(simulation, mixer, stage.n_channels, order, order.start // tick * tick, progress)
     numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in order.boards for _, player in board.axes}
     hands = [
@@ -129,6 +129,7 @@ def _skip(
     simulation: _core.Simulation,
     mixer: _core.Mixer,
     n_channels: int,
+    order: Order,
     n_frames: int,
     progress: Callable[[int], None],
 ) -> None:
@@ -139,5 +140,7 @@ def _skip(
     for at in range(0, n_frames, block):
         frames = np.zeros((min(block, n_frames - at), simulation.n_out))
         simulation.process(frames)
+        for stem in order.frozen:
+            stem.join(frames, at)
         mixer.process(frames, np.zeros((len(frames), n_channels)))
         progress(at + len(frames))

@@ -177,10 +177,9 @@ def test_take_record_keeps_where_a_hand_was(capsys: Capture):
     assert found.whole
     assert found.frames == 44
     n = len(found.ticks())
-    # What the limiter still holds is waited for, as after a piece.
     assert 0 <= n - round(0.4 * TICK) < 20
-    # The exchange before the first tick found it where it was, with the first period gone.
-    assert found.positions()[:, 0] == pytest.approx(np.array(followed(n + 2)[2:]), abs=1e-12)
+    # Before the first tick it is asked where it is, and nothing is sent.
+    assert found.positions()[:, 0] == pytest.approx(np.array(followed(n)), abs=1e-12)
     assert not np.any(found.forces())
     assert not np.any(found.sent())
     assert json.loads(found.about)["axes"][0]["device"] == f"{live.removeprefix('remi=')}#0"

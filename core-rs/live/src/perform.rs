@@ -217,7 +217,7 @@ impl Performance {
         };
         let output = audio::open(&how.audio, rate as u32, channels, drain)?;
         let info = output.info();
-        if 2 * info.block as usize > 4 * ahead {
+        if info.paced && info.block as usize > 2 * ahead {
             let why = format!(
                 "it takes {} frames at a time: ask for --ahead {}",
                 info.block,
