@@ -124,13 +124,14 @@ class Pressed:
 
     def __init__(self, wire: socket.socket) -> None:
         self.wire, self.heard = wire, [(0, 0)]
+        self.is_over = threading.Event()
 
     def serve(self) -> None:
-        while True:
+        while not self.is_over.is_set():
             try:
                 packet, host = self.wire.recvfrom(512)
-            except OSError:
-                return
+            except TimeoutError:
+                continue
             assert packet[:2] == b"\xa5\x5a"
             assert crc(packet[2:-2]) == packet[-2:]
             number, n = struct.unpack_from("<HB", packet, 2)
@@ -147,10 +148,15 @@ class Pressed:
 def pressed() -> Iterator[tuple[Pressed, str]]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.bind(("127.0.0.1", 0))
+        wire.settimeout(0.1)
         device = Pressed(wire)
         thread = threading.Thread(target=device.serve, daemon=True)
         thread.start()
-        yield device, f"frame+udp:127.0.0.1:{wire.getsockname()[1]}"
+        try:
+            yield device, f"frame+udp:127.0.0.1:{wire.getsockname()[1]}"
+        finally:
+            device.is_over.set()
+            thread.join()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
