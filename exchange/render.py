@@ -195,7 +195,7 @@ def _simulate(
 def frames_of(
     simulation: Simulation, stop: int, block: int
 ) -> Generator[NDArray[np.float64], None, None]:
-    """The frames from 0 to `stop`, each block an array of its own (another thread may hold it)."""
+    """The next `stop` frames, each block an array of its own (another thread may hold it)."""
     import numpy as np
 
     for at in range(0, stop, block):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.exchange.render import BLOCK, frames_of
 
 from .boards import Board
 from .guard import response
@@ -136,11 +137,10 @@ def _skip(
     """Go on unheard; the mixer hears it, so that its filters are where they would be."""
     import numpy as np
 
-    block = 4096
-    for at in range(0, n_frames, block):
-        frames = np.zeros((min(block, n_frames - at), simulation.n_out))
-        simulation.process(frames)
+    at = 0
+    for frames in frames_of(simulation, n_frames, BLOCK):
         for stem in order.frozen:
             stem.join(frames, at)
         mixer.process(frames, np.zeros((len(frames), n_channels)))
-        progress(at + len(frames))
+        at += len(frames)
+        progress(at)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.exchange.render import BLOCK, frames_of
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import Checked
     from ergon.scores.staging.stage import Stage
 
-_BLOCK = 4096  # frames
 # So much work is worth it [s], by the table of costs: a listener waits no longer.
 _PATIENCE = 5.0
 # What comes after the part that was looked at may be louder: it is kept so far below [dB].
@@ -55,15 +55,15 @@ def level(
     simulation, mixer = stage.simulation, stage.mixer(highpass=highpass)
     start = simulation.snapshot()
     peak = 0.0
-    for at in range(0, n_frames, _BLOCK):
-        frames = np.zeros((min(_BLOCK, n_frames - at), simulation.n_out))
-        simulation.process(frames)
+    at = 0
+    for frames in frames_of(simulation, n_frames, BLOCK):
         for stem in frozen:
             stem.join(frames, at)
         mixed = np.zeros((len(frames), stage.n_channels))
         mixer.process(frames, mixed)
         peak = max(peak, float(np.max(np.abs(mixed), initial=0.0)))
-        progress(at + len(frames))
+        at += len(frames)
+        progress(at)
     simulation.restore(start)
     if n_frames == stage.n_frames:
         return Level(target / peak if peak > 0 else 1.0, peak, None)

@@ -12,7 +12,6 @@ from ergon.exchange.level import Level
 from .perform import Order
 
 _LOUDEST = 1e12  # no gain, and no frequency, is larger
-_MOST = 20_000_000  # ticks times hands: what a recording holds
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,22 +40,21 @@ def read(path: Path, piece: Piece) -> Recorded:
     """A recording of hands that played this piece. Raises NotThisError."""
     import numpy as np
 
-    from ergon.exchange.recording import about
+    from ergon.exchange.recording import NotRecordingError, about, from_start
     from ergon.scores.staging.live import TICK
 
     try:
         recording = _core.read_recording(path)
-        held = recording.held()
     except (_core.EngineError, OSError) as error:
         raise NotThisError(f"{path}: {error}") from None
     if recording.rate != piece.rate:
         asked = f"--rate {recording.rate:g}"
         raise NotThisError(f"{path}: made at {recording.rate:g} Hz; {asked} renders as it was")
-    if not len(held):
-        raise NotThisError(f"{path}: nothing was recorded")
-    first = int(recording.ticks()[0])
-    if (first + len(held)) * held.shape[1] > _MOST:
-        raise NotThisError(f"{path}: it begins too late in the piece")
+    try:
+        positions = from_start(recording)
+    except NotRecordingError as error:
+        raise NotThisError(f"{path}: {error}") from None
+    positions[: int(recording.ticks()[0])] = np.nan
     hands = {}
     for index, (player, key) in enumerate(recording.axes):
         if player not in piece.players or piece.players[player].key != key:
@@ -66,8 +64,7 @@ def read(path: Path, piece: Piece) -> Recorded:
             raise NotThisError(
                 f"{path}: its ticks are of {recording.frames} frames, the score's of {ticks}"
             )
-        before = np.full(first, np.nan)
-        hands[player] = np.concatenate([before, held[:, index]])
+        hands[player] = np.ascontiguousarray(positions[:, index])
     said = about(recording)
     return Recorded(hands, _level(said), tuple(_doubts(recording, said, piece)))
 

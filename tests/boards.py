@@ -9,6 +9,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from emulators import crc
+
 COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
 
 
@@ -22,15 +24,6 @@ def emulated(*arguments: str) -> Iterator[str]:
             yield json.loads(process.stdout.readline())["url"]
         finally:
             process.kill()
-
-
-def crc(data: bytes) -> bytes:
-    value = 0xFFFF
-    for byte in data:
-        value ^= byte << 8
-        for _ in range(8):
-            value = (value << 1 ^ 0x1021 if value & 0x8000 else value << 1) & 0xFFFF
-    return struct.pack("<H", value)
 
 
 class Board(threading.Thread):

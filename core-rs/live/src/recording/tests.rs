@@ -128,25 +128,6 @@ fn a_sink_that_is_dropped_ends_the_recording() {
 }
 
 #[test]
-fn what_finds_no_room_is_counted() {
-    let folder = Folder::new();
-    let path = folder.file("a.take");
-    let (mut sink, handle) = Recorder::start(&path, &header(2)).unwrap();
-    assert!(sink.row(5, &samples(5, 2)));
-    assert!(!sink.row(5, &samples(5, 2)), "a tick comes once");
-    assert!(!sink.row(6, &samples(6, 1)), "every axis has its place");
-    assert!(!sink.event(6, format_args!("{:2000}", 1)), "a long line");
-    // The ring holds some seconds; the thread that empties it sleeps most of the time.
-    let before = (0..2_000_000_u64).take_while(|i| sink.row(10 + i, &samples(*i, 2)));
-    let kept = before.count() as u64;
-    let dropped = sink.dropped();
-    assert!(dropped >= 4);
-    let status = handle.stop().unwrap();
-    assert_eq!(status.rows, kept + 1);
-    assert_eq!(read(&path, None).unwrap().dropped, dropped);
-}
-
-#[test]
 fn a_part_of_it_can_be_read() {
     let mut recording = made(&[3, 4, 6, 9, 10], 2);
     recording.events = vec![(3, "1".into()), (6, "2".into()), (10, "3".into())];

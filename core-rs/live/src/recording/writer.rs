@@ -49,36 +49,44 @@ impl Recorder {
         file.sync_all()?;
         sync_folder(path);
 
-        let row = row::size(header.axes.len());
-        let rows = (header.tick_rate() * PATIENCE).ceil().max(MIN_ROWS) as usize;
-        let (to_rows, from_rows) = RingBuffer::new(row * rows.min(MAX_RING / row));
-        let (to_events, from_events) = RingBuffer::new(EVENT_RING);
-        let shared = Arc::new(Shared::default());
-        let writer = Writer {
-            file,
-            good: bytes.len() as u64,
-            rows: from_rows,
-            row,
-            events: from_events,
-            payload: Vec::with_capacity(chunk::MAX_PAYLOAD),
-            pending: Vec::new(),
-            pending_rows: 0,
-            shared: Arc::clone(&shared),
-        };
+        let (sink, writer) = ends(header, file, bytes.len() as u64);
+        let shared = Arc::clone(&writer.shared);
         let thread = thread::Builder::new()
             .name("recorder".to_owned())
             .spawn(move || writer.run())?;
-        let sink = RowSink {
-            rows: to_rows,
-            events: to_events,
-            row: vec![0; row],
-            n_axes: header.axes.len(),
-            last: None,
-            shared: Arc::clone(&shared),
-        };
         let thread = Some(thread);
         Ok((sink, RecorderHandle { shared, thread }))
     }
+}
+
+/// Both ends of the rings: what fills them, and what empties them into a file that has `good` bytes.
+fn ends(header: &Header, file: File, good: u64) -> (RowSink, Writer) {
+    let n_axes = header.axes.len();
+    let row = row::size(n_axes);
+    let rows = (header.tick_rate() * PATIENCE).ceil().max(MIN_ROWS) as usize;
+    let (to_rows, from_rows) = RingBuffer::new(row * rows.min(MAX_RING / row));
+    let (to_events, from_events) = RingBuffer::new(EVENT_RING);
+    let shared = Arc::new(Shared::default());
+    let writer = Writer {
+        file,
+        good,
+        rows: from_rows,
+        row,
+        events: from_events,
+        payload: Vec::with_capacity(chunk::MAX_PAYLOAD),
+        pending: Vec::new(),
+        pending_rows: 0,
+        shared: Arc::clone(&shared),
+    };
+    let sink = RowSink {
+        rows: to_rows,
+        events: to_events,
+        row: vec![0; row],
+        n_axes,
+        last: None,
+        shared,
+    };
+    (sink, writer)
 }
 
 /// The new name is in the folder, and the folder is on the disk; where that cannot be had the file is there all the
@@ -325,46 +333,62 @@ mod tests {
     use super::super::reader::decode;
     use super::*;
 
-    #[test]
-    fn rows_wait_for_a_disk_that_is_full() {
+    /// A header, the beginning of its file, and the name of a file that is there.
+    fn file(name: &str) -> (Header, Vec<u8>, std::path::PathBuf) {
         let header = Header {
             rate: 1e3,
             frames: 1,
             axes: vec![Axis::default()],
             about: String::new(),
         };
-        let path = std::env::temp_dir().join(format!("ergon-full-{}.take", std::process::id()));
+        let path = std::env::temp_dir().join(format!("ergon-{name}-{}.take", std::process::id()));
         let beginning = start(&header);
         std::fs::write(&path, &beginning).unwrap();
-        let row = row::size(1);
-        let (mut to_rows, rows) = RingBuffer::new(row * 100);
-        let (_to_events, events) = RingBuffer::new(EVENT_RING);
+        (header, beginning, path)
+    }
+
+    fn found(path: &Path) -> super::super::Recording {
+        let written = std::fs::read(path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        decode(&mut &written[..], written.len() as u64, None).unwrap()
+    }
+
+    #[test]
+    fn rows_wait_for_a_disk_that_is_full() {
+        let (header, beginning, path) = file("full");
         let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let mut writer = Writer {
-            file: full,
-            good: beginning.len() as u64,
-            rows,
-            row,
-            events,
-            payload: Vec::new(),
-            pending: Vec::new(),
-            pending_rows: 0,
-            shared: Arc::default(),
-        };
-        let mut bytes = vec![0; row];
+        let (mut sink, mut writer) = ends(&header, full, beginning.len() as u64);
         for tick in 0..3 {
-            row::encode(&mut bytes, tick, &[Sample::default()]);
-            to_rows.push_entire_slice(&bytes).unwrap();
+            assert!(sink.row(tick, &[Sample::default()]));
             assert!(writer.append_all(false).is_err());
         }
         assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 0);
         writer.file = OpenOptions::new().append(true).open(&path).unwrap();
         writer.append_all(true).unwrap();
-        let written = std::fs::read(&path).unwrap();
-        std::fs::remove_file(&path).unwrap();
-        let found = decode(&mut &written[..], written.len() as u64, None).unwrap();
+        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 3);
+        let found = found(&path);
         assert_eq!(found.ticks, [0, 1, 2]);
         assert!(found.whole() && found.finished);
-        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), 3);
+    }
+
+    #[test]
+    fn what_finds_no_room_is_counted() {
+        let (header, beginning, path) = file("room");
+        let plain = OpenOptions::new().append(true).open(&path).unwrap();
+        let (mut sink, mut writer) = ends(&header, plain, beginning.len() as u64);
+        let one = [Sample::default()];
+        assert!(sink.row(5, &one));
+        assert!(!sink.row(5, &one), "a tick comes once");
+        assert!(!sink.row(6, &one.repeat(2)), "every axis has its place");
+        assert!(!sink.event(6, format_args!("{:2000}", 1)), "a long line");
+        // Nothing empties the ring meanwhile.
+        let room = (header.rate * PATIENCE) as u64;
+        for tick in 0..room + 2 {
+            assert_eq!(sink.row(10 + tick, &one), tick < room - 1, "{tick}");
+        }
+        assert_eq!(sink.dropped(), 3 + 3);
+        writer.append_all(true).unwrap();
+        assert_eq!(writer.shared.rows.load(Ordering::Relaxed), room);
+        assert_eq!(found(&path).dropped, 6);
     }
 }
