@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypedDict, cast, overload
 
 from ergon import _core
+from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.occurrences import starts
 from ergon.scores.clock.positions import Position
 from ergon.scores.gesture.takes import TakeError, read
@@ -137,6 +140,18 @@ class _Shape:
     options: _Options
 
 
+class Window(NamedTuple):
+    """What of a piece is played: occurrences that begin on beats `since` ≤ beat < `until`, and end
+    after the instant `after` [s]."""
+
+    since: float = -math.inf
+    until: float = math.inf
+    after: float = -math.inf
+
+
+ALL = Window()
+
+
 @dataclass(slots=True)
 class Hands:
     """Puts plays on the timeline."""
@@ -145,6 +160,7 @@ class Hands:
     timeline: _core.Timeline
     takes: Takes
     collector: Collector
+    window: Window = ALL
     sources: Sources = field(default_factory=Sources)
     gestures: list[StagedGesture] = field(default_factory=list)
     _keys: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -157,18 +173,42 @@ class Hands:
         """A key whose struck MAT is known."""
         self._keys[name] = self.timeline.key(name, struck), struck
 
+    def other(self, piece: Piece, window: Window) -> Hands:
+        """Hands that put what another piece plays on the same timeline and keys."""
+        takes = Takes(piece, self.collector)
+        return Hands(
+            piece,
+            self.timeline,
+            takes,
+            self.collector,
+            window,
+            self.sources,
+            self.gestures,
+            self._keys,
+        )
+
     def play(self, play: Play, starts: Sequence[float] | None) -> None:
-        """All occurrences of one line of a part, on the beats `starts`.
+        """All occurrences of one line of a part, on the beats `starts`, rising.
 
         Without them it is a take, and one begins where the one before ends.
         """
+        if self._key_of(play) not in self._keys:
+            return  # of a piece that had a key more
         if (gesture := self.piece.gestures.get(play.what)) is not None:
             chain = (*gesture.do, *play.do)
-            for start in starts or ():
+            for start in self._due(play, starts or ()):
                 self._written(play, gesture, chain, start)
         elif (take := self.takes.get(play.what)) is not None:
-            for start in self._ends(play, take) if starts is None else starts:
+            for start in self._due(play, self._ends(play, take) if starts is None else starts):
                 self._taken(play, take, start)
+
+    def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
+        """Those within the window; chance counts the ones before it as well."""
+        if self.window is ALL:
+            return starts
+        first = bisect_left(starts, self.window.since - SAME)
+        self._occurrences[play.player, play.what] += first
+        return starts[first : bisect_left(starts, self.window.until - SAME)]
 
     def standin(self, player: Player) -> None:
         """A live hand's stand-in, from the beginning of the piece."""
@@ -195,6 +235,8 @@ class Hands:
         shape = self._shape(play, gesture, chain, start)
         tempo = self.piece.tempo_map
         t = [tempo.instant(start, at) for at in shape.times]
+        if t[-1] <= self.window.after:
+            return
         index, struck = self._keys[shape.key]
         try:
             self.timeline.gesture(
@@ -271,6 +313,9 @@ class Hands:
         tempo = self.piece.tempo_map
         shape = apply_to_take(play.do)
         at = tempo.instant(start, shape.shift)
+        stop = at + take.duration * shape.stretch
+        if stop <= self.window.after:
+            return
         options = self._options(play, play.manner.over(DEFAULT_MANNER))
         index, struck = self._keys[self._key_of(play)]
         try:
@@ -287,7 +332,6 @@ class Hands:
         except _core.EngineError as error:
             self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
             return
-        stop = at + take.duration * shape.stretch
         self.gestures.append(
             StagedGesture(
                 play.what,

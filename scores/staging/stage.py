@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ergon import _core
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
 from ergon.scores.clock.positions import Position
 from ergon.scores.reading.piece import Manner, Piece, Play, Player
-from ergon.scores.staging.hands import Hands, Sources, StagedGesture, Takes
+from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Takes, Window
 from ergon.scores.staging.listening import Listening, listen
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
@@ -95,12 +95,25 @@ class Ready:
     live: tuple[LiveHand, ...]
 
 
+class Span(NamedTuple):
+    """A stretch of a session: what a piece says of it is played."""
+
+    piece: Piece
+    window: Window
+
+
 @lasting
-def prepare(piece: Piece, real: Real | None = None, silent: Container[str] = ()) -> Ready:
+def prepare(
+    piece: Piece,
+    real: Real | None = None,
+    silent: Container[str] = (),
+    spans: Sequence[Span] | None = None,
+) -> Ready:
     """What is and what will happen in a piece. Raises StageError with every mistake found.
 
     `real`: players whose hands are real, and where each was at every tick, if that is known;
-    `silent`: instruments that are not listened to.
+    `silent`: instruments that are not listened to; `spans`: what is played by parts of this piece
+    and of others before it, all of this one if nothing is said.
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
@@ -111,10 +124,11 @@ def prepare(piece: Piece, real: Real | None = None, silent: Container[str] = ())
         timeline = _core.Timeline(assembly.network, piece.rate)
         hands = Hands(piece, timeline, Takes(piece, collector), collector)
         live = tuple(join(piece, real, assembly, timeline, collector))
-        end = max(_play(piece, assembly, hands, couplings, real), _length(piece, live))
+        played = [Span(piece, ALL)] if spans is None else spans
+        end = max(_play(piece, assembly, hands, couplings, real, played), _length(piece, live))
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
-        n_frames = _frames(piece, end, collector)
+        n_frames = _frames(piece, end, collector) if spans is None else 0
     except _core.EngineError as error:
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
@@ -229,7 +243,12 @@ def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
 
 
 def _play(
-    piece: Piece, assembly: Assembly, hands: Hands, couplings: Sequence[int], real: Real
+    piece: Piece,
+    assembly: Assembly,
+    hands: Hands,
+    couplings: Sequence[int],
+    real: Real,
+    spans: Sequence[Span],
 ) -> float:
     """Put everything virtual that happens on the timeline; returns when the last of it ends [s]."""
     tempo, timeline = piece.tempo_map, hands.timeline
@@ -238,9 +257,11 @@ def _play(
         if name not in held:
             hands.key(name, assembly.mats[name, key.struck])
     _drives(piece, assembly, hands)
-    for play, starts in zip(piece.parts, piece.starts, strict=True):
-        if piece.players[play.player].key not in held:
-            hands.play(play, starts)
+    for played, window in spans:
+        own = hands if window is ALL else hands.other(played, window)
+        for play, starts in zip(played.parts, played.starts, strict=True):
+            if played.players[play.player].key not in held:
+                own.play(play, starts)
     written = {*real, *(play.player for play in piece.parts)}
     for player in piece.players.values():
         if player.hand == "live" and player.standin and player.name not in written:
@@ -311,4 +332,4 @@ def _itself(place: Place) -> Place:
     return place
 
 
-__all__ = ["Ready", "Stage", "StageError", "StagedGesture", "prepare", "solo", "stage"]
+__all__ = ["Ready", "Span", "Stage", "StageError", "StagedGesture", "prepare", "solo", "stage"]
