@@ -19,6 +19,7 @@ COMMANDS: Table = {
     "render": ("render", "render", "Compute the sound of a score into a WAV file."),
     "play": ("play", "play", "Play a score through the loudspeakers."),
     "duet": ("play", "duet", "Play a score with real hands beside written ones."),
+    "repl": ("repl", "repl", "Live-code a score: every line is one musical decision."),
     "plan": (
         "plan",
         "plan",

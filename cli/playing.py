@@ -68,7 +68,7 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
     written = score.piece_of(loaded)
     piece = _standing_in(written, wishes.standin)
     loaded = replace(loaded, piece=piece)
-    boards = [ready(console, board, wishes.unchecked) for board in _boards(piece, wishes)]
+    boards = [ready(console, board, wishes.unchecked) for board in boards_of(piece, wishes)]
     real = {player: None for board in boards for _, player in board.axes}
     osc = _osc(console, wishes)
     frozen = None
@@ -145,7 +145,8 @@ def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
     return replace(piece, players=players)
 
 
-def _boards(piece: Piece, wishes: Wishes) -> list[Board]:
+def boards_of(piece: Piece, wishes: Wishes) -> list[Board]:
+    """Devices that the wishes put under players' keys."""
     from ergon.live.boards import BoardError, boards, names, parse
 
     try:
@@ -239,7 +240,7 @@ def _order(
     record = None if wishes.record is None else _recording(wishes.record, stage)
     order = Order(
         audio=audio,
-        gain=_gain(console, piece, stage, wishes, frozen),
+        gain=gain(console, piece, stage, wishes, frozen),
         limit=limit,
         highpass=HIGHPASS,
         start=start // every(stage) * every(stage),
@@ -277,18 +278,18 @@ def _about(piece: Piece, stage: Stage, order: Order, wishes: Wishes) -> dict[str
     }
 
 
-def _gain(
+def gain(
     console: Console, piece: Piece, stage: Stage, wishes: Wishes, frozen: Sequence[Checked]
 ) -> float:
     """As asked, as the score's master says, or as a preflight finds."""
     from ergon import _core
     from ergon.live.preflight import length, level
-    from ergon.scores.tables.quantities import gain
+    from ergon.scores.tables.quantities import gain as ratio
     from ergon.scores.text.errors import TextError
 
     if wishes.gain is not None:
         try:
-            return gain(wishes.gain)
+            return ratio(wishes.gain)
         except TextError as error:
             raise Refused(f"--gain: {error.message}") from None
     master = piece.mix.master

@@ -114,7 +114,7 @@ def render(
     watch: bool,
     **wished: object,
 ) -> None:
-    """Compute the sound of a score into a WAV file.
+    """Compute the sound of a score, or of a session's journal, into a WAV file.
 
     The same score gives the same bytes, whatever the machine is doing. A render that is stopped
     leaves no file; only earlier renders are overwritten without -f.
@@ -122,7 +122,13 @@ def render(
     wishes = Wishes(output=output, from_=from_, **wished)  # type: ignore[arg-type]
     if output == "-" and console.json:
         raise Refused("--json and -o - both want stdout")
-    if wishes.freeze is not None:
+    from .again import SUFFIX, render_journal
+
+    if Path(score_path).suffix == SUFFIX:
+        if dry or watch or wishes.freeze:
+            raise Refused("a journal is rendered as it was played: no -n, --watch or --freeze")
+        render_journal(console, Path(score_path), wishes)
+    elif wishes.freeze is not None:
         _freeze(console, score_path, wishes, dry, watch)
     elif watch:
         _watch(console, score_path, wishes)

@@ -42,6 +42,7 @@ class Order:
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
     frozen: Sequence[Checked] = ()
+    endless: bool = False
 
 
 def every(stage: Stage) -> int:
@@ -95,10 +96,10 @@ def perform(
             audio=order.audio,
             gain=order.gain,
             limit=order.limit,
-            n_frames=stage.n_frames,
+            n_frames=None if order.endless else stage.n_frames,
             hands=hands,
             boards=boards,
-            bars=bars(stage),
+            bars=bars(stage, stage.n_frames),
             ahead=order.ahead,
             record=record,
             frozen=[(stem.path, stem.offset, stem.n_frames, stem.taps) for stem in order.frozen],
@@ -107,8 +108,8 @@ def perform(
         simulation.restore(start)
 
 
-def bars(stage: Stage) -> list[int]:
-    """Frames at which a bar begins."""
+def bars(stage: Stage, n_frames: int) -> list[int]:
+    """Frames before `n_frames` at which a bar begins."""
     from ergon.scores.clock.positions import parse_position
 
     tempo = stage.piece.tempo_map
@@ -116,7 +117,7 @@ def bars(stage: Stage) -> list[int]:
     for bar in range(1, _BARS_MAX):
         at = tempo.seconds(tempo.resolve(parse_position(f"{bar}|1")))
         frame = int(at * stage.rate + 0.5)
-        if frame >= stage.n_frames:
+        if frame >= n_frames:
             break
         found.append(frame)
     return found

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.tempo import TempoMap
 from ergon.scores.text.values import Time
+
+
+# Nobody listens any more [s]: thirty years on, where frames are still counted exactly.
+NEVER = 1e9
 
 
 class Shifted(TempoMap):
@@ -25,3 +30,24 @@ class Shifted(TempoMap):
     def instant(self, start_beats: float, time: Time) -> float:
         """Seconds of the engine of a time counted from beat `start_beats`."""
         return self.seconds(start_beats + time.beats) + time.seconds
+
+
+class Standing(TempoMap):
+    """A piece that stands at a beat: what lies before it is over, what lies after never comes."""
+
+    def __init__(self, of: TempoMap, at: float, now: float) -> None:
+        """Of a map that is whole, at an instant of the engine [s]."""
+        self.__dict__.update(of.__dict__)
+        self.at, self.now = at, now
+
+    def seconds(self, beats: float) -> float:
+        """Now, or never."""
+        return self.now if beats <= self.at + SAME else NEVER
+
+    def beats(self, seconds: float) -> float:
+        """The beat where it stands."""
+        return self.at
+
+    def instant(self, start_beats: float, time: Time) -> float:
+        """Now, or never."""
+        return self.seconds(start_beats)

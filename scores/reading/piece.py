@@ -273,10 +273,21 @@ class Piece:
 
         A file that is read while rendering counts by its content.
         """
-        sha = hashlib.sha256()
-        for chunk in _chunks(self):
-            sha.update(chunk)
-        return sha.hexdigest()
+        return _sha(self)
+
+    def scene(self) -> str:
+        """SHA-256 of what its modules are and how they are heard, by whatever is played on them."""
+        return _sha([getattr(self, name) for name in _OF_SCENE])
+
+
+_OF_SCENE = ("rate", "seed", "keys", "instruments", "duet", "mix")
+
+
+def _sha(value: Any) -> str:
+    sha = hashlib.sha256()
+    for chunk in _chunks(value):
+        sha.update(chunk)
+    return sha.hexdigest()
 
 
 _NOT_VALUES = {  # where a thing is written, or its text beside its value

@@ -58,17 +58,22 @@ class _Planner:
     """Plans of one piece; `are_kept` as long as none had to be made anew."""
 
     def __init__(
-        self, network: _core.Network, timeline: _core.Timeline, store: Store | None
+        self,
+        network: _core.Network,
+        timeline: _core.Timeline,
+        store: Store | None,
+        like: _core.Plan | None,
     ) -> None:
         self._of = network, timeline
-        self._store = store
-        self.are_kept = store is not None
+        self._store = store if like is None else None
+        self._like = like
+        self.are_kept = self._store is not None
 
     def plan(self, wished: Accuracy) -> _core.Plan:
         """A plan that is kept, or a new one to be kept."""
         budget = _budget(wished)
         if self._store is None:
-            return _core.Plan(*self._of, **budget)
+            return _core.Plan(*self._of, **budget, like=self._like)
         key = _core.Plan.key(*self._of, **budget)
         kept = self._store.get(key)
         if kept is not None:
@@ -90,14 +95,16 @@ def make(
     accuracy: Accuracy,
     pins: Pins | None = None,
     store: Store | None = None,
+    like: _core.Plan | None = None,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError where there is none.
 
-    Where `cpu` alone is given: the most exact plan that it can pay for.
+    Where `cpu` alone is given: the most exact plan that it can pay for. What is as in a plan that
+    it is to be `like` is computed as there.
     """
     if pins is not None:
         return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins))
-    planner = _Planner(network, timeline, store)
+    planner = _Planner(network, timeline, store, like)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy)
     notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]

@@ -39,14 +39,31 @@ class StageError(Exception):
         self.diagnostics = list(diagnostics)
 
 
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What is: the modules of a piece, the LIA of each coupling, and what is heard of them.
+
+    `key` tells scenes apart.
+    """
+
+    key: str
+    assembly: Assembly
+    couplings: Sequence[int]
+    listening: Listening
+
+    @property
+    def network(self) -> _core.Network:
+        """The network that the modules make."""
+        return self.assembly.network
+
+
 @dataclass(slots=True)
 class Stage:
     """Everything that plays a piece. `diagnostics` are warnings and notes."""
 
     piece: Piece
-    network: _core.Network
+    scene: Scene
     simulation: _core.Simulation
-    listening: Listening
     n_frames: int
     gestures: list[StagedGesture]
     sources: Sources
@@ -54,6 +71,16 @@ class Stage:
     plan: _core.Plan | None = None
     is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
+
+    @property
+    def network(self) -> _core.Network:
+        """What is."""
+        return self.scene.network
+
+    @property
+    def listening(self) -> Listening:
+        """What is heard of it, and where."""
+        return self.scene.listening
 
     @property
     def rate(self) -> float:
@@ -82,24 +109,40 @@ class Stage:
         return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
 
 
-@dataclass(slots=True)
-class Ready:
-    """All of a piece but what computes it. `collector` holds warnings and notes."""
-
-    network: _core.Network
-    timeline: _core.Timeline
-    listening: Listening
-    n_frames: int
-    hands: Hands
-    collector: Collector
-    live: tuple[LiveHand, ...]
-
-
 class Span(NamedTuple):
     """A stretch of a session: what a piece says of it is played."""
 
     piece: Piece
     window: Window
+
+
+@dataclass(frozen=True, slots=True)
+class Going:
+    """A stage that takes over while another sounds: at frame `start`, where it is `like` it.
+
+    `spans` is what is played, by parts of this piece and of those before it; None: all of it.
+    """
+
+    spans: Sequence[Span] | None = None
+    like: Stage | None = None
+    start: int = 0
+
+
+@dataclass(slots=True)
+class Ready:
+    """All of a piece but what computes it. `collector` holds warnings and notes."""
+
+    scene: Scene
+    timeline: _core.Timeline
+    n_frames: int
+    hands: Hands
+    collector: Collector
+    live: tuple[LiveHand, ...]
+
+    @property
+    def network(self) -> _core.Network:
+        """What is."""
+        return self.scene.network
 
 
 @lasting
@@ -108,19 +151,21 @@ def prepare(
     real: Real | None = None,
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
+    before: Scene | None = None,
 ) -> Ready:
     """What is and what will happen in a piece. Raises StageError with every mistake found.
 
     `real`: players whose hands are real, and where each was at every tick, if that is known;
     `silent`: instruments that are not listened to; `spans`: what is played by parts of this piece
-    and of others before it, all of this one if nothing is said.
+    and of others before it, all of this one if nothing is said; `before`: a scene that may be the
+    piece's own.
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
-    assembly = Assembly(seed=piece.seed)
     try:
-        couplings = add_network(piece, assembly)
-        listening = listen(piece, assembly, silent)
+        known = before is not None and before.key == piece.scene()
+        scene = before if before is not None and known else _scene(piece, silent)
+        assembly, couplings = scene.assembly, scene.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         hands = Hands(piece, timeline, Takes(piece, collector), collector)
         live = tuple(join(piece, real, assembly, timeline, collector))
@@ -133,7 +178,13 @@ def prepare(
         raise _refused(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    return Ready(assembly.network, timeline, listening, n_frames, hands, collector, live)
+    return Ready(scene, timeline, n_frames, hands, collector, live)
+
+
+def _scene(piece: Piece, silent: Container[str]) -> Scene:
+    assembly = Assembly(seed=piece.seed)
+    couplings = add_network(piece, assembly)
+    return Scene(piece.scene(), assembly, couplings, listen(piece, assembly, silent))
 
 
 @lasting
@@ -150,22 +201,29 @@ def stage(
     real: Real | None = None,
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
+    going: Going | None = None,
 ) -> Stage:
     """Build all that plays a piece: module by module, or `planned` within its accuracy.
 
     A ledger and a stream of ergons are kept of every module alone. `pins` are the choices of an
     earlier plan, `store` keeps plans, `real` the players whose hands are real, with what is known
     of them, `silent` the instruments that are not listened to. A part that leaves all bounds ends
-    the run, or is muted alone. Raises StageError with every mistake that the engine finds.
+    the run, or is muted alone. What is `going` is to take over from another stage. Raises
+    StageError with every mistake that the engine finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
-    ready = prepare(piece, real, silent)
+    going = going or Going()
+    like = going.like
+    ready = prepare(piece, real, silent, going.spans, like.scene if like is not None else None)
     native.speed_up(ready.network, ready.n_frames)
+    if going.spans is not None:
+        ready.timeline.open()
     plan, is_kept = None, False
     try:
         if planned:
-            made = make(ready.network, ready.timeline, piece.accuracy, pins, store)
+            other = like.plan if like is not None else None
+            made = make(ready.network, ready.timeline, piece.accuracy, pins, store, other)
             plan, is_kept = made.plan, made.is_kept
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
@@ -174,6 +232,7 @@ def stage(
             ready.network,
             ready.timeline,
             plan=plan,
+            start=going.start,
             ledger=ledger,
             record=record,
             on_fault=on_fault,
@@ -183,9 +242,8 @@ def stage(
         raise _refused(piece, ready.collector, error) from error
     return Stage(
         piece,
-        ready.network,
+        ready.scene,
         simulation,
-        ready.listening,
         ready.n_frames,
         ready.hands.gestures,
         ready.hands.sources,
@@ -332,4 +390,15 @@ def _itself(place: Place) -> Place:
     return place
 
 
-__all__ = ["Ready", "Span", "Stage", "StageError", "StagedGesture", "prepare", "solo", "stage"]
+__all__ = [
+    "Going",
+    "Ready",
+    "Scene",
+    "Span",
+    "Stage",
+    "StageError",
+    "StagedGesture",
+    "prepare",
+    "solo",
+    "stage",
+]

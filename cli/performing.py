@@ -1,0 +1,170 @@
+"""What `repl` does: a score or a journal, an engine, a session, a prompt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.exchange.level import HIGHPASS
+
+from . import playing, score
+from .console import Console
+from .outcome import DeviceMissing, Findings, Refused
+
+if TYPE_CHECKING:
+    from ergon.live.boards import Board
+    from ergon.live.perform import Order
+    from ergon.repl.session.clock import Clock
+    from ergon.repl.session.engine import Engine
+    from ergon.repl.session.replay import Opening
+    from ergon.repl.session.version import Version
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+# What a change takes from the session to the physics thread: its tick, and a busy machine [s].
+_MARGIN = 0.015
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the options ask for."""
+
+    live: Sequence[str] = ()
+    unchecked: bool = False
+    force_max: float | None = None
+    audio: str = "auto"
+    block: int | None = None
+    ahead: int | None = None
+    gain: str | None = None
+    journal: Path = Path("session.jsonl")
+    resume: Path | None = None
+    plain: bool = False
+    strict: bool = False
+
+    @property
+    def playing(self) -> playing.Wishes:
+        """The same, as `play` asks."""
+        return playing.Wishes(
+            audio=self.audio,
+            block=self.block,
+            ahead=self.ahead,
+            gain=self.gain,
+            live=self.live,
+            force_max=self.force_max,
+            unchecked=self.unchecked,
+        )
+
+
+def perform(console: Console, path: str | None, wishes: Wishes) -> None:
+    """Serve a session until somebody leaves."""
+    from ergon.exchange.plan_store import of_user
+    from ergon.repl.prompt.past import of_user as history
+    from ergon.repl.prompt.run import run
+    from ergon.repl.session.journal import Journal, JournalError, free
+    from ergon.repl.session.session import Session
+    from ergon.scores.staging.stage import StageError
+
+    version, clock, gain = _beginning(console, path, wishes.resume)
+    piece = version.piece
+    boards = [
+        playing.ready(console, board, wishes.unchecked)
+        for board in playing.boards_of(piece, wishes.playing)
+    ]
+    real = {player: None for board in boards for _, player in board.axes}
+    order = _order(console, piece, wishes, boards, gain)
+    make, opening = _engine(console, version, clock, order)
+    try:
+        journal = Journal(free(wishes.journal))
+        session = Session(
+            version,
+            make,
+            margin=_MARGIN,
+            journal=journal,
+            real=real,
+            store=of_user(),
+            clock=clock,
+        )
+    except JournalError as error:
+        raise Refused(str(error)) from None
+    except StageError as error:
+        for found in error.diagnostics:
+            console.warn(found.message)
+        raise Findings from None
+    journal.tell("session", **opening(session.commits.engine.every).fields())
+    session.run()
+    if run(session, plain=wishes.plain, strict=wishes.strict, history=history()):
+        raise Findings
+
+
+def _beginning(console: Console, path: str | None, resume: Path | None) -> tuple[Version, Clock, float | None]:
+    """The first version, where its piece stands, and the gain where it is known."""
+    from ergon.repl.session.clock import Clock
+    from ergon.repl.session.texts import Texts
+    from ergon.repl.session.journal import JournalError
+    from ergon.repl.session.replay import opened, resumed
+    from ergon.repl.session.version import NotTakenError, Version
+
+    if (path is None) == (resume is None):
+        raise Refused("a score, or --resume JOURNAL: one of them")
+    if resume is not None:
+        try:
+            replay = opened(resume)
+            return *resumed(replay), replay.opening.gain
+        except (JournalError, NotTakenError) as error:
+            raise Refused(f"--resume {resume}: {error}") from None
+    assert path is not None
+    loaded = score.read(console, path, leave_out=("N401",))
+    piece = score.piece_of(loaded)
+    return Version(0, "", Texts.read(path), piece), Clock(), None
+
+
+def _order(
+    console: Console,
+    piece: Piece,
+    wishes: Wishes,
+    boards: Sequence[Board],
+    gain: float | None,
+) -> Order:
+    from ergon.exchange.plan_store import of_user
+    from ergon.live.perform import Order
+    from ergon.scores.staging.stage import stage
+
+    master = piece.mix.master
+    score.whole_rate(piece.rate)
+    audio = wishes.audio if wishes.block is None else f"{wishes.audio},block={wishes.block}"
+    if gain is None or wishes.gain is not None:
+        whole = stage(piece, planned=True, store=of_user(), on_fault="mute")
+        gain = playing.gain(console, piece, whole, wishes.playing, ())
+    return Order(
+        audio=audio,
+        gain=gain,
+        limit=master.limit if master is not None and master.limit is not None else 1.0,
+        highpass=HIGHPASS,
+        boards=boards,
+        force_max=wishes.force_max,
+        ahead=wishes.ahead,
+    )
+
+
+def _engine(
+    console: Console, version: Version, clock: Clock, order: Order
+) -> tuple[Callable[[Stage], Engine], Callable[[int], Opening]]:
+    from ergon import _core
+    from ergon.repl.session.live import Live
+    from ergon.repl.session.replay import Opening
+
+    def make(stage: Stage) -> Engine:
+        try:
+            engine = Live(stage, order)
+        except _core.EngineError as error:
+            raise DeviceMissing(str(error)) from None
+        console.say(engine.performance.output())
+        return engine
+
+    def opening(every: int) -> Opening:
+        heard = order.gain, order.limit, order.highpass
+        return Opening(version.texts, clock.at, version.desk, every, *heard)
+
+    return make, opening

@@ -1,0 +1,56 @@
+"""`ergon repl`: a score that is played while lines change it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from . import options
+from .console import Console
+
+
+@click.command()
+@click.argument("score_path", metavar="SCORE", required=False)
+@click.option(
+    "--live", multiple=True, metavar="PLAYER=DEVICE", help="A hand on a key, as for `ergon duet`."
+)
+@click.option("--unchecked", is_flag=True, help="Try no axis for its direction first.")
+@click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on a hand [N].")
+@click.option(
+    "--audio",
+    default="auto",
+    show_default=True,
+    metavar="WHERE",
+    help="jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
+)
+@click.option("--block", type=click.IntRange(16, 8192), help="Frames of the card at a time.")
+@click.option("--ahead", type=click.IntRange(64, 1 << 20), help="Frames kept ready for the card.")
+@click.option("--gain", metavar="LEVEL", help="Instead of what a preflight finds: -12dB.")
+@click.option(
+    "--journal",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("session.jsonl"),
+    show_default=True,
+    metavar="FILE",
+    help="What is typed, as it happens; where it is there, the next free name.",
+)
+@click.option(
+    "--resume",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Go on where a journal ends.",
+)
+@click.option("--plain", is_flag=True, help="Lines only, no redrawing: for screen readers, pipes.")
+@click.option("--strict", is_flag=True, help="Exit 1 when a line was not taken.")
+@options.speaking
+def repl(console: Console, score_path: str | None, **wishes: Any) -> None:
+    """Live-code a score: every line is one musical decision.
+
+    `play` begins; `help` lists what may be typed. Lines act on the next bar, and whatever is wrong
+    with one, the music goes on. F12 is silence.
+    """
+    from .performing import Wishes, perform
+
+    perform(console, score_path, Wishes(**wishes))

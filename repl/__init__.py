@@ -1,0 +1,1 @@
+"""Live coding: lines become versions of a score, and versions take over while they sound."""

@@ -1,0 +1,1 @@
+"""A session: versions of a score, when they take over, and what is kept of them."""

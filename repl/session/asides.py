@@ -1,0 +1,183 @@
+"""What lines do besides making versions: transport, stopping, looking back, looking."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ergon.repl.face import Reply
+from ergon.repl.language import commands as c
+from ergon.repl.language.help import about, overview
+from ergon.repl.session import deeds, files, looks
+from ergon.repl.session.version import NotTakenError, Version
+from ergon.scores.text.errors import TextError
+
+if TYPE_CHECKING:
+    from ergon.repl.session.session import Session
+
+# Taps farther apart than this begin a new count [s]: slower than 20 bpm nobody taps.
+_TAPS_APART = 3.0
+_TAPS = 8  # the latest of them count
+
+
+def _play(session: Session, command: c.Play) -> Reply:
+    clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
+    if command.start is None and clock.goes:
+        raise NotTakenError("it plays already; `play from 1|1` begins again")
+    if session.panicked:
+        session.release()
+    beat = clock.at
+    if command.start is not None:
+        try:
+            beat = tempo.resolve(command.start)
+        except TextError as error:
+            raise NotTakenError(error.message) from None
+    waiting = session.queue("play", deeds.same, c.NOW, goes=True, beat=beat, restores=-1)
+    return Reply(True, f"ok from {session.where(waiting)}")
+
+
+def _stop(session: Session, command: c.Stop) -> Reply:
+    if not session.commits.running.clock.goes:
+        raise NotTakenError("it stands already; `play` goes on")
+    when = c.NOW if command.when is None else command.when
+    waiting = session.queue("stop", deeds.same, when, goes=False, restores=-1)
+    return Reply(True, f"ok {session.where(waiting)} the piece stands; `play` goes on from there")
+
+
+def _panic(session: Session, command: c.Panic) -> Reply:
+    session.panic()
+    return Reply(True, "panic: silent, no force; `release`, then `play`")
+
+
+def _release(session: Session, command: c.Release) -> Reply:
+    if not session.panicked:
+        raise NotTakenError("nothing was panicked")
+    session.release()
+    return Reply(True, "ok")
+
+
+def _quant(session: Session, command: c.Quant) -> Reply:
+    session.quant = None if isinstance(command.grid, c.Now) else command.grid
+    session.quant_text = command.words["grid"].text
+    return Reply(True, f"ok lines act on: {session.quant_text}")
+
+
+def _tap(session: Session, command: c.Tap) -> Reply:
+    now = time.monotonic()
+    taps = session.taps
+    if taps and now - taps[-1] > _TAPS_APART:
+        taps.clear()
+    taps.append(now)
+    del taps[:-_TAPS]
+    if len(taps) < 3:
+        return Reply(True, f"tap {len(taps)}: {3 - len(taps)} more")
+    bpm = round(60.0 * (len(taps) - 1) / (taps[-1] - taps[0]), 1)
+    return session.take(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
+
+
+def _undo(session: Session, command: c.Undo) -> Reply:
+    return _back_to(session, session.at - 1, "undo", "there is nothing before this")
+
+
+def _redo(session: Session, command: c.Redo) -> Reply:
+    return _back_to(session, session.at + 1, "redo", "nothing was undone")
+
+
+def _back(session: Session, command: c.Back) -> Reply:
+    return _back_to(
+        session, session.at - command.count, f"back {command.count}", "there are not so many"
+    )
+
+
+def _back_to(session: Session, index: int, line: str, none: str) -> Reply:
+    if not 0 <= index < len(session.versions):
+        raise NotTakenError(f"{none}; `history` lists the versions")
+    target, _ = session.versions[index]
+    left, _ = session.versions[session.at]
+    waits = next((one for one in session.commits.waiting if one.number == left.number), None)
+    if waits is not None and index == session.at - 1:
+        session.drop(waits)
+        session.at = index
+        return Reply(True, f"ok '{left.line}' is taken back before it began")
+
+    def restore(version: Version, beat: float) -> Version:
+        return replace(target, cuts=False, damp=None)
+
+    waiting = session.queue(line, restore, restores=target.number)
+    session.at = index
+    return Reply(True, f"ok {session.where(waiting)} as after: {target.line or 'the beginning'}")
+
+
+def _history(session: Session, command: c.History) -> Reply:
+    rows = []
+    for index, (version, where) in enumerate(session.versions):
+        here = ">" if index == session.at else " "
+        rows.append(f"{here} {index:3}  {where:>8}  {version.line or '(the score)'}")
+    return Reply(True, "", lines=tuple(rows))
+
+
+def _help(session: Session, command: c.Help) -> Reply:
+    return Reply(True, "", lines=overview() if command.verb is None else about(command.verb))
+
+
+def _show(session: Session, command: c.Show) -> Reply:
+    return Reply(True, "", lines=tuple(looks.show(session.commits.head, command.name)))
+
+
+def _look(session: Session, command: c.Look) -> Reply:
+    return Reply(True, "", lines=tuple(looks.drawn(session.commits.head, command.name)))
+
+
+def _scope_of(session: Session, command: c.Scope) -> Reply:
+    lines = looks.scoped(session.commits.running, session.commits.engine.frame, command.name)
+    return Reply(True, "", lines=tuple(lines))
+
+
+def _meters(session: Session, command: c.Meters) -> Reply:
+    peaks = session.commits.engine.look().peaks
+    shown = [
+        f"{channel:3}  {20 * math.log10(peak):6.1f} dB" if peak > 0 else f"{channel:3}  silent"
+        for channel, peak in enumerate(peaks, 1)
+    ]
+    return Reply(True, "", lines=tuple(shown or ["no meters here"]))
+
+
+def _save(session: Session, command: c.Save) -> Reply:
+    written = files.save(session, None if command.file is None else Path(command.file))
+    return Reply(True, f"ok wrote {', '.join(written)}")
+
+
+def _py(session: Session, command: c.Py) -> Reply:
+    scope: dict[str, Any] = {"session": session, "math": math}
+    value = eval(command.expression, {"__builtins__": __builtins__}, scope)  # noqa: S307 - it is
+    return Reply(True, "" if value is None else repr(value)[:1000])  # the performer's own line
+
+
+def _quit(session: Session, command: c.Quit) -> Reply:
+    return Reply(True, "bye", leaves=True)
+
+
+ASIDES: Mapping[type[c.Command], Callable[[Session, Any], Reply]] = {
+    c.Play: _play,
+    c.Stop: _stop,
+    c.Panic: _panic,
+    c.Release: _release,
+    c.Quant: _quant,
+    c.Tap: _tap,
+    c.Undo: _undo,
+    c.Redo: _redo,
+    c.Back: _back,
+    c.History: _history,
+    c.Help: _help,
+    c.Show: _show,
+    c.Look: _look,
+    c.Scope: _scope_of,
+    c.Meters: _meters,
+    c.Save: _save,
+    c.Py: _py,
+    c.Quit: _quit,
+}

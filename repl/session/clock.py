@@ -1,0 +1,63 @@
+"""Where the piece is while the engine goes on, and where the next boundary lies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon.scores.clock.meter import SAME
+from ergon.scores.clock.shifted import Shifted, Standing
+
+if TYPE_CHECKING:
+    from ergon.scores.clock.positions import Length
+    from ergon.scores.clock.tempo import TempoMap
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """The piece goes, its beginning at the engine's second `by`; or it stands at beat `at`."""
+
+    by: float | None = None
+    at: float = 0.0
+
+    @property
+    def goes(self) -> bool:
+        """Whether time passes in the piece."""
+        return self.by is not None
+
+    def tempo(self, tempo: TempoMap, now: float) -> TempoMap:
+        """The tempo map by seconds of the engine, which is at `now`."""
+        if self.by is not None:
+            return Shifted(tempo, self.by)
+        return Standing(tempo, self.at, now)
+
+    def beat(self, tempo: TempoMap, seconds: float) -> float:
+        """The beat of the piece at an instant of the engine."""
+        return self.at if self.by is None else max(0.0, tempo.beats(seconds - self.by))
+
+    def seconds(self, tempo: TempoMap, beat: float) -> float:
+        """The engine's instant of a beat; of a piece that goes."""
+        assert self.by is not None
+        return tempo.seconds(beat) + self.by
+
+
+def started(tempo: TempoMap, beat: float, seconds: float) -> Clock:
+    """Going from a beat on, at an instant of the engine."""
+    return Clock(seconds - tempo.seconds(beat), beat)
+
+
+def boundary(tempo: TempoMap, beat: float, grid: Length) -> float:
+    """The first beat from `beat` on that is a multiple of `grid`: of bars from the first, of beats
+    from the beginning of their bar, in seconds from the beginning of the piece."""
+    bars = tempo.bars
+    bar, into = bars.bar_beat(beat)
+    if grid.bars:
+        step = max(1, round(grid.bars))
+        bar += into > 1.0 + SAME
+        return bars.start(bar + (1 - bar) % step)
+    if grid.beats:
+        steps = math.ceil((into - 1.0 - SAME) / grid.beats)
+        return min(bars.start(bar) + steps * grid.beats, bars.start(bar + 1))
+    seconds = tempo.seconds(beat)
+    return tempo.beats(math.ceil(seconds / grid.seconds - SAME) * grid.seconds)

@@ -1,0 +1,223 @@
+"""Lines that were taken and wait for their boundary, and how they come into effect there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from ergon.repl.language.commands import NOW, When
+from ergon.repl.session.clock import Clock, boundary, started
+from ergon.repl.session.engine import Change
+from ergon.repl.session.running import HORIZON, JOIN, Running, follow
+from ergon.repl.session.version import NotTakenError, Version
+from ergon.scores.clock.meter import SAME
+from ergon.scores.clock.positions import Length, Position
+from ergon.scores.text.errors import TextError
+
+if TYPE_CHECKING:
+    from ergon.repl.session.engine import Engine
+    from ergon.scores.staging.live import Real
+
+# What waits is made again shortly before it is due, on what then plays [s].
+_AHEAD = 0.3
+
+# A line: what it makes of the version before it, when it takes effect at a beat.
+Deed = Callable[[Version, float], Version]
+
+
+@dataclass(slots=True)
+class Waiting:
+    """A line between Enter and its boundary.
+
+    `goes`: the piece begins to go, from beat `beat`, or stands from there; None: as before. One
+    that `resets` finds all masses where they are written to begin.
+    """
+
+    line: str
+    deed: Deed
+    beat: float
+    start: int
+    goes: bool | None = None
+    resets: bool = False
+    made: Running | None = None
+    on: Running | None = None  # what it was made to follow
+    number: int = 0
+
+
+@dataclass(slots=True)
+class Commits:
+    """Hands versions to the engine in the order of their boundaries.
+
+    `real` are the players whose hands are real.
+    """
+
+    engine: Engine
+    running: Running
+    real: Real
+    margin: int  # frames between asking for a change and the first in which it can be
+    head: Version
+    waiting: list[Waiting] = field(default_factory=list)
+    handed: list[tuple[int, Waiting, Running]] = field(default_factory=list)  # on what, by ticket
+
+    # --- when ------------------------------------------------------------------------------------
+
+    @property
+    def rate(self) -> float:
+        """Frames a second."""
+        return self.running.stage.rate
+
+    def soonest(self) -> int:
+        """The first frame at which a change can still be made: a multiple of the tick."""
+        every = self.engine.every
+        frame = max(self.engine.frame + self.margin, self.running.start + 1)
+        return -(-frame // every) * every
+
+    def now(self) -> float:
+        """The beat of the piece that is computed now."""
+        return self.running.beat(self.engine.frame)
+
+    def place(self, when: When, grid: Length | None) -> tuple[float, int]:
+        """The beat on which a line acts, and the frame at which its version takes over.
+
+        Raises NotTakenError where the beat is past.
+        """
+        clock, start = self.running.clock, self.soonest()
+        if not clock.goes:
+            return clock.at, start
+        tempo = self.head.piece.tempo_map
+        lead = JOIN + self.engine.every / self.rate
+        first = clock.beat(tempo, start / self.rate + lead)
+        if isinstance(when, Position):
+            beat = self._resolved(when)
+            if beat < first - SAME:
+                here = tempo.written(self.now())
+                raise NotTakenError(f"{when.text or tempo.written(beat)} is past: it is {here}")
+        elif isinstance(when, Length):
+            beat = max(first, tempo.after(self.now(), when))
+        else:
+            beat = first if when is NOW or grid is None else boundary(tempo, first, grid)
+        frames = (clock.seconds(tempo, beat) - lead) * self.rate
+        every = self.engine.every
+        return beat, max(start, math.floor(frames / every + SAME) * every)
+
+    def _resolved(self, position: Position) -> float:
+        try:
+            return self.head.piece.tempo_map.resolve(position)
+        except TextError as error:
+            raise NotTakenError(error.message) from None
+
+    # --- taking a line ---------------------------------------------------------------------------
+
+    def take(self, waiting: Waiting) -> Running:
+        """Put a line in its place among those that wait, and make all that comes of it.
+
+        Raises NotTakenError or StageError, and then nothing has changed.
+        """
+        place = sum(one.beat <= waiting.beat + SAME for one in self.waiting)
+        queue = [*self.waiting[:place], waiting, *self.waiting[place:]]
+        made = self._made(queue)
+        for one, (running, on) in zip(queue, made, strict=True):
+            one.made, one.on = running, on
+        self.waiting = queue
+        self.head = made[-1][0].version
+        assert waiting.made is not None
+        return waiting.made
+
+    def drop(self, waiting: Waiting) -> None:
+        """Take a line back before its boundary."""
+        queue = [one for one in self.waiting if one is not waiting]
+        made = self._made(queue)
+        for one, (running, on) in zip(queue, made, strict=True):
+            one.made, one.on = running, on
+        self.waiting = queue
+        self.head = made[-1][0].version if made else self.running.version
+
+    def _made(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
+        on, found = self.running, []
+        for one in queue:
+            is_made = one.made is not None and one.on is on
+            running = one.made if is_made and one.made is not None else self._follow(on, one)
+            found.append((running, on))
+            on = running
+        return found
+
+    def _follow(self, on: Running, one: Waiting) -> Running:
+        version = one.deed(replace(on.version, cuts=False, damp=None), one.beat)
+        clock, leave, enter = on.clock, one.beat, one.beat
+        seconds = one.start / self.rate
+        if one.goes is not None:
+            leave = on.beat(one.start)
+            tempo = version.piece.tempo_map
+            lead = JOIN + self.engine.every / self.rate
+            clock = started(tempo, enter, seconds + lead) if one.goes else Clock(None, leave)
+        return follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+
+    # --- handing over ----------------------------------------------------------------------------
+
+    def tick(self) -> None:
+        """Hand over what is due soon, and put on the timeline what comes after the horizon."""
+        soon = self.engine.frame + self.margin + int(_AHEAD * self.rate)
+        while self.waiting and self.waiting[0].start <= soon:
+            self._hand(self.waiting.pop(0))
+        bars = self.running.version.piece.tempo_map.bars
+        running = self.running
+        if not running.clock.goes or self.waiting:
+            return
+        half = bars.start(bars.bar_beat(running.until)[0] - HORIZON // 2)
+        if self.now() > half:
+            damp = running.version.damp
+            again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
+            self.take(again)
+            self.tick()
+
+    def _hand(self, one: Waiting) -> None:
+        late = one.start < self.soonest()
+        if late:
+            one.beat, one.start, one.made = *self.place(None, Length(bars=1.0)), None
+        made = one.made if one.made is not None and one.on is self.running else None
+        made = made or self._follow(self.running, one)
+        before = self.running
+        change = Change(
+            one.start,
+            made.stage,
+            one.resets,
+            gains=_moved(before, made),
+            damp=made.version.damp,
+        )
+        ticket = self.engine.change(change)
+        self.handed.append((ticket, one, before))
+        self.running = made
+        if not self.waiting:
+            self.head = made.version
+
+    def late(self, ticket: int) -> list[Waiting]:
+        """A change came too late: it and all that were built on it wait again; which they are."""
+        index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
+        if index is None:
+            return []
+        back = [one for _, one, _ in self.handed[index:]]
+        self.running = self.handed[index][2]
+        del self.handed[index:]
+        for one in back:
+            one.made = one.on = None
+        self.waiting = [*back, *self.waiting]
+        return back
+
+    def done(self, ticket: int) -> Waiting | None:
+        """A change was made: which line's."""
+        index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
+        return None if index is None else self.handed.pop(index)[1]
+
+
+def faders(running: Running) -> dict[int, float]:
+    """The ratio of each group of routes."""
+    desk = running.version.desk
+    return {group: desk.ratio(part) for group, part in enumerate(running.stage.listening.parts())}
+
+
+def _moved(before: Running, after: Running) -> dict[int, float]:
+    """Groups of routes whose faders stand elsewhere than before; of a new mixer, than at 1."""
+    old = faders(before) if after.stage.scene is before.stage.scene else {}
+    return {group: to for group, to in faders(after).items() if to != old.get(group, 1.0)}

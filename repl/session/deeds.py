@@ -1,0 +1,220 @@
+"""What verbs make of a version: an edit of its texts, or of its faders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ergon.repl.language import commands as c
+from ergon.repl.session.edits import keys, names, parts, times
+from ergon.repl.session.texts import Texts
+from ergon.repl.session.version import Desk, NotTakenError, Version, piece_of
+
+if TYPE_CHECKING:
+    from ergon.repl.session.commits import Deed
+    from ergon.repl.session.running import Running
+
+
+def same(version: Version, beat: float) -> Version:
+    """Nothing is different."""
+    return version
+
+
+def together(commands: Sequence[c.Command]) -> Deed:
+    """Several commands as one."""
+    own = [DEEDS[type(command)](command) for command in commands]
+
+    def deed(version: Version, beat: float) -> Version:
+        for one in own:
+            version = one(version, beat)
+        return version
+
+    return deed
+
+
+def hushed(version: Version, beat: float) -> Version:
+    """No hand plays on, and nothing strikes."""
+    texts = parts.hush(version.texts, version.piece, beat)
+    return replace(_read(version, texts), cuts=True)
+
+
+def _read(version: Version, texts: Texts) -> Version:
+    return replace(version, texts=texts, piece=piece_of(texts))
+
+
+# --- what is written -----------------------------------------------------------------------------
+
+
+def _define(command: c.Define, version: Version, beat: float) -> Texts:
+    return names.define(version.texts, command.name, command.words["notation"].text)
+
+
+def _plays(command: c.Plays, version: Version, beat: float) -> Texts:
+    said = command.words["play"].text
+    return parts.play(version.texts, version.piece, command.player, beat, said)
+
+
+def _do(command: c.Do, version: Version, beat: float) -> Texts:
+    said = command.words["do"].text
+    return parts.transform(version.texts, version.piece, command.player, beat, said)
+
+
+def _rest(command: c.Rest, version: Version, beat: float) -> Texts:
+    return parts.rest(version.texts, version.piece, command.player, beat)
+
+
+def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
+    end = "" if command.end is None else f" -> {command.end:.12g}"
+    over = command.words["over"].text if command.over is not None else None
+    return times.change(version.texts, version.piece, beat, f"{command.bpm:.12g}{end}", over)
+
+
+def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
+    """The beat that begins lasts so much longer, and the next ones as before."""
+    tempo = version.piece.tempo_map
+    bpm = tempo.bpm(beat)
+    by = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
+    length = 60.0 / bpm + by
+    if not 30.0 / bpm <= length <= 120.0 / bpm:
+        raise NotTakenError("a nudge is at most half a beat; `tempo` changes more")
+    texts = times.change(version.texts, version.piece, beat, f"{60.0 / length:.12g}")
+    return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
+
+
+def _couple(command: c.Couple, version: Version, beat: float) -> Texts:
+    stiffness, viscosity = f"{command.stiffness!r}N/m", f"{command.viscosity!r}Ns/m"
+    ends = command.a, command.b
+    return keys.couple(version.texts, version.piece, beat, *ends, stiffness, viscosity)
+
+
+def _uncouple(command: c.Uncouple, version: Version, beat: float) -> Texts:
+    return keys.uncouple(version.texts, version.piece, beat, command.a, command.b)
+
+
+def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
+    return names.seed(version.texts, command.seed)
+
+
+_EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
+    c.Define: _define,
+    c.Plays: _plays,
+    c.Do: _do,
+    c.Rest: _rest,
+    c.Tempo: _tempo,
+    c.Nudge: _nudge,
+    c.Couple: _couple,
+    c.Uncouple: _uncouple,
+    c.Seed: _seed,
+}
+
+
+# --- faders --------------------------------------------------------------------------------------
+
+
+def _gain(command: c.Gain, desk: Desk, parts_of: frozenset[str]) -> Desk:
+    if command.name is None:
+        return replace(desk, master=command.ratio)
+    return replace(desk, gains={**desk.gains, **dict.fromkeys(parts_of, command.ratio)})
+
+
+def _mute(command: c.Mute, desk: Desk, parts_of: frozenset[str]) -> Desk:
+    return replace(desk, muted=desk.muted | parts_of)
+
+
+def _solo(command: c.Solo, desk: Desk, parts_of: frozenset[str]) -> Desk:
+    return replace(desk, solo=parts_of)
+
+
+def _unmute(command: c.Unmute, desk: Desk, parts_of: frozenset[str]) -> Desk:
+    if command.name is None:
+        return replace(desk, muted=frozenset(), solo=frozenset())
+    return replace(desk, muted=desk.muted - parts_of, solo=frozenset())
+
+
+_FADES: Mapping[type[c.Command], Callable[[Any, Desk, frozenset[str]], Desk]] = {
+    c.Gain: _gain,
+    c.Mute: _mute,
+    c.Solo: _solo,
+    c.Unmute: _unmute,
+}
+
+
+def _parts(version: Version, name: str | None) -> frozenset[str]:
+    """An instrument, or those that a player's key touches."""
+    piece = version.piece
+    if name is None:
+        return frozenset()
+    if name in piece.instruments:
+        return frozenset([name])
+    key = piece.players[name].key
+    touched = frozenset(
+        end.part
+        for instrument in piece.instruments.values()
+        for module in instrument.modules
+        for end in _ends(module.fields.get("between"), key)
+    )
+    if not touched:
+        raise NotTakenError(f"{name}'s key {key} touches no instrument")
+    return touched
+
+
+def _ends(between: Any, key: str) -> list[Any]:
+    """The other ends of a link of a key."""
+    if not between or all(end.part != key for end in between):
+        return []
+    return [end for end in between if end.part != key]
+
+
+# --- all of it -----------------------------------------------------------------------------------
+
+
+def _edit(command: c.Command) -> Deed:
+    edit = _EDITS[type(command)]
+    return lambda version, beat: _read(version, edit(command, version, beat))
+
+
+def _fade(command: Any) -> Deed:
+    fade = _FADES[type(command)]
+    return lambda version, beat: replace(
+        version, desk=fade(command, version.desk, _parts(version, command.name))
+    )
+
+
+def _hush(command: c.Hush) -> Deed:
+    return hushed
+
+
+def _damp(command: c.Damp) -> Deed:
+    return lambda version, beat: replace(hushed(version, beat), damp=command.time)
+
+
+DEEDS: Mapping[type[c.Command], Callable[[Any], Deed]] = {
+    **dict.fromkeys(_EDITS, _edit),
+    **dict.fromkeys(_FADES, _fade),
+    c.Hush: _hush,
+    c.Damp: _damp,
+}
+
+
+# --- what is said of it --------------------------------------------------------------------------
+
+
+def said(command: c.Command, made: Running) -> str:
+    """A command that was taken, in a few words."""
+    if isinstance(command, c.Define):
+        return _defined(command, made)
+    if isinstance(command, c.Plays):
+        return f"{command.player}: {command.words['play'].text}"
+    return ""
+
+
+def _defined(command: c.Define, made: Running) -> str:
+    gesture = made.version.piece.gestures[command.name]
+    tempo, rate = made.version.piece.tempo_map, made.stage.rate
+    count = len(gesture.points)
+    last = gesture.points[-1].at
+    if "throw" in {point.curve for point in gesture.points[1:]}:
+        return f"{command.name}: {count} points"
+    seconds = last.beats * 60.0 / tempo.bpm(0.0) + last.seconds
+    return f"{command.name}: {count} points, {int(seconds * rate + 0.5):,} ergons"

@@ -1,0 +1,95 @@
+"""The engine on hardware: one performance that goes on while its simulation is exchanged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ergon.live.display import told as said
+from ergon.live.perform import Order, bars, every, perform
+from ergon.repl.session.engine import Change, Look, Told
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from ergon import _core
+    from ergon.scores.staging.stage import Stage
+
+_BARS = 120.0  # [s] for which bars are told: a hand that comes back waits for the next one
+_PATIENCE = 2.0  # [s] that what is in the ring may take to be heard
+
+
+class Live:
+    """A stage on a sound card and keys."""
+
+    def __init__(self, stage: Stage, order: Order) -> None:
+        """Begin to sound. Raises EngineError."""
+        self.every = every(stage)
+        self._highpass = order.highpass
+        self._stage = stage
+        self._performance: _core.Performance = perform(stage, replace(order, endless=True))
+        self._players = [hand.player for hand in stage.live]
+        self._boards = [board.url for board in order.boards]
+        self._sound = 0
+
+    @property
+    def performance(self) -> _core.Performance:
+        """The performance itself, for those who look on."""
+        return self._performance
+
+    @property
+    def frame(self) -> int:
+        """Frames computed so far."""
+        return self._performance.status().frame
+
+    def change(self, change: Change) -> int:
+        """Hand a change to the physics thread; its ticket."""
+        stage = change.stage
+        is_new = stage.scene is not self._stage.scene
+        old, self._stage = self._stage, stage
+        return self._performance.change(
+            change.at,
+            simulation=stage.simulation,
+            old=None if change.resets else old.simulation,
+            mixer=stage.mixer(highpass=self._highpass) if is_new else None,
+            gains=list(change.gains.items()),
+            damp=change.damp,
+            bars=bars(stage, change.at + int(_BARS * stage.rate)),
+        )
+
+    def faders(self, gains: Mapping[int, float]) -> None:
+        """Where the faders of groups of routes stand at the beginning, as ratios."""
+        for group, gain in gains.items():
+            self._performance.part_gain(group, gain)
+
+    def look(self) -> Look:
+        """How it goes."""
+        status = self._performance.status()
+        return Look(status.load, status.late, status.peaks)
+
+    def told(self) -> Sequence[Told]:
+        """What happened since the last call."""
+        found = []
+        for event in self._performance.events():
+            frame, what, number = event
+            if what in ("changed", "late"):
+                found.append(Told(frame, int(number), is_late=what == "late"))
+            elif sentence := said(event, self._players, self._boards):
+                found.append(Told(frame, sentence=sentence))
+        sound = self._performance.sound_events()
+        found += [Told(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]]
+        self._sound = len(sound)
+        return found
+
+    def panic(self) -> None:
+        """Silence within 5 ms, no force."""
+        self._performance.panic()
+
+    def release(self) -> None:
+        """Sound and force again."""
+        self._performance.release()
+
+    def close(self) -> None:
+        """Let what is in the ring be heard, and end."""
+        self._performance.stop()
+        self._performance.close(_PATIENCE)

@@ -1,0 +1,92 @@
+"""Looking without playing: curves, lines of the score, who plays what."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ergon.repl.session.version import NotTakenError
+from ergon.scores.staging.stage import solo
+from ergon.scores.text.document import Mapping, compose
+from ergon.scores.text.errors import Collector
+from ergon.scores.text.spelling import nearest
+
+if TYPE_CHECKING:
+    from ergon.repl.session.texts import Texts
+    from ergon.repl.session.running import Running
+    from ergon.repl.session.version import Version
+
+_ROOM = 0.02  # [s] drawn before a gesture: its joining curve
+_WIDTH_MAX, _HEIGHT = 100, 16  # characters: what a glance takes in
+_LINES_MAX = 40  # of a definition
+_SECTIONS = ("gestures", "takes", "keys", "instruments", "players", "parts", "marks", "strikes")
+
+
+def drawn(version: Version, name: str) -> list[str]:
+    """The curve asked and the curve done of a gesture or take alone; of anything else its lines."""
+    from ergon.view.braille import plot
+    from ergon.view.motion import asked_and_done
+
+    piece = version.piece
+    if name not in piece.gestures and name not in piece.takes:
+        return show(version, name)
+    keys = [piece.players[play.player].key for play in piece.parts if play.what == name]
+    key = next(iter([*keys, *piece.keys]), None)
+    if key is None:
+        raise NotTakenError("this score has no key to play on")
+    alone = solo(piece, name, key)
+    first = alone.gestures[0]
+    start, stop = max(0.0, first.start - _ROOM), first.stop
+    reach = piece.keys[key].reach
+    curves = asked_and_done(alone.simulation, first.key_index, first.struck, start, stop, reach)
+    width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    text = plot(curves, width=width, height=_HEIGHT, x_label="position [mm]")
+    return [f"{name} on {key}", *text.splitlines()]
+
+
+def scoped(running: Running, frame: int, name: str) -> list[str]:
+    """The gesture that a player plays now, drawn."""
+    playing = dict(running.in_flight(frame))
+    if name not in playing:
+        raise NotTakenError(f"{name} plays nothing now")
+    return drawn(running.version, playing[name])
+
+
+def show(version: Version, name: str | None) -> list[str]:
+    """Who plays what; or the lines that say what a name is, with their numbers."""
+    if name is not None:
+        return _defined(version.texts, name)
+    piece, tempo = version.piece, version.piece.tempo_map
+    rows = [f"{entry.at.text}: {entry.bpm or ''} bpm" for entry in piece.tempo]
+    for player in piece.players.values():
+        mine = [play for play in piece.parts if play.player == player.name]
+        said = "nothing"
+        if mine:
+            last = max(mine, key=lambda play: tempo.resolve(play.at))
+            until = f" until {last.until.text}" if last.until is not None else ""
+            said = f"{last.what} from {last.at.text}{until}"
+        rows.append(f"{player.name} ({player.hand}, {player.key}): {said}")
+    return rows
+
+
+def _defined(texts: Texts, name: str) -> list[str]:
+    known: list[str] = []
+    for file, text in ((texts.path, texts.text), *texts.overlay.items()):
+        document = compose(text, file, Collector())
+        if not isinstance(document.root, Mapping):
+            continue
+        for section in _SECTIONS:
+            node = document.root.get(section)
+            if not isinstance(node, Mapping):
+                continue
+            known += node.entries
+            if name in node.entries:
+                first, last = node.entries[name]
+                row, stop = document.row(first.start), document.row(max(last.end - 1, last.start))
+                numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))
+                return [f"{number:5} {document.line(number)}" for number in numbers]
+    close = nearest(name, known)
+    raise NotTakenError(
+        f"'{name}' is not written in this score", None if close is None else f"show {close}"
+    )

@@ -1,0 +1,298 @@
+"""A session: lines in, replies out, and music that no line can stop."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ergon import _core
+from ergon.repl.face import Reply, State
+from ergon.repl.language.commands import NOW, Command, When
+from ergon.repl.language.complete import complete
+from ergon.repl.language.lines import is_whole
+from ergon.repl.language.parse import parse
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.language.scope import names
+from ergon.repl.language.highlight import tokens
+from ergon.repl.session import asides, deeds
+from ergon.repl.session.clock import Clock
+from ergon.repl.session.commits import Commits, Deed, Waiting, faders
+from ergon.repl.session.journal import Journal
+from ergon.repl.session.running import Running, begin
+from ergon.repl.session.version import NotTakenError, Version
+from ergon.scores.clock.positions import Length
+from ergon.scores.staging.stage import StageError
+from ergon.scores.text.edit import EditError
+
+if TYPE_CHECKING:
+    from ergon.repl.face import Suggestion
+    from ergon.repl.session.engine import Engine
+    from ergon.scores.staging.live import Real
+    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.stage import Stage
+
+_LOOK = 0.02  # [s] between two looks at the engine
+_BAR = Length(bars=1.0)
+
+
+class Session:
+    """Versions of a score that take over from one another while they sound.
+
+    One thread at a time may submit; any may look.
+    """
+
+    def __init__(
+        self,
+        version: Version,
+        make: Callable[[Stage], Engine],
+        *,
+        margin: float,
+        journal: Journal | None = None,
+        real: Real | None = None,
+        store: Store | None = None,
+        clock: Clock | None = None,
+    ) -> None:
+        """Begin with a version whose piece stands; `make` puts its stage on an engine.
+
+        `margin` [s] is what a change takes to reach the engine.
+        """
+        running = begin(version, clock or Clock(), real or {}, store)
+        engine = make(running.stage)
+        engine.faders(faders(running))
+        self.journal = journal
+        self.quant: Length | None = _BAR
+        self.quant_text = "bar"
+        self.versions: list[tuple[Version, str]] = [(version, "1|1")]
+        self.at = 0  # of versions: the last one that was not undone
+        self.commits = Commits(
+            engine, running, real or {}, int(margin * running.stage.rate), version
+        )
+        self.panicked = False
+        self.taps: list[float] = []
+        self.saved: set[str] = set()
+        self._number = 0
+        self._scope = names(version.piece)
+        self._scope_of = version.piece
+        self._messages: deque[str] = deque(maxlen=1000)
+        self._lock = threading.RLock()
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    # --- what the keyboard sees ------------------------------------------------------------------
+
+    def submit(self, text: str) -> Reply:
+        """Do a line, or a block of lines as one version; whatever is wrong with it, music goes on."""
+        with self._lock:
+            try:
+                self.pump()
+                reply = self._submitted(text)
+            except Refusal as refusal:
+                reply = _not_taken(refusal.message, refusal.try_)
+            except NotTakenError as error:
+                reply = _not_taken(str(error), error.try_)
+            except StageError as error:
+                first = error.diagnostics[0]
+                reply = _not_taken(first.message, None, first.help)
+            except (EditError, _core.EngineError) as error:
+                reply = _not_taken(str(error))
+            except BaseException as error:  # pyo3's panics are no Exceptions, nor is SystemExit
+                reply = _not_taken(f"{type(error).__name__} in ergon itself; nothing has changed")
+            self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text)
+            return reply
+
+    def state(self) -> State:
+        """Where it is and what is heard."""
+        running, engine = self.commits.running, self.commits.engine
+        frame, look = engine.frame, engine.look()
+        tempo = running.version.piece.tempo_map
+        beat = running.beat(frame)
+        bar, into = tempo.bar_beat(beat)
+        peak = max(look.peaks, default=0.0)
+        return State(
+            bar=bar,
+            beat=into,
+            tempo=tempo.bpm(beat),
+            playing=running.in_flight(frame),
+            load=look.load,
+            late=look.late,
+            level=20.0 * math.log10(peak) if peak > 0 else -math.inf,
+            quant=self.quant_text,
+            recording=None,
+            panicked=self.panicked,
+        )
+
+    def messages(self) -> Sequence[str]:
+        """What happened since the last call, a sentence each."""
+        found = []
+        while self._messages:
+            found.append(self._messages.popleft())
+        return found
+
+    def panic(self) -> None:
+        """Silence at once."""
+        self.commits.engine.panic()
+        self.panicked = True
+        self._messages.append("panic: silent, no force; `release` ends it")
+        threading.Thread(target=self._reset, daemon=True).start()
+
+    def release(self) -> None:
+        """Sound and force again, after a panic."""
+        self.commits.engine.release()
+        self.panicked = False
+        self._tell("release", frame=self.commits.engine.frame)
+
+    def close(self) -> None:
+        """Hush, and let go of everything."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+        with self._lock:
+            self._tell("end", frame=self.commits.engine.frame)
+            self.commits.engine.close()
+            if self.journal is not None:
+                self.journal.close()
+
+    def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
+        """How a line may go on at a column."""
+        return complete(line, cursor, self._scope)
+
+    def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
+        """What a line's words are, for colours."""
+        return tokens(line, self._scope)
+
+    def is_whole(self, text: str) -> bool:
+        """Whether Enter ends it."""
+        return is_whole(text)
+
+    # --- doing it --------------------------------------------------------------------------------
+
+    def _submitted(self, text: str) -> Reply:
+        commands = parse(text, self._scope)
+        if not commands:
+            return Reply(True, "")
+        music = [command for command in commands if type(command) in deeds.DEEDS]
+        others = [command for command in commands if type(command) not in deeds.DEEDS]
+        replies = [self.take(text, music)] if music else []
+        replies += [asides.ASIDES[type(command)](self, command) for command in others]
+        said = [reply.text for reply in replies if reply.text]
+        lines = tuple(line for reply in replies for line in reply.lines)
+        taken = all(reply.taken for reply in replies)
+        return Reply(taken, "; ".join(said), None, lines, any(r.leaves for r in replies))
+
+    def take(self, text: str, commands: Sequence[Command]) -> Reply:
+        """Make a version of what commands ask for."""
+        when: When = next((c.when for c in commands if c.when is not None), None)
+        waiting = self.queue(text, deeds.together(commands), when)
+        made = waiting.made
+        assert made is not None
+        said = "; ".join(deeds.said(command, made) for command in commands)
+        return Reply(True, f"ok {self.where(waiting)} {said}".rstrip())
+
+    def queue(
+        self,
+        line: str,
+        deed: Deed,
+        when: When = None,
+        *,
+        goes: bool | None = None,
+        beat: float | None = None,
+        resets: bool = False,
+        restores: int | None = None,
+    ) -> Waiting:
+        """Let a line wait for its boundary; a new version unless it `restores` an old one."""
+        place, start = self.commits.place(when, self.quant)
+        self._number += 1
+        number = self._number
+
+        def numbered(version: Version, at: float) -> Version:
+            made = deed(version, at)
+            return Version(number, line, made.texts, made.piece, made.desk, made.cuts, made.damp)
+
+        enter = place if beat is None else beat
+        waiting = Waiting(line, numbered, enter, start, goes, resets, number=number)
+        made = self.commits.take(waiting)
+        self._tell(
+            "line",
+            number=number,
+            line=line,
+            beat=waiting.beat,
+            start=waiting.start,
+            goes=goes,
+            resets=resets,
+            restores=restores,
+            where=self.where(waiting),
+        )
+        if restores is None:
+            del self.versions[self.at + 1 :]
+            self.versions.append((made.version, self.where(waiting)))
+            self.at += 1
+        self._rescope()
+        self.pump()
+        return waiting
+
+    def where(self, waiting: Waiting) -> str:
+        """The boundary of a line, in bars and beats."""
+        return self.commits.head.piece.tempo_map.written(waiting.beat)
+
+    def pump(self) -> None:
+        """Hand over what is due, and hear what the engine tells."""
+        with self._lock:
+            for told in self.commits.engine.told():
+                if told.sentence:
+                    where = self._written(told.frame)
+                    self._messages.append(f"{where} {told.sentence}")
+                elif told.ticket is not None and told.is_late:
+                    for one in self.commits.late(told.ticket):
+                        self._messages.append(f"'{one.line}' came too late; it waits for the bar")
+                elif told.ticket is not None and (done := self.commits.done(told.ticket)):
+                    if done.number:  # else only the horizon went on
+                        self._tell("commit", number=done.number, frame=told.frame, beat=done.beat)
+            self.commits.tick()
+            if self.journal is not None and (trouble := self.journal.trouble()):
+                self._messages.append(trouble)
+
+    def run(self) -> None:
+        """Look after the engine in a thread of its own, until the session is closed."""
+        self._thread = threading.Thread(target=self._look_on, name="ergon session", daemon=True)
+        self._thread.start()
+
+    def _look_on(self) -> None:
+        while not self._over.wait(_LOOK):
+            try:
+                self.pump()
+            except BaseException as error:  # whatever it was, the next look may succeed
+                self._messages.append(f"{type(error).__name__}: {error}")
+
+    def _reset(self) -> None:
+        """After a panic: nothing waits, nothing plays, every mass is where it begins."""
+        with self._lock:
+            self.commits.waiting.clear()
+            self.commits.head = self.commits.running.version
+            self.queue("panic", deeds.hushed, NOW, goes=False, resets=True)
+
+    def _rescope(self) -> None:
+        piece = self.commits.head.piece
+        if piece is not self._scope_of:
+            self._scope, self._scope_of = names(piece), piece
+
+    def _written(self, frame: int) -> str:
+        running: Running = self.commits.running
+        return running.version.piece.tempo_map.written(running.beat(frame))
+
+    def drop(self, waiting: Waiting) -> None:
+        """Take a line back before it began."""
+        self.commits.drop(waiting)
+        self._tell("dropped", number=waiting.number)
+        self._rescope()
+
+    def _tell(self, event: str, **fields: Any) -> None:
+        if self.journal is not None:
+            self.journal.tell(event, **fields)
+
+
+def _not_taken(message: str, try_: str | None = None, help: str | None = None) -> Reply:
+    more = f" ({help})" if help else ""
+    return Reply(False, f"not taken: {message}{more}", try_)

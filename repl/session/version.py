@@ -1,0 +1,65 @@
+"""What a session plays: the texts of a score, the piece they say, and the faders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon.repl.session.texts import Texts
+    from ergon.scores.reading.piece import Piece
+
+
+class NotTakenError(Exception):
+    """A line changes nothing: one sentence why, and the line to type instead."""
+
+    def __init__(self, message: str, try_: str | None = None) -> None:
+        """Keep what to type instead."""
+        super().__init__(message)
+        self.try_ = try_
+
+
+@dataclass(frozen=True, slots=True)
+class Desk:
+    """Faders of instruments: ratios, who is muted, and who alone is heard."""
+
+    gains: Mapping[str, float] = field(default_factory=dict)
+    muted: frozenset[str] = frozenset()
+    solo: frozenset[str] = frozenset()
+    master: float = 1.0
+
+    def ratio(self, part: str) -> float:
+        """How loud an instrument is."""
+        is_heard = part not in self.muted and (not self.solo or part in self.solo)
+        return self.master * self.gains.get(part, 1.0) if is_heard else 0.0
+
+    def faded(self, parts: frozenset[str], ratio: float) -> Desk:
+        """With other gains of some instruments."""
+        return replace(self, gains={**self.gains, **dict.fromkeys(parts, ratio)})
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """What one accepted line (or block of lines) made of the version before it.
+
+    One that `cuts` lets nothing go on that was in flight; `damp` [s] is the T60 that it gives to
+    all that sounds.
+    """
+
+    number: int
+    line: str
+    texts: Texts
+    piece: Piece
+    desk: Desk = Desk()
+    cuts: bool = False
+    damp: float | None = None
+
+
+def piece_of(texts: Texts) -> Piece:
+    """The piece that texts say. Raises NotTakenError with their first mistake."""
+    loaded = texts.load()
+    if loaded.piece is None:
+        first = next(found for found in loaded.diagnostics if found.severity == "error")
+        raise NotTakenError(first.message)
+    return loaded.piece

@@ -1,0 +1,79 @@
+"""Sessions whose engine is stepped by hand: lines typed at exact frames, every sample kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from ergon.repl.face import Reply
+from ergon.repl.session.clock import Clock
+from ergon.repl.session.texts import Texts
+from ergon.repl.session.engine import Steps
+from ergon.repl.session.journal import Journal
+from ergon.repl.session.replay import Again, Opening, opened
+from ergon.repl.session.session import Session
+from ergon.repl.session.version import Version, piece_of
+
+EVERY = 64
+_LOOK = 40  # ticks between two looks of the session at its engine
+
+
+class Stepped:
+    """A session on a score's text; `sound` (n_frames, n_channels) is what it has played."""
+
+    def __init__(self, text: str, folder: Path, journal: bool = True) -> None:
+        path = folder / "score.yaml"
+        path.write_text(text, encoding="utf-8")
+        texts = Texts.read(path)
+        version = Version(0, "", texts, piece_of(texts))
+        self.journal = folder / "session.jsonl"
+        written = Journal(self.journal) if journal else None
+        if written is not None:
+            opening = Opening(texts, 0.0, version.desk, EVERY, 1.0, 1.0, None)
+            written.tell("session", **opening.fields())
+        self.session = Session(version, self._begin, margin=0.0, journal=written)
+        self._sound: list[np.ndarray] = []
+
+    def _begin(self, stage):
+        self.engine = Steps(stage, every=EVERY, highpass=None)
+        return self.engine
+
+    @property
+    def sound(self) -> np.ndarray:
+        return np.concatenate(self._sound)
+
+    @property
+    def rate(self) -> float:
+        return self.session.commits.rate
+
+    @property
+    def where(self) -> str:
+        state = self.session.state()
+        return f"{state.bar}|{state.beat:.3g}"
+
+    def type(self, line: str) -> Reply:
+        return self.session.submit(line)
+
+    def ok(self, line: str) -> Reply:
+        reply = self.type(line)
+        assert reply.taken, f"{line}: {reply.text}"
+        return reply
+
+    def run(self, seconds: float) -> None:
+        left = int(seconds * self.rate)
+        while left > 0:
+            n = min(left, _LOOK * EVERY)
+            self.session.pump()
+            self._sound.append(self.engine.process(n))
+            left -= n
+        self.session.pump()
+
+    def close(self) -> None:
+        self.session.close()
+
+    def again(self) -> np.ndarray:
+        """The journal, computed anew."""
+        again = Again(opened(self.journal))
+        out = np.zeros((again.n_frames, again.n_channels))
+        again.process(out)
+        return out
