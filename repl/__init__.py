@@ -1,1 +1,1 @@
-"""Live coding: lines become versions of a score, and versions take over while they sound."""
+"""The prompt: a session in which the music is typed while it sounds."""

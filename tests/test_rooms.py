@@ -19,6 +19,7 @@ MAY = {
     "instruments": {TEXT, TABLES, "_core"},
     READING: {TEXT, TABLES, CLOCK, GESTURE, "instruments"},
     STAGING: {TEXT, TABLES, CLOCK, GESTURE, READING, "instruments", "_core"},
+    "repl.language": {"scores", "instruments"},
     "lab": {"scores", "instruments", "exchange", "_core"},
     "live": {"scores", "exchange", "_core"},
     "cli": {"scores", "instruments", "exchange", "lab", "live", "view", "_core"},

@@ -62,8 +62,9 @@ class _Event(NamedTuple):
 class _Group:
     """An open bracket: what it holds so far, in times from its own start."""
 
-    def __init__(self, offset: int) -> None:
+    def __init__(self, offset: int, most: int = MAX_EVENTS) -> None:
         self.offset = offset
+        self.most = most
         self.events: list[_Event] = []
         self.beats = 0.0
         self.seconds = 0.0
@@ -96,9 +97,9 @@ class _Group:
 
     def repeat(self, group: "_Group", count: int, offset: int) -> None:
         """Write out a closed group `count` times, each from the end of the one before."""
-        if len(self.events) + count * len(group.events) > MAX_EVENTS:
+        if len(self.events) + count * len(group.events) > self.most:
             raise TextError(
-                f"this group makes more than {MAX_EVENTS:,} points", offset=offset, length=1
+                f"this group makes more than {self.most:,} points", offset=offset, length=1
             )
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
             raise TextError("this group would last thirty years", offset=offset, length=1)
@@ -124,12 +125,12 @@ class _Group:
         self.beats, self.seconds = beats, seconds
 
 
-def parse(text: str, curve: str = "smooth") -> Notation:
+def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
     """Read one-line notation; `curve` leads into the points before the first curve word.
 
-    Raises TextError with the characters at fault.
+    More than `most` points are refused. Raises TextError with the characters at fault.
     """
-    stack = [_Group(0)]
+    stack = [_Group(0, most)]
     pending: tuple[str, int] | None = None  # a curve word that has led nowhere yet
     for token in _TOKEN.finditer(text):
         opened, closed, count, bar, word = token.groups()
@@ -137,7 +138,7 @@ def parse(text: str, curve: str = "smooth") -> Notation:
             _need_point(stack, token.start(1), opened)
             if len(stack) > MAX_DEPTH:
                 raise TextError(f"groups may lie at most {MAX_DEPTH} deep", offset=token.start(1))
-            stack.append(_Group(token.start(1)))
+            stack.append(_Group(token.start(1), most))
         elif closed:
             _no_pending(pending)
             _close(stack, token, count)
@@ -155,8 +156,8 @@ def parse(text: str, curve: str = "smooth") -> Notation:
             _no_pending(pending)
             curve = curve_word(word, offset)
             pending = (word, offset)
-        if len(stack[-1].events) > MAX_EVENTS:
-            raise TextError(f"more than {MAX_EVENTS:,} points", offset=token.start())
+        if len(stack[-1].events) > most:
+            raise TextError(f"more than {most:,} points", offset=token.start())
     _no_pending(pending)
     if len(stack) > 1:
         raise TextError("this group is not closed: write ( … )*4", offset=stack[-1].offset)

@@ -296,3 +296,4 @@ _VERBS = {
     "quantise": _Verb("quantise 1/8", (("amount", _positive),), _quantise),
 }
 ARITY = {word: len(verb.arguments) for word, verb in _VERBS.items()}
+EXAMPLES = {word: verb.example for word, verb in _VERBS.items()}

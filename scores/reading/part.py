@@ -77,7 +77,8 @@ PLAY = Record(
     ),
     _play,
 )
-_SHAPES = {f.name: f.shape for f in (_AT, *_OPTIONS)}
+# How the value of each word is read, here and at the prompt.
+SHAPES = {f.name: f.shape for f in (_AT, *_OPTIONS)}
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ def _place(word: words.Word, node: Scalar) -> Place:
 
 
 def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
-    shape = _SHAPES.get(name)
+    shape = SHAPES.get(name)
     if not isinstance(shape, Text):
         context.error("E108", f"{name!r} is not built yet for a part", _place(word, node))
         return MISSING

@@ -88,7 +88,7 @@ class Collector:
     ) -> None:
         """Add one of any severity; with `word`, the nearest of `names` becomes the suggestion."""
         if not message.isprintable():  # a name of a file may hold what moves a terminal
-            message = _printable(message)
+            message = printable(message)
         if (code, message, place) in self._found:  # an alias is read at each of its places
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
@@ -147,7 +147,7 @@ def quote(word: str) -> str:
     if len(word) <= 40 and word.isprintable():  # every name of a score passes here
         return f"'{word}'"
     shown = word if len(word) <= 40 else word[:37] + "..."
-    return f"'{_printable(shown)}'"
+    return f"'{printable(shown)}'"
 
 
 _SPOKEN_VOWEL = (*"aeiou", "ENF", "ENX", "LNL")
@@ -158,7 +158,8 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun.startswith(_SPOKEN_VOWEL) else 'a'} {noun}"
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
+    """The text with nothing in it that moves a terminal."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 

@@ -1,0 +1,60 @@
+"""What could be typed next, with a line about each: only what would be taken."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from ergon.repl.language.grammar import Hints, command
+from ergon.repl.language.lines import MAX_LINE, Line, comment, goes_on, lines
+from ergon.repl.language.scope import Scope
+from ergon.scores.text.errors import TextError
+
+MOST = 200  # in a menu; who looks for one of more types a letter
+
+_APART = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
+
+
+class Suggestion(NamedTuple):
+    """What takes the place of the characters from `start` to the cursor, and a line about it."""
+
+    text: str
+    start: int
+    hint: str
+
+
+def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
+    """What the word before the cursor may become. Raises nothing."""
+    head = text[:cursor]
+    first = _beginning(head)
+    if len(head) - first > MAX_LINE or _in_comment(head):
+        return []
+    start = max((m.end() for m in _APART.finditer(head, first)), default=first)
+    hints = Hints(head[start:])
+    try:
+        line = next(lines(head[first:start]), Line("", 0))
+        command(line, scope, hints)
+    except TextError:
+        pass  # what was found before the mistake is offered
+    typed = hints.typed.lower()
+    found: dict[str, Suggestion] = {}
+    for offer in hints.found:
+        if offer.text.lower().startswith(typed) and offer.text != hints.typed:
+            found.setdefault(offer.text, Suggestion(offer.text, start, offer.hint))
+    return list(found.values())[:MOST]
+
+
+def _beginning(head: str) -> int:
+    """Where the line begins that the cursor is in, with the lines that go on into it."""
+    start = head.rfind("\n") + 1
+    while start > 0 and len(head) - start <= MAX_LINE:
+        above = head.rfind("\n", 0, start - 1) + 1
+        if not goes_on(head[above : start - 1]):
+            break
+        start = above
+    return start
+
+
+def _in_comment(head: str) -> bool:
+    line = head[head.rfind("\n") + 1 :]
+    return comment(line) < len(line)

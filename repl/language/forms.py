@@ -1,0 +1,95 @@
+"""How a verb is written: its places in order, and the command that their values make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ergon.repl.language import commands as c
+from ergon.repl.language.values import Value
+from ergon.scores.clock.positions import Length
+from ergon.scores.text.errors import TextError
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A place of a form: which field its value is, and the word that leads into it.
+
+    A `lead` that ends in "=" is one word with its value (`K=40N/m`); one without value stands alone
+    (`off`). `many` takes all words up to the next lead.
+    """
+
+    field: str
+    value: Value | None = None
+    lead: str = ""
+    optional: bool = False
+    many: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """One way to write a verb. With `subject` its first slot stands before the verb."""
+
+    verb: str
+    written: str
+    effect: str
+    example: str
+    make: Callable[..., c.Command]
+    slots: tuple[Slot, ...] = ()
+    timed: bool = True  # may end in `now`, `at C` or `in 2`
+    subject: bool = False
+
+
+Words = Mapping[str, c.Word]
+
+
+def change(
+    target: str,
+    change: tuple[float | None, float | None],
+    over: Length | None,
+    *,
+    when: c.When,
+    words: Words,
+) -> c.Set:
+    """A value or a factor."""
+    return c.Set(target, *change, over, when=when, words=words)
+
+
+def couple(
+    a: str,
+    b: str,
+    stiffness: float | None,
+    viscosity: float | None,
+    *,
+    when: c.When,
+    words: Words,
+) -> c.Couple:
+    """A REF with K, Z or both. Raises TextError."""
+    _two(a, b, words)
+    if stiffness is None and viscosity is None:
+        end = words["b"].end
+        raise TextError("a coupling has K or Z: couple k1 k2 K=40N/m", offset=end)
+    return c.Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
+
+
+def uncouple(a: str, b: str, *, when: c.When, words: Words) -> c.Uncouple:
+    """Two keys. Raises TextError."""
+    _two(a, b, words)
+    return c.Uncouple(a, b, when=when, words=words)
+
+
+def _two(a: str, b: str, words: Words) -> None:
+    if a == b:
+        word = words["b"]
+        raise TextError("two different keys", offset=word.start, length=len(word.text))
+
+
+def tempo(
+    bpm: tuple[float, float | None], over: Length | None, *, when: c.When, words: Words
+) -> c.Tempo:
+    """A tempo, or a ramp with both its ends and its length. Raises TextError."""
+    if (bpm[1] is None) != (over is None):
+        word = words["over" if bpm[1] is None else "bpm"]
+        message = "a ramp says from where to where, and over which length: tempo 60 -> 84 over 4bar"
+        raise TextError(message, offset=word.start, length=len(word.text))
+    return c.Tempo(*bpm, over, when=when, words=words)

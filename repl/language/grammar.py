@@ -1,0 +1,343 @@
+"""From the words of a line to a command; and, where a line is still being typed, what could follow.
+
+One walk through the places of a form does both, so that what is offered is what would be taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from ergon.repl.language import values as v
+from ergon.repl.language import verbs
+from ergon.repl.language.commands import NOW, Command, When, Word
+from ergon.repl.language.forms import Form, Slot
+from ergon.repl.language.lines import Line, split
+from ergon.repl.language.scope import Scope
+from ergon.scores.text.errors import TextError, quote
+from ergon.scores.text.spelling import nearest
+
+_LEADS = {"at": v.POSITION, "in": v.LENGTH}  # of when a line acts
+_WHENS = (
+    v.Offer("now", "at the next tick"),
+    v.Offer("at", "at a position or a mark"),
+    v.Offer("in", "so much later"),
+)
+
+
+@dataclass(slots=True)
+class Hints:
+    """What could stand where `typed` is being written."""
+
+    typed: str
+    found: list[v.Offer] = field(default_factory=list)
+
+
+def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
+    """Read a line. Raises TextError, with places in the submitted text.
+
+    With `hints` the line ends before a word that is being typed: what could stand there is told,
+    and None is returned.
+    """
+    words = _apart(split(line), hints)
+    if hints is not None and len(words) < 2:
+        _first_hints(words, scope, hints)
+    if not words:
+        return None
+    verb, arguments = _verb(words, scope)
+    after = words[-1].end
+    refusals = []
+    for form in verbs.ways(verb):
+        reading = _Reading(form, line, list(arguments), after, scope, hints)
+        try:
+            taken = reading.command()
+        except TextError as error:
+            refusals.append(error)
+        else:
+            if taken is not None:
+                return taken
+    if hints is not None:
+        return None
+    # The form that fits furthest is the one that was meant.
+    raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
+
+
+def _apart(words: list[Word], hints: Hints | None) -> list[Word]:
+    """`knock=0@0` and `?lean` are written together, and are several words."""
+    if not words:
+        return words
+    first, rest = words[0], words[1:]
+    if first.text[0] == "?" and len(first.text) > 1:
+        return [*_cut(first, 1), *rest]
+    if "=" in first.text[1:]:
+        name, equals = _cut(first, first.text.index("=", 1))
+        return [name, *(_cut(equals, 1) if len(equals.text) > 1 else (equals,)), *rest]
+    if rest and rest[0].text[0] == "=" and len(rest[0].text) > 1:
+        return [first, *_cut(rest[0], 1), *rest[1:]]
+    return words
+
+
+def _cut(word: Word, at: int) -> tuple[Word, Word]:
+    middle = word.start + at
+    return Word(word.text[:at], word.start, middle), Word(word.text[at:], middle, word.end)
+
+
+# --- the verb ------------------------------------------------------------------------------------
+
+
+def _verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
+    """The verb, and the other words."""
+    first = words[0].text
+    second = words[1].text if len(words) > 1 else ""
+    if second == "=":
+        return "=", [words[0], *words[2:]]
+    about_player = verbs.meant(second, verbs.SUBJECT_VERBS) if second else ()
+    is_player = first in scope.players
+    sure = second in verbs.SUBJECT_VERBS and first not in verbs.VERBS
+    if about_player and (is_player or sure):
+        return about_player[0], [words[0], *words[2:]]
+    some = verbs.meant(first, verbs.VERBS)
+    if len(some) == 1 and not (is_player and first != some[0]):
+        return some[0], words[1:]
+    raise _no_verb(words, some, scope)
+
+
+def _no_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextError:
+    first, place = words[0].text, words[0].start
+    if first in scope.players:
+        second = words[1] if len(words) > 1 else None
+        example = f"{first} plays {next(iter(scope.gestures), 'knock')}"
+        if second is None:
+            return TextError(f"{first} plays or does what? {example}", offset=words[0].end)
+        near = nearest(second.text, verbs.SUBJECT_VERBS)
+        message = f"unknown verb {quote(second.text)}"
+        return TextError(
+            message if near else f"{message}; a player plays or does: {example}",
+            offset=second.start,
+            length=len(second.text),
+            suggestion=near,
+        )
+    if some:
+        message = f"{quote(first)} may be {' or '.join(some)}"
+        return TextError(message, offset=place, length=len(first))
+    if first in verbs.NOT_BUILT:
+        return TextError(verbs.NOT_BUILT[first], offset=place, length=len(first))
+    played = first in scope.gestures or first in scope.takes
+    if played and (player := next(iter(scope.players), None)):
+        message = f"{quote(first)} is what a player plays"
+        said = f"{player} plays {first}"
+        return TextError(message, offset=place, length=len(first), suggestion=said)
+    known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
+    near = nearest(first, known)
+    message = f"unknown verb {quote(first)}"
+    message = message if near else f"{message}; `help` lists them all"
+    return TextError(message, offset=place, length=len(first), suggestion=near)
+
+
+def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
+    if not words:
+        hints.found.extend(v.listed(scope.players))
+        for verb in verbs.VERBS:
+            hints.found.append(v.Offer(verb, verbs.ways(verb)[0].effect))
+        hints.found.extend(v.listed(scope.gestures))
+        return
+    first = words[0].text
+    if first in scope.players:
+        effects = ((verb, verbs.ways(verb)[0].effect) for verb in verbs.SUBJECT_VERBS)
+        hints.found.extend(v.Offer(*pair) for pair in effects)
+    elif first in scope.gestures:
+        hints.found.append(v.Offer("=", "defines it anew"))
+
+
+# --- its places ----------------------------------------------------------------------------------
+
+
+class _Reading:
+    """A walk through the places of one form."""
+
+    def __init__(
+        self,
+        form: Form,
+        line: Line,
+        words: list[Word],
+        after: int,
+        scope: Scope,
+        hints: Hints | None,
+    ) -> None:
+        self.form = form
+        self.line = line
+        self.words = words
+        self.after = after  # where a missing word would stand
+        self.scope = scope
+        self.hints = hints
+        self.given: dict[str, Any] = {
+            slot.field: None for slot in form.slots if slot.field and slot.optional
+        }
+        self.said: dict[str, Word] = {}
+        self.when: When = None
+
+    def command(self) -> Command | None:
+        """The command; None where hints are wanted. Raises TextError."""
+        self._when()
+        options = [slot for slot in self.form.slots if slot.lead and slot.optional]
+        places = [slot for slot in self.form.slots if slot not in options]
+        for number, slot in enumerate(places):
+            if not self._place(slot, places[number + 1 :], options):
+                return None
+        while (option := self._option(options)) is not None:
+            options.remove(option)
+            self._value(option)
+        if self.hints is not None:
+            self._end_hints(options)
+            return None
+        self._nothing_left(options)
+        return self.form.make(**self.given, when=self.when, words=self.said)
+
+    def _when(self) -> None:
+        """Take `now`, `at C` or `in 2` from the end."""
+        if not self.form.timed or not self.words:
+            return
+        last = self.words[-1]
+        lead = self.words[-2].text if len(self.words) > 1 else ""
+        if last.text == "now":
+            self.when = NOW
+            del self.words[-1:]
+        elif lead in _LEADS:
+            self.when = self._read(_LEADS[lead], last)
+            del self.words[-2:]
+        elif last.text in _LEADS:
+            self._offer(_LEADS[last.text])
+            what = _LEADS[last.text].what
+            raise TextError(f"'{last.text}' wants {what}", offset=last.start, length=len(last.text))
+
+    def _place(self, slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
+        """Read a place that has its order; False where it is being typed."""
+        needed = sum(
+            (slot.value is not None) + bool(slot.lead) for slot in later if not slot.optional
+        )
+        if slot.optional and self.words:
+            typing = self.hints is not None
+            if len(self.words) + typing <= needed:
+                return True
+        if slot.lead:
+            if not self.words:
+                self._offer_lead(slot)
+                return self._missing(slot)
+            word = self.words[0]
+            if word.text != slot.lead:
+                raise self._unexpected(word, [slot.lead])
+            del self.words[0]
+        if slot.value is None:
+            return True
+        if slot.many:
+            return self._many(slot, options)
+        if not self.words:
+            self._offer(slot.value)
+            return slot.optional or self._missing(slot)
+        self._take(slot, self.words.pop(0))
+        return True
+
+    def _many(self, slot: Slot, options: list[Slot]) -> bool:
+        """Read all words up to the next lead as one value."""
+        leads = [option.lead for option in options]
+        stop = next((i for i, w in enumerate(self.words) if w.text in leads), len(self.words))
+        words, self.words = self.words[:stop], self.words[stop:]
+        if self.hints is not None and not self.words and slot.value is not None:
+            self._offer(slot.value, tuple(word.text for word in words))
+        if not words:
+            return self._missing(slot)
+        start, end = words[0].start, words[-1].end
+        text = self.line.text[start - self.line.start : end - self.line.start]
+        self._take(slot, Word(text, start, end))
+        return True
+
+    def _option(self, options: list[Slot]) -> Slot | None:
+        """The option that begins here, its lead taken."""
+        if not self.words:
+            return None
+        word = self.words[0]
+        for option in options:
+            if option.lead[-1] == "=" and word.text.startswith(option.lead):
+                self.words[0] = _cut(word, len(option.lead))[1]
+                return option
+            if word.text == option.lead:
+                del self.words[0]
+                return option
+        return None
+
+    def _value(self, option: Slot) -> None:
+        assert option.value is not None
+        if not self.words or not self.words[0].text:
+            if not self.words:
+                self._offer(option.value)
+            what = option.value.what
+            raise TextError(f"'{option.lead}' wants {what}", offset=self.after)
+        self._take(option, self.words.pop(0))
+
+    def _take(self, slot: Slot, word: Word) -> None:
+        assert slot.value is not None
+        self.given[slot.field] = self._read(slot.value, word)
+        self.said[slot.field] = word
+
+    def _read(self, value: v.Value, word: Word) -> Any:
+        try:
+            return value.read(word.text, self.scope, self.given)
+        except TextError as error:
+            error.offset += word.start
+            raise
+
+    def _missing(self, slot: Slot) -> bool:
+        if self.hints is not None:
+            return False
+        what = f"'{slot.lead}'" if slot.lead else slot.value.what if slot.value else ""
+        raise TextError(f"{what} is missing: {self.form.example}", offset=self.after)
+
+    def _nothing_left(self, options: list[Slot]) -> None:
+        if not self.words:
+            return
+        word = self.words[0]
+        if not self.form.timed and word.text == "now" and len(self.words) == 1:
+            return  # as it does anyway
+        raise self._unexpected(word, [option.lead for option in options])
+
+    def _unexpected(self, word: Word, leads: list[str]) -> TextError:
+        whens = ("now", *_LEADS) if self.form.timed else ()
+        message = f"{quote(word.text)} does not belong here"
+        near = nearest(word.text, (*(lead for lead in leads if lead[-1] != "="), *whens))
+        if near is None:
+            message = f"{message}; write {self.form.written}"
+        if not self.form.timed and word.text in _LEADS:
+            message = f"'{self.form.verb}' acts at once: leave out '{word.text}'"
+        return TextError(message, offset=word.start, length=len(word.text), suggestion=near)
+
+    # --- what could follow -----------------------------------------------------------------------
+
+    def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
+        if self.hints is not None:
+            spot = v.Spot(self.hints.typed, before, self.scope, self.given)
+            self.hints.found.extend(value.offers(spot))
+
+    def _offer_lead(self, slot: Slot) -> None:
+        if self.hints is not None:
+            self.hints.found.append(
+                v.Offer(slot.lead, slot.value.what if slot.value else self.form.effect)
+            )
+
+    def _end_hints(self, options: list[Slot]) -> None:
+        """What may stand when everything that must is there."""
+        if self.hints is None or self.words or self.when is not None:
+            return
+        for option in options:
+            self._offer_lead(option)
+            if option.lead[-1] == "=" and self.hints.typed.startswith(option.lead):
+                self._offer_joined(option)
+        if self.form.timed:
+            self.hints.found.extend(_WHENS)
+
+    def _offer_joined(self, option: Slot) -> None:
+        assert self.hints is not None
+        assert option.value is not None
+        typed = self.hints.typed[len(option.lead) :]
+        spot = v.Spot(typed, (), self.scope, self.given)
+        offers = option.value.offers(spot)
+        self.hints.found.extend(v.Offer(option.lead + text, hint) for text, hint in offers)

@@ -1,0 +1,98 @@
+"""Help: every verb on a screen, one verb in full, and a sheet to print."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from ergon.repl.language.playing import HINTS
+from ergon.repl.language.verbs import GROUPS, SHORTEST, ways
+from ergon.scores.gesture.transforms import EXAMPLES
+from ergon.scores.gesture.words import OPTIONS
+
+WHEN = (
+    ("", "at the next boundary of `quant`: the next bar, unless it was set"),
+    ("now", "at the next tick"),
+    ("at C, at 9|1, at B+2", "at a mark, a bar and beat, a mark and beats"),
+    ("in 2, in 1bar", "so many beats or bars later"),
+)
+NOTATION = (
+    ("6mm@1/8", "a point: 6 mm at an eighth of a beat; bare numbers are mm and beats"),
+    ("6@+1/8", "an eighth after the point before"),
+    ("smooth, line, hold, throw", "the way into the points that follow; smooth unless said"),
+    ("( … )*4", "four times, each from the end of the one before"),
+)
+KEYS = (
+    ("F12", "panic"),
+    ("Tab", "takes what is suggested, or completes"),
+    ("Ctrl-C", "clears the line; the sound goes on"),
+    ("Ctrl-D", "on an empty line: hands lift, and out"),
+    ("`\\` at the end", "the line goes on in the next one"),
+    ("#", "begins a comment"),
+)
+
+
+def overview() -> tuple[str, ...]:
+    """Every verb by an example, in lines of at most 100 characters."""
+    lines = []
+    for title, some in GROUPS.items():
+        lines.append(f"{title}:")
+        lines += [f"  {form.example:<39} {form.effect}" for form in some]
+    lines.append("any line may end in now, at C or in 2; `help VERB` says more")
+    return tuple(lines)
+
+
+def about(verb: str) -> tuple[str, ...]:
+    """One verb: how it is written, what it does, its words."""
+    lines = []
+    for form in ways(verb):
+        when = " [now | at WHERE | in LENGTH]" if form.timed else ""
+        lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
+    if SHORTEST[verb] != verb:
+        lines.append(f"  in short: {SHORTEST[verb]}")
+    return (*lines, *(f"  {word:<26}{means}" for word, means in _words(verb)))
+
+
+def _words(verb: str) -> tuple[tuple[str, str], ...]:
+    if verb == "plays":
+        return tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in HINTS.items())
+    if verb == "do":
+        return tuple((example, "") for example in EXAMPLES.values())
+    return NOTATION if verb == "=" else ()
+
+
+def sheet() -> str:
+    """The cheat sheet in Markdown."""
+    lines = ["# The prompt on one page", "", "Made from the table of verbs by `make docs`.", ""]
+    for title, some in GROUPS.items():
+        rows = ((form.written, form.effect, form.example, _short(form.verb)) for form in some)
+        lines += _table(title, ("write", "effect", "example", "in short"), rows)
+    lines += _table("when a line acts", ("at its end", "effect"), WHEN)
+    lines += _table("notation", ("write", "meaning"), NOTATION)
+    options = ((f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in HINTS.items())
+    lines += _table("further words of plays", ("write", "meaning"), options)
+    lines += _table("keys", ("key", "effect"), KEYS)
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _short(verb: str) -> str:
+    return SHORTEST[verb] if SHORTEST[verb] != verb else ""
+
+
+def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
+    """A table whose cells are code, but for those of the second column."""
+    yield f"## {title.capitalize()}"
+    yield ""
+    yield "| " + " | ".join(heads) + " |"
+    yield "|---" * len(heads) + "|"
+    for row in rows:
+        cells = (cell.replace("|", "\\|") for cell in row)
+        shown = (f"`{c}`" if c and i != 1 and "`" not in c else c for i, c in enumerate(cells))
+        yield "| " + " | ".join(shown) + " |"
+    yield ""
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/cheat-sheet.md")
+    path.write_text(sheet(), encoding="utf-8")

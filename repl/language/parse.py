@@ -1,0 +1,61 @@
+"""Submissions to commands: one line, or several that were pasted and make one version."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ergon.repl.language.commands import Command, Define
+from ergon.repl.language.grammar import command
+from ergon.repl.language.lines import lines
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.language.scope import Scope, with_gesture
+from ergon.scores.text.errors import TextError, quote
+
+MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
+
+
+def parse(text: str, scope: Scope) -> tuple[Command, ...]:
+    """The commands of what was submitted; none for comments and blank lines. Raises Refusal."""
+    try:
+        return tuple(_commands(text, scope))
+    except TextError as error:
+        try_ = _corrected(text, scope, error)
+        message = error.message
+        if error.suggestion and try_ is None:
+            message += f"; did you mean {quote(error.suggestion)}?"
+        if "\n" in text.strip("\n"):
+            message = f"line {text.count(chr(10), 0, error.offset) + 1}: {message}"
+        raise Refusal(message, error.offset, error.length, try_) from None
+
+
+def mistake(text: str, scope: Scope) -> TextError | None:
+    """What would be refused first, without a search for something better."""
+    try:
+        for _ in _commands(text, scope):
+            pass
+    except TextError as error:
+        return error
+    return None
+
+
+def _commands(text: str, scope: Scope) -> Iterator[Command]:
+    for line in lines(text):
+        read = command(line, scope)
+        if read is None:
+            continue
+        if isinstance(read, Define) and read.name not in scope.gestures:
+            scope = with_gesture(scope, read.name)
+        yield read
+
+
+def _corrected(text: str, scope: Scope, error: TextError) -> str | None:
+    """The text with every suggestion followed, when that makes a whole that would be taken."""
+    for _ in range(MAX_CORRECTIONS):
+        if error.suggestion is None:
+            return None
+        text = text[: error.offset] + error.suggestion + text[error.offset + error.length :]
+        further = mistake(text, scope)
+        if further is None:
+            return text
+        error = further
+    return None

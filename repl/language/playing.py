@@ -1,0 +1,130 @@
+"""What follows `plays`: the words of a part's table, and where in a take it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.repl.language import values as v
+from ergon.repl.language.commands import Plays, When, Word
+from ergon.repl.language.scope import Scope
+from ergon.scores.clock.positions import Position
+from ergon.scores.gesture import words as play_words
+from ergon.scores.gesture.transforms import Transform
+from ergon.scores.reading.manner import manner
+from ergon.scores.reading.part import SHAPES
+from ergon.scores.tables.shapes import Text
+from ergon.scores.text.errors import TextError
+
+# Options that are no business of a line: a key says its rate in the score.
+_ELSEWHERE = {"rate": "gestures are struck at the audio rate; leave out 'rate'"}
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What is played and how; `written` says where each word stands, from the first one's start."""
+
+    what: str
+    options: Mapping[str, Any]
+    do: tuple[Transform, ...]
+    written: play_words.PlayWords
+
+
+def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Played:
+    said = play_words.parse(text)
+    _at(said.what.offset, v.PLAYED, said.what.text, scope)
+    options = {}
+    for name, word in said.options.items():
+        if name in _ELSEWHERE:
+            raise TextError(_ELSEWHERE[name], offset=word.offset, length=len(word.text))
+        options[name] = _at(word.offset, _value(name), word.text, scope)
+    return Played(said.what.text, options, said.do, said)
+
+
+def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
+    try:
+        return value.read(text, scope, {})
+    except TextError as error:
+        error.offset += offset
+        raise
+
+
+def _value(option: str) -> v.Value:
+    if option in ("at", "until"):
+        return v.POSITION
+    if option == "from":
+        return v.IN_ITSELF
+    if option == "every":
+        return v.LENGTH
+    shape = SHAPES[option]
+    assert isinstance(shape, Text), option
+    return v.of(shape)
+
+
+def _offers(spot: v.Spot) -> Iterator[v.Offer]:
+    """What goes on: a value after its option, else further options and transformations."""
+    if not spot.before:
+        yield from v.PLAYED.offers(spot)
+        return
+    last = spot.before[-1]
+    if play_words.OPTIONS.get(last) is not None and last not in _ELSEWHERE:
+        shape = SHAPES.get(last)
+        choices = shape.choices if isinstance(shape, Text) else ()
+        if choices:
+            yield from (v.Offer(str(word), f"how '{last}' is") for word in choices)
+        else:
+            yield from _value(last).offers(spot)
+        return
+    if last not in ("do", ","):
+        for option in play_words.OPTIONS:
+            if option not in spot.before and option not in (*_ELSEWHERE, "at"):
+                yield v.Offer(option, HINTS[option])
+    yield from v.transforms(spot)
+
+
+HINTS = {
+    "every": "time between repetitions",
+    "times": "how often",
+    "until": "no repetition begins from there on",
+    "from": "how far into it the first one begins",
+    "touch": "open or tracked",
+    "ergons": "event or particle",
+    "grain": "one ergon this often",
+    "join": "how long before its first point it leads in",
+    "force_limit": "the strongest force of one ergon",
+    "layer": "sound with the gesture before instead of cutting it",
+}
+PLAYING = v.Value("a gesture or a take", _read, _offers)
+
+
+def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> Plays:
+    """The command. Raises TextError when it says twice when it begins."""
+    options = dict(play.options)
+    said = {"player": words["player"], "what": _word(play.written.what, words["play"])}
+    said |= {name: _word(word, words["play"]) for name, word in play.written.options.items()}
+    if play.do:
+        text = words["play"].text
+        chain = ", ".join(text[t.offset : t.offset + t.length] for t in play.do)
+        said["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
+    at: Position | None = options.pop("at", None)
+    if at is not None and when is not None:
+        message = "it is said twice when this begins"
+        raise TextError(message, offset=said["at"].start, length=len(said["at"].text))
+    return Plays(
+        player,
+        play.what,
+        options.get("every"),
+        options.get("times"),
+        options.get("until"),
+        play.do,
+        manner(options),
+        options.get("from"),
+        when=at or when,
+        words=said,
+    )
+
+
+def _word(word: play_words.Word, play: Word) -> Word:
+    start = play.start + word.offset
+    return Word(word.text, start, start + len(word.text))

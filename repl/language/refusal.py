@@ -1,0 +1,17 @@
+"""Why a line is not taken."""
+
+from ergon.scores.text.errors import printable
+
+
+class Refusal(Exception):
+    """One sentence, the characters at fault, and the whole text to type instead, if one is near."""
+
+    def __init__(
+        self, message: str, offset: int = 0, length: int = 1, try_: str | None = None
+    ) -> None:
+        """`offset` and `length` count characters of what was submitted."""
+        super().__init__(printable(message))
+        self.message = printable(message)
+        self.offset = offset
+        self.length = length
+        self.try_ = try_

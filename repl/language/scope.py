@@ -1,0 +1,144 @@
+"""The names that a line may say, and what each of them is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from ergon.instruments.kinds import KINDS
+from ergon.instruments.model import Module
+from ergon.scores.reading.piece import Gesture, Piece
+from ergon.scores.tables import kinds as k
+from ergon.scores.tables.shapes import Text
+
+_AT_THE_BEGINNING = ("X0", "V0")  # they say where a mass starts, which is over
+
+
+class Scope(Protocol):
+    """Names of a session, each with a line about it."""
+
+    @property
+    def players(self) -> Mapping[str, str]:
+        """Hands."""
+        ...
+
+    @property
+    def gestures(self) -> Mapping[str, str]:
+        """What is written to be played."""
+        ...
+
+    @property
+    def takes(self) -> Mapping[str, str]:
+        """What was captured."""
+        ...
+
+    @property
+    def keys(self) -> Mapping[str, str]:
+        """What hands play on."""
+        ...
+
+    @property
+    def marks(self) -> Mapping[str, str]:
+        """Instants."""
+        ...
+
+    @property
+    def instruments(self) -> Mapping[str, str]:
+        """What sounds."""
+        ...
+
+    @property
+    def targets(self) -> Mapping[str, Text]:
+        """What `set` may change, such as `bell.m.K`, and how its value is read."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """A scope as tables."""
+
+    players: Mapping[str, str] = field(default_factory=dict)
+    gestures: Mapping[str, str] = field(default_factory=dict)
+    takes: Mapping[str, str] = field(default_factory=dict)
+    keys: Mapping[str, str] = field(default_factory=dict)
+    marks: Mapping[str, str] = field(default_factory=dict)
+    instruments: Mapping[str, str] = field(default_factory=dict)
+    targets: Mapping[str, Text] = field(default_factory=dict)
+
+
+def names(piece: Piece) -> Names:
+    """The names of a piece."""
+    return Names(
+        players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
+        gestures={name: _about(gesture) for name, gesture in piece.gestures.items()},
+        takes={name: f"take, {take.path.name}" for name, take in piece.takes.items()},
+        keys={name: "key" for name in piece.keys},
+        marks={mark.name: f"mark, {mark.at.text}" for mark in piece.marks},
+        instruments={name: "instrument" for name in piece.instruments},
+        targets=dict(_targets(piece)),
+    )
+
+
+def with_gesture(scope: Scope, name: str) -> Names:
+    """The scope, and a gesture that a line above has defined."""
+    all_names = (
+        scope
+        if isinstance(scope, Names)
+        else Names(
+            scope.players,
+            scope.gestures,
+            scope.takes,
+            scope.keys,
+            scope.marks,
+            scope.instruments,
+            scope.targets,
+        )
+    )
+    return replace(all_names, gestures={**scope.gestures, name: "gesture"})
+
+
+def _about(gesture: Gesture) -> str:
+    count = len(gesture.points)
+    return f"gesture, {count} point{'s' if count > 1 else ''}"
+
+
+def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
+    """Every field with a quantity, of every module that is written: members share theirs."""
+    for key in piece.keys.values():
+        for module in key.modules:
+            yield from _fields(key.name, module, False)
+    for instrument in piece.instruments.values():
+        for module in instrument.modules:
+            yield from _fields(instrument.name, module, instrument.ca_rate is not None)
+
+
+def _fields(part: str, module: Module, ca: bool) -> Iterator[tuple[str, Text]]:
+    kind = KINDS[module.kind]
+    path = ".".join(filter(None, (part, module.name)))
+    for field_ in (kind.ca_table if ca else kind.table).fields:
+        shape = field_.shape
+        if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _AT_THE_BEGINNING:
+            yield f"{path}.{field_.name}", shape
+    for name in module.fields.get("constants", ()):
+        yield f"{path}.{name}", k.NUMBER if ca else k.CONSTANT
+
+
+# The fields that are one number, which can glide.
+QUANTITIES = frozenset(
+    (
+        k.MASS,
+        k.STIFFNESS,
+        k.DAMPING,
+        k.POSITION,
+        k.HARDENING,
+        k.PITCH,
+        k.DURATION,
+        k.NUMBER,
+        k.RATIO,
+        k.POSITIVE,
+        k.UNIT_RATIO,
+        k.EXPONENT,
+        k.CONSTANT,
+    )
+)

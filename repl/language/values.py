@@ -1,0 +1,367 @@
+"""What may stand in a place of a line: how it is read, and what completes it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from ergon.repl.language.commands import NOW, Now
+from ergon.repl.language.scope import Scope
+from ergon.scores.clock.positions import Length, Position, parse_length, parse_position
+from ergon.scores.gesture import notation
+from ergon.scores.gesture.points import CURVES, METRE
+from ergon.scores.gesture.transforms import ARITY, parse_chain
+from ergon.scores.gesture.words import OPTIONS
+from ergon.scores.tables import kinds as k
+from ergon.scores.tables import quantities as q
+from ergon.scores.tables.shapes import MAX_NAME, NAME, Text
+from ergon.scores.text.errors import TextError, quote
+from ergon.scores.text.spelling import nearest
+
+MAX_POINTS = 10_000  # of a gesture that is typed; each is a strike to be computed before the bar
+# Words that follow a name in a line: a gesture or take that bears one could not be played.
+RESERVED = frozenset((*OPTIONS, *ARITY, "do", "now", "in", "over", "as", "off", "all"))
+MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:/\d*)?")
+
+
+class Offer(NamedTuple):
+    """A word that could come next, and a line about it."""
+
+    text: str
+    hint: str
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Where a word is being typed: its beginning, what its place holds already, the scope.
+
+    `given` are the values of the line so far.
+    """
+
+    typed: str
+    before: tuple[str, ...]
+    scope: Scope
+    given: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Value:
+    """`read` takes the text, the scope and the values so far, and raises TextError."""
+
+    what: str
+    read: Callable[[str, Scope, Mapping[str, Any]], Any]
+    offers: Callable[[Spot], Iterable[Offer]]
+
+
+# --- names ---------------------------------------------------------------------------------------
+
+
+def name(what: str, *sections: str) -> Value:
+    """A name out of sections of the scope."""
+
+    def known(scope: Scope) -> dict[str, str]:
+        return {n: hint for s in sections for n, hint in getattr(scope, s).items()}
+
+    def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+        if text not in (names := known(scope)):
+            raise unknown(text, what, names)
+        return text
+
+    return Value(what, read, lambda spot: listed(known(spot.scope)))
+
+
+def listed(names: Mapping[str, str]) -> Iterator[Offer]:
+    """Names with their hints."""
+    return (Offer(text, hint) for text, hint in names.items())
+
+
+def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
+    """Why a word that is not among the known is refused."""
+    known = list(names)[:MAX_COMPARED]
+    near = nearest(text, known)
+    message = f"{quote(text)} is not {what}"
+    if near is None:
+        some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
+        message += f"; there is {some}" if known else "; there is none"
+    return TextError(message, length=len(text), suggestion=near)
+
+
+def _new_name(text: str) -> str:
+    if not NAME.fullmatch(text) or len(text) > MAX_NAME:
+        message = f"{quote(text)} is not a name: letters, digits, '-' and '_', first a letter"
+        raise TextError(message, length=len(text))
+    if text in RESERVED:
+        raise TextError(f"{quote(text)} is a word of these lines, not a name", length=len(text))
+    return text
+
+
+def _free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    _new_name(text)
+    taken = {*scope.gestures, *scope.takes, *scope.marks}
+    if text in taken:
+        numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", text)
+        stem, count = (numbered[1], int(numbered[2]) + 1) if numbered else (text, 2)
+        while f"{stem}-{count}" in taken:
+            count += 1
+        message = f"{quote(text)} is taken"
+        raise TextError(message, length=len(text), suggestion=f"{stem}-{count}")
+    return text
+
+
+def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text in scope.gestures:
+        return text
+    if text in scope.takes:
+        raise TextError(f"{quote(text)} is a take; a gesture has another name", length=len(text))
+    return _new_name(text)
+
+
+def _no_offers(_: Spot) -> tuple[Offer, ...]:
+    return ()
+
+
+PLAYER = name("a player", "players")
+PLAYER_OR_ALL = Value(
+    "a player or all",
+    lambda text, scope, given: None if text == "all" else PLAYER.read(text, scope, given),
+    lambda spot: (*PLAYER.offers(spot), Offer("all", "every player")),
+)
+PLAYED = name("a gesture or a take", "gestures", "takes")
+KEY = name("a key", "keys")
+SOUNDING = name("an instrument or a player", "instruments", "players")
+ANYTHING = name(
+    "a name of this score", "gestures", "takes", "players", "keys", "instruments", "marks"
+)
+MOVING = name("a player, a key or an instrument", "players", "keys", "instruments")
+GESTURE_NAME = Value("a name", _defined, lambda spot: listed(spot.scope.gestures))
+NEW_NAME = Value("a new name", _free_name, _no_offers)
+
+
+# --- quantities ----------------------------------------------------------------------------------
+
+
+def _with_units(example: str, units: Iterable[str], what: str) -> Callable[[Spot], Iterator[Offer]]:
+    words = [unit for unit in units if unit.isascii()]
+
+    def offers(spot: Spot) -> Iterator[Offer]:
+        match = _NUMBER.match(spot.typed)
+        if match is None:
+            yield Offer(example, what)
+        else:
+            yield from (Offer(match.group() + unit, what) for unit in words)
+
+    return offers
+
+
+def quantity(shape: Text, example: str, units: Iterable[str], what: str = "") -> Value:
+    """A value that the score's own table reads."""
+    what = what or shape.what
+    return Value(what, lambda text, *_: shape.parse(text), _with_units(example, units, what))
+
+
+_DIMENSIONS = {
+    k.MASS: q.MASS,
+    k.STIFFNESS: q.STIFFNESS,
+    k.DAMPING: q.DAMPING,
+    k.POSITION: q.POSITION,
+    k.HARDENING: q.HARDENING,
+    k.PITCH: q.FREQUENCY,
+    k.DURATION: q.DURATION,
+    k.FORCE: q.FORCE,
+    k.PAUSE: q.INSTANT,
+    k.CONSTANT: q.CONSTANT,
+}
+
+
+def of(shape: Text) -> Value:
+    """A quantity with the units of its dimension."""
+    dimension = _DIMENSIONS.get(shape, q.NUMBER)
+    return quantity(shape, dimension.example, dimension.units)
+
+
+_LENGTH_UNITS = ("bar", "beats", "s", "ms")
+
+
+def _length(text: str, *_: Any) -> Length:
+    length = parse_length(text)
+    if not (length.bars or length.beats or length.seconds):
+        raise TextError(f"{quote(text)} is no time at all", length=len(text))
+    return length
+
+
+def _signed(text: str, *_: Any) -> Length:
+    sign = text[:1] if text[:1] in ("+", "-") else ""
+    try:
+        return parse_length(text[len(sign) :]).times(-1.0 if sign == "-" else 1.0)
+    except TextError as error:
+        error.offset += len(sign)
+        raise
+
+
+_GRIDS: dict[str, Now | Length] = {"now": NOW, "beat": Length(beats=1.0), "bar": Length(bars=1.0)}
+
+
+def _grid(text: str, *_: Any) -> Now | Length:
+    if text in _GRIDS:
+        return _GRIDS[text]
+    if text[:1].isalpha():
+        raise unknown(text, "a boundary", (*_GRIDS, "2bar"))
+    grid = _length(text)
+    if grid.seconds:
+        message = "a boundary lies on beats or bars, not on seconds"
+        raise TextError(message, length=len(text), suggestion="bar")
+    return grid
+
+
+def position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
+    """A position whose mark exists. Raises TextError."""
+    at = parse_position(text)
+    if at.mark is not None and at.text not in scope.marks and at.mark not in scope.marks:
+        raise unknown(at.mark, "a mark", scope.marks)
+    return at
+
+
+def _in_itself(text: str, *_: Any) -> Position:
+    at = parse_position(text)
+    if at.mark is not None:
+        message = "marks lie in the piece; say beats or seconds from the gesture's own beginning"
+        raise TextError(message, length=len(text))
+    return at
+
+
+def positions(spot: Spot) -> Iterator[Offer]:
+    """Marks, and how a bar is written."""
+    yield from listed(spot.scope.marks)
+    yield Offer("9|1", "bar 9, beat 1")
+
+
+LENGTH = Value(
+    "a length, such as 2bar, 1/2 (beats) or 250ms",
+    _length,
+    _with_units("2bar", _LENGTH_UNITS, "a length"),
+)
+SHIFT = Value("a time, such as 10ms or -10ms", _signed, _with_units("10ms", _LENGTH_UNITS, "time"))
+POSITION = Value("a position, such as 9|1, a mark or 12.5s", position, positions)
+IN_ITSELF = Value(
+    "a time in it, such as 4 (beats) or 2s",
+    _in_itself,
+    _with_units("4", ("", "s", "ms"), "how far into it"),
+)
+GRID = Value(
+    "a boundary: now, beat, bar or a length such as 2bar",
+    _grid,
+    lambda spot: listed(dict.fromkeys((*_GRIDS, "2bar"), "a boundary")),
+)
+_BPM_OFFERS = {0: (Offer("72", "bpm"),), 1: (Offer("->", "to another tempo"),)}
+BPM = Value(
+    "a tempo, such as 72 or 60 -> 84",
+    lambda text, *_: k.BPM.parse(text),
+    lambda spot: _BPM_OFFERS.get(len(spot.before), ()),
+)
+STIFFNESS = of(k.STIFFNESS)
+DAMPING = of(k.DAMPING)
+DURATION = quantity(k.DURATION, "3s", q.DURATION.units)
+LEVEL = quantity(k.GAIN, "-6dB", ("dB",))
+COUNT = quantity(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
+SEED = quantity(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
+
+
+# --- what is set ---------------------------------------------------------------------------------
+
+
+def _near_targets(text: str, scope: Scope) -> list[str]:
+    """Those that begin like the path up to its last dot: one module's fields, or all."""
+    head = text.rpartition(".")[0]
+    while head:
+        some = [target for target in scope.targets if target.startswith(f"{head}.")]
+        if some:
+            return some
+        head = head.rpartition(".")[0]
+    return list(scope.targets)
+
+
+def _target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text not in scope.targets:
+        raise unknown(text, "a parameter", _near_targets(text, scope))
+    return text
+
+
+def _change(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    if text.startswith("x"):
+        return None, q.factor(text)
+    return scope.targets[given["target"]].parse(text), None
+
+
+def _changes(spot: Spot) -> Iterator[Offer]:
+    if not spot.typed.startswith("x"):
+        yield from of(spot.scope.targets[spot.given["target"]]).offers(spot)
+    yield Offer("x1.5", "so many times what it is")
+
+
+def _targets(spot: Spot) -> Iterator[Offer]:
+    """Up to the next dot: a part, then its modules, then their parameters."""
+    typed = spot.typed
+    for target, shape in spot.scope.targets.items():
+        if target.startswith(typed):
+            dot = target.find(".", len(typed))
+            if dot < 0:
+                yield Offer(target, shape.what)
+            else:
+                yield Offer(target[: dot + 1], "its parameters")
+
+
+TARGET = Value("a parameter, such as bell.m.K", _target, _targets)
+CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _changes)
+
+
+# --- what is played ------------------------------------------------------------------------------
+
+
+def _points(spot: Spot) -> Iterator[Offer]:
+    match = _NUMBER.fullmatch(spot.typed.partition("@")[0])
+    if spot.typed and match is None:
+        yield from _curves(spot)
+    elif match is not None and "@" not in spot.typed:
+        yield from (Offer(f"{match.group()}{unit}@", "a position at …") for unit in _METRES)
+    elif not spot.typed:
+        yield Offer("6mm@1/8" if spot.before else "0mm@0", "a point: position @ time")
+        yield from _curves(spot)
+
+
+def _curves(spot: Spot) -> Iterator[Offer]:
+    if spot.before and spot.before[-1] not in CURVES:
+        yield from (Offer(word, "the way into the next points") for word in CURVES)
+
+
+def transforms(_: Spot) -> Iterator[Offer]:
+    """The transformations."""
+    return (Offer(word, "done to what is played") for word in ARITY)
+
+
+_METRES = [unit for unit in METRE if unit and unit.isascii()]
+NOTATION = Value(
+    "a gesture, such as 0@0 6@1/8 0@1/4",
+    lambda text, *_: notation.parse(text, most=MAX_POINTS),
+    _points,
+)
+DO = Value(
+    "transformations, such as scale 0.5, mirror", lambda text, *_: parse_chain(text), transforms
+)
+
+
+# --- the rest ------------------------------------------------------------------------------------
+
+
+def _file(text: str, *_: Any) -> str:
+    word = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
+    if '"' in word:
+        raise TextError("this quote is not closed", offset=text.index('"'))
+    return str(k.PATH.parse(word))
+
+
+FILE = Value("the name of a file", _file, _no_offers)
+EXPRESSION = Value("a Python expression", lambda text, *_: text, _no_offers)
