@@ -2,6 +2,7 @@
 
 import dataclasses
 import random
+import re
 from pathlib import Path
 
 import pytest
@@ -127,6 +128,7 @@ OTHERS = [
     ("knock=0@0 7@1/8", c.Define("knock", notation.parse("0@0 7@1/8"))),
     ("new = 0@0 7@1/8 at B", c.Define("new", notation.parse("0@0 7@1/8"), when=Position("B"))),
     ("?lean", c.Look("lean")),
+    ("? bell.m.K", c.Look("bell.m.K")),
     ("ada p knock", plays("knock")),
     (
         "ada plays knock at 3|1 every 1/2 times 8 until C layer touch tracked grain 5ms",
@@ -183,11 +185,14 @@ def test_values_are_kept_as_written_and_where():
         "every": "1/2",
         "until": "C",
         "do": "scale 0.5, mirror",
+        "when": "2bar",
     }
     assert all(
         line[word.start : word.end] == word.text for name, word in words.items() if name != "do"
     )
     assert one("couple k1 k2 K=40N/m").words["stiffness"] == ("40N/m", 15, 20)
+    assert one("ada plays knock at B layer").words["when"] == ("B", 19, 20)
+    assert one("set bell.m.K 1kN/m now").words["change"].text == "1kN/m"
 
 
 # --- several lines -------------------------------------------------------------------------------
@@ -296,7 +301,9 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, bette
         ("panic at C", "acts at once"),
         ("rest", "is missing"),
         ("couple k1 k2", "K or Z"),
-        ("couple k1 k1 K=1N/m", "two different keys"),
+        ("couple k1 k1 K=1N/m", "'k1' twice"),
+        ("guide remi remi", "'remi' twice"),
+        ("gain bell", "a level is missing"),
         ("couple k1 k2 K=", "'K=' wants a stiffness"),
         ("tempo 60 over 4bar", "a ramp says"),
         ("tempo 60 -> 90", "a ramp says"),
@@ -313,6 +320,7 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, bette
         ("= 0@0", "unknown verb '='"),
         ("x" * (MAX_LINE + 1), "10,000 are the most"),
         ("play\n" * MAX_PASTE, "100,000 are the most"),
+        ("play\n" * 501, "more than 500 lines"),
     ],
 )
 def test_what_is_refused_says_why(line: str, reason: str):
@@ -389,6 +397,7 @@ def offered(line: str, cursor: int | None = None) -> list[str]:
         ("record ", {"remi", "off"}),
         ("gain ", {"bell", "ada", "-6dB"}),
         ("?l", {"lean"}),
+        ("? bell.", {"bell.m."}),
         ("help t", {"tempo", "tap"}),
         ("play\nada pl", {"plays"}),
         ("ada plays knock \\\n ev", {"every"}),
@@ -408,6 +417,30 @@ def test_completion_offers_nothing_that_would_be_refused():
     assert offered("ada plays knock # ") == []
     assert offered("xyz ") == []
     assert "over" not in offered("stop ")
+
+
+UNFINISHED = re.compile(
+    "missing|wants|needs|leads into no point|plays or does|K or Z|ramp|is not a tempo|write it as"
+)
+
+
+@pytest.mark.parametrize("line", [line.split(" #")[0] for line, _ in SESSION + OTHERS])
+def test_what_is_offered_is_taken_or_only_unfinished(line: str):
+    for cut in [i for i, character in enumerate(line) if character == " "]:
+        head = line[: cut + 1]
+        for suggestion in complete(head, len(head), SCOPE):
+            text = head[: suggestion.start] + suggestion.text
+            if suggestion.text[-1] not in ".@":  # `bell.` and `6mm@` go on
+                assert UNFINISHED.search(sentence(text)), text
+
+
+def sentence(text: str) -> str:
+    """Why a text is refused; for one that is taken, that nothing is missing."""
+    try:
+        parse(text, SCOPE)
+    except Refusal as refusal:
+        return refusal.message
+    return "nothing is missing"
 
 
 def test_completion_looks_at_the_cursor_only():

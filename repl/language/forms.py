@@ -65,23 +65,10 @@ def couple(
     words: Words,
 ) -> c.Couple:
     """A REF with K, Z or both. Raises TextError."""
-    _two(a, b, words)
     if stiffness is None and viscosity is None:
         end = words["b"].end
         raise TextError("a coupling has K or Z: couple k1 k2 K=40N/m", offset=end)
     return c.Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
-
-
-def uncouple(a: str, b: str, *, when: c.When, words: Words) -> c.Uncouple:
-    """Two keys. Raises TextError."""
-    _two(a, b, words)
-    return c.Uncouple(a, b, when=when, words=words)
-
-
-def _two(a: str, b: str, words: Words) -> None:
-    if a == b:
-        word = words["b"]
-        raise TextError("two different keys", offset=word.start, length=len(word.text))
 
 
 def tempo(

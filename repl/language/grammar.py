@@ -39,7 +39,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     With `hints` the line ends before a word that is being typed: what could stand there is told,
     and None is returned.
     """
-    words = _apart(split(line), hints)
+    words = _apart(split(line))
     if hints is not None and len(words) < 2:
         _first_hints(words, scope, hints)
     if not words:
@@ -62,7 +62,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
-def _apart(words: list[Word], hints: Hints | None) -> list[Word]:
+def _apart(words: list[Word]) -> list[Word]:
     """`knock=0@0` and `?lean` are written together, and are several words."""
     if not words:
         return words
@@ -175,6 +175,7 @@ class _Reading:
         }
         self.said: dict[str, Word] = {}
         self.when: When = None
+        self.dated = False  # whether the words say when: nothing is offered after that
 
     def command(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
@@ -201,9 +202,11 @@ class _Reading:
         lead = self.words[-2].text if len(self.words) > 1 else ""
         if last.text == "now":
             self.when = NOW
+            self.dated, self.said["when"] = True, last
             del self.words[-1:]
         elif lead in _LEADS:
             self.when = self._read(_LEADS[lead], last)
+            self.dated, self.said["when"] = True, last
             del self.words[-2:]
         elif last.text in _LEADS:
             self._offer(_LEADS[last.text])
@@ -249,6 +252,7 @@ class _Reading:
         start, end = words[0].start, words[-1].end
         text = self.line.text[start - self.line.start : end - self.line.start]
         self._take(slot, Word(text, start, end))
+        self.dated |= any(word.text in _LEADS for word in words)
         return True
 
     def _option(self, options: list[Slot]) -> Slot | None:
@@ -313,19 +317,19 @@ class _Reading:
     # --- what could follow -----------------------------------------------------------------------
 
     def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
-        if self.hints is not None:
+        if self.hints is not None and not self.dated:
             spot = v.Spot(self.hints.typed, before, self.scope, self.given)
             self.hints.found.extend(value.offers(spot))
 
     def _offer_lead(self, slot: Slot) -> None:
-        if self.hints is not None:
+        if self.hints is not None and not self.dated:
             self.hints.found.append(
                 v.Offer(slot.lead, slot.value.what if slot.value else self.form.effect)
             )
 
     def _end_hints(self, options: list[Slot]) -> None:
         """What may stand when everything that must is there."""
-        if self.hints is None or self.words or self.when is not None:
+        if self.hints is None or self.words or self.dated:
             return
         for option in options:
             self._offer_lead(option)

@@ -65,6 +65,7 @@ def _words(verb: str) -> tuple[tuple[str, str], ...]:
 def sheet() -> str:
     """The cheat sheet in Markdown."""
     lines = ["# The prompt on one page", "", "Made from the table of verbs by `make docs`.", ""]
+    lines += ["A verb may be cut down to its short form; the short forms stay.", ""]
     for title, some in GROUPS.items():
         rows = ((form.written, form.effect, form.example, _short(form.verb)) for form in some)
         lines += _table(title, ("write", "effect", "example", "in short"), rows)

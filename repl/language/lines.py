@@ -11,6 +11,7 @@ from ergon.scores.text.errors import TextError
 
 MAX_LINE = 10_000  # characters; the longest line of a performance has some hundreds
 MAX_PASTE = 100_000  # characters of one submission, read and checked while the sound goes on
+MAX_LINES = 500  # of one submission: ten screens
 
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
 _PYTHON = re.compile(r"\s*py\s")  # what follows is Python's, with its own comments
@@ -31,6 +32,8 @@ def lines(text: str) -> Iterator[Line]:
     """Yield the lines of a submission. Raises TextError for what is too long or cannot be typed."""
     if len(text) > MAX_PASTE:
         raise TextError(f"this has {len(text):,} characters; {MAX_PASTE:,} are the most")
+    if text.count("\n") > MAX_LINES:
+        raise TextError(f"this has more than {MAX_LINES} lines")
     joined, start, offset = "", 0, 0
     for line in text.split("\n"):
         if len(joined) + len(line) > MAX_LINE:

@@ -11,9 +11,9 @@ from ergon.repl.language.commands import Plays, When, Word
 from ergon.repl.language.scope import Scope
 from ergon.scores.clock.positions import Position
 from ergon.scores.gesture import words as play_words
-from ergon.scores.gesture.transforms import Transform
+from ergon.scores.gesture.transforms import ARITY, Transform
 from ergon.scores.reading.manner import manner
-from ergon.scores.reading.part import SHAPES
+from ergon.scores.reading.part import PLAY, SHAPES
 from ergon.scores.tables.shapes import Text
 from ergon.scores.text.errors import TextError
 
@@ -50,13 +50,19 @@ def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
         raise
 
 
+# Where a line knows more than a part's table: which marks there are, what can be offered.
+_HERE = {
+    "at": v.POSITION,
+    "until": v.POSITION,
+    "from": v.IN_ITSELF,
+    "every": v.LENGTH,
+    "times": v.TIMES,
+}
+
+
 def _value(option: str) -> v.Value:
-    if option in ("at", "until"):
-        return v.POSITION
-    if option == "from":
-        return v.IN_ITSELF
-    if option == "every":
-        return v.LENGTH
+    if option in _HERE:
+        return _HERE[option]
     shape = SHAPES[option]
     assert isinstance(shape, Text), option
     return v.of(shape)
@@ -76,24 +82,17 @@ def _offers(spot: v.Spot) -> Iterator[v.Offer]:
         else:
             yield from _value(last).offers(spot)
         return
-    if last not in ("do", ","):
-        for option in play_words.OPTIONS:
-            if option not in spot.before and option not in (*_ELSEWHERE, "at"):
-                yield v.Offer(option, HINTS[option])
+    if last not in ("do", ",") and not ARITY.get(last):
+        for option, hint in HINTS.items():
+            if option not in spot.before:
+                yield v.Offer(option, hint)
     yield from v.transforms(spot)
 
 
+# The options of `plays`, each with a line about it.
 HINTS = {
-    "every": "time between repetitions",
-    "times": "how often",
-    "until": "no repetition begins from there on",
+    **{name: PLAY.by_name[name].doc for name in SHAPES if name not in (*_ELSEWHERE, "at")},
     "from": "how far into it the first one begins",
-    "touch": "open or tracked",
-    "ergons": "event or particle",
-    "grain": "one ergon this often",
-    "join": "how long before its first point it leads in",
-    "force_limit": "the strongest force of one ergon",
-    "layer": "sound with the gesture before instead of cutting it",
 }
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
@@ -103,6 +102,8 @@ def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> P
     options = dict(play.options)
     said = {"player": words["player"], "what": _word(play.written.what, words["play"])}
     said |= {name: _word(word, words["play"]) for name, word in play.written.options.items()}
+    if when is not None:
+        said["when"] = words["when"]
     if play.do:
         text = words["play"].text
         chain = ", ".join(text[t.offset : t.offset + t.length] for t in play.do)
@@ -111,6 +112,8 @@ def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> P
     if at is not None and when is not None:
         message = "it is said twice when this begins"
         raise TextError(message, offset=said["at"].start, length=len(said["at"].text))
+    if at is not None:
+        said["when"] = said.pop("at")
     return Plays(
         player,
         play.what,

@@ -12,7 +12,7 @@ from ergon.repl.language.scope import Scope
 from ergon.scores.clock.positions import Length, Position, parse_length, parse_position
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
-from ergon.scores.gesture.transforms import ARITY, parse_chain
+from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
 from ergon.scores.gesture.words import OPTIONS
 from ergon.scores.tables import kinds as k
 from ergon.scores.tables import quantities as q
@@ -120,6 +120,20 @@ def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return _new_name(text)
 
 
+def _another(value: Value, field: str) -> Value:
+    """A name that is not the one given before."""
+
+    def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
+        if text == given[field]:
+            raise TextError(f"{quote(text)} twice; there have to be two", length=len(text))
+        return value.read(text, scope, given)
+
+    def offers(spot: Spot) -> Iterator[Offer]:
+        return (offer for offer in value.offers(spot) if offer.text != spot.given[field])
+
+    return Value(value.what, read, offers)
+
+
 def _no_offers(_: Spot) -> tuple[Offer, ...]:
     return ()
 
@@ -132,6 +146,8 @@ PLAYER_OR_ALL = Value(
 )
 PLAYED = name("a gesture or a take", "gestures", "takes")
 KEY = name("a key", "keys")
+OTHER_KEY = _another(KEY, "a")
+OTHER_PLAYER = _another(PLAYER, "player")
 SOUNDING = name("an instrument or a player", "instruments", "players")
 ANYTHING = name(
     "a name of this score", "gestures", "takes", "players", "keys", "instruments", "marks"
@@ -181,6 +197,13 @@ def of(shape: Text) -> Value:
     """A quantity with the units of its dimension."""
     dimension = _DIMENSIONS.get(shape, q.NUMBER)
     return quantity(shape, dimension.example, dimension.units)
+
+
+def _level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
+    if text in scope.instruments or text in scope.players:
+        message = f"a level is missing: gain {text} -6dB"
+        raise TextError(message, offset=len(text))
+    return k.GAIN.parse(text)
 
 
 _LENGTH_UNITS = ("bar", "beats", "s", "ms")
@@ -265,7 +288,8 @@ BPM = Value(
 STIFFNESS = of(k.STIFFNESS)
 DAMPING = of(k.DAMPING)
 DURATION = quantity(k.DURATION, "3s", q.DURATION.units)
-LEVEL = quantity(k.GAIN, "-6dB", ("dB",))
+LEVEL = Value("a level, such as -6dB or x0.5", _level, _with_units("-6dB", ("dB",), "a level"))
+TIMES = quantity(k.TIMES, "8", ())
 COUNT = quantity(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
 SEED = quantity(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
@@ -315,6 +339,11 @@ def _targets(spot: Spot) -> Iterator[Offer]:
 
 
 TARGET = Value("a parameter, such as bell.m.K", _target, _targets)
+LOOKED_AT = Value(
+    "a name of this score",
+    lambda text, scope, given: text if text in scope.targets else ANYTHING.read(text, scope, given),
+    lambda spot: (*ANYTHING.offers(spot), *_targets(spot)),
+)
 CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _changes)
 
 
@@ -328,7 +357,7 @@ def _points(spot: Spot) -> Iterator[Offer]:
     elif match is not None and "@" not in spot.typed:
         yield from (Offer(f"{match.group()}{unit}@", "a position at …") for unit in _METRES)
     elif not spot.typed:
-        yield Offer("6mm@1/8" if spot.before else "0mm@0", "a point: position @ time")
+        yield Offer("6mm@+1/8" if spot.before else "0mm@0", "a point: position @ time")
         yield from _curves(spot)
 
 
@@ -337,9 +366,13 @@ def _curves(spot: Spot) -> Iterator[Offer]:
         yield from (Offer(word, "the way into the next points") for word in CURVES)
 
 
-def transforms(_: Spot) -> Iterator[Offer]:
-    """The transformations."""
-    return (Offer(word, "done to what is played") for word in ARITY)
+def transforms(spot: Spot) -> Iterator[Offer]:
+    """The transformations, or what one of them wants first."""
+    last = spot.before[-1] if spot.before else ""
+    if ARITY.get(last):
+        yield Offer(EXAMPLES[last].split()[1], f"for instance {EXAMPLES[last]}")
+    else:
+        yield from (Offer(word, f"for instance {EXAMPLES[word]}") for word in ARITY)
 
 
 _METRES = [unit for unit in METRE if unit and unit.isascii()]
