@@ -1,0 +1,1 @@
+"""The REPL: a score that is changed while it sounds."""
