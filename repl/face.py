@@ -1,0 +1,93 @@
+"""What a session shows to whoever types: one line in, one reply out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What became of a line; one that was not taken has changed nothing.
+
+    `text` is what was done (`ok 3|1 knock: 3 points`) or, in one line, why not. `try_` is the whole
+    line to type instead. `lines` are a drawing, help or a list, shown as they are. A reply that
+    `leaves` is the last.
+    """
+
+    taken: bool
+    text: str
+    try_: str | None = None
+    lines: tuple[str, ...] = ()
+    leaves: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One look at a session: bars and beats count from 1, `tempo` in bpm, `load` as a share of
+    real time, `level` in dB below full scale (-inf in silence), `recording` in seconds, or None."""
+
+    bar: int
+    beat: float
+    tempo: float
+    playing: tuple[tuple[str, str], ...] = ()  # (player, what)
+    load: float = 0.0
+    late: int = 0
+    level: float = float("-inf")
+    quant: str = "bar"
+    recording: float | None = None
+    panicked: bool = False
+
+    @property
+    def where(self) -> str:
+        """Bar and beat that sound: `3|2`."""
+        return f"{self.bar}|{int(self.beat)}"
+
+
+class Suggestion(Protocol):
+    """How a line may go on: `text` takes the place of what stands from `start` to the cursor."""
+
+    @property
+    def text(self) -> str:
+        """What to insert."""
+
+    @property
+    def start(self) -> int:
+        """From which column."""
+
+    @property
+    def hint(self) -> str:
+        """What it does, in a few words."""
+
+
+class Face(Protocol):
+    """A session, seen from the keyboard.
+
+    `submit` is called a line at a time; the others meanwhile, from another thread, so often that
+    they may take no time.
+    """
+
+    def submit(self, text: str) -> Reply:
+        """Do a line, or a block of lines as one version. Raises nothing; may take a while."""
+
+    def state(self) -> State:
+        """Where it is and what is heard."""
+
+    def messages(self) -> Sequence[str]:
+        """What happened since the last call, a sentence each."""
+
+    def panic(self) -> None:
+        """Silence at once."""
+
+    def close(self) -> None:
+        """Hush, and let go of everything; the last call."""
+
+    def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
+        """How a line may go on at a column."""
+
+    def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
+        """What a line's words are, for colours: (start, end, kind)."""
+
+    def is_whole(self, text: str) -> bool:
+        """Whether Enter ends it; a line that ends in a backslash goes on."""

@@ -1,0 +1,71 @@
+"""Colours while a line is typed, and how it may go on: the session's words for prompt_toolkit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion
+from prompt_toolkit.document import Document
+from prompt_toolkit.formatted_text import StyleAndTextTuples
+from prompt_toolkit.lexers import Lexer
+from prompt_toolkit.styles import Style
+
+from ergon.repl.face import Face
+
+from .words import clean
+
+# A mistake is underlined: no meaning by colour alone, and none is left under NO_COLOR.
+STYLE = Style.from_dict(
+    {
+        "verb": "bold",
+        "name": "ansicyan",
+        "number": "ansiyellow",
+        "unit": "ansiyellow",
+        "curve": "ansigreen",
+        "unknown": "underline ansired",
+        "comment": "ansibrightblack",
+    }
+)
+_COLOURED_MAX = 2_000  # characters of a line; words are found anew at every key
+_HINT_MAX = 60
+
+
+class Colours(Lexer):
+    """Each word of a line in the style of its kind."""
+
+    def __init__(self, face: Face) -> None:
+        """By what a session knows."""
+        self._face = face
+
+    def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
+        """Lines on demand: of a block only those in sight are looked at."""
+        return lambda number: self._line(document.lines, number)
+
+    def _line(self, lines: list[str], number: int) -> StyleAndTextTuples:
+        line = lines[number] if number < len(lines) else ""
+        if len(line) > _COLOURED_MAX:
+            return [("", line)]
+        fragments: StyleAndTextTuples = []
+        at = 0
+        for start, end, kind in self._face.tokens(line):
+            if at <= start < end:  # gaps between words have no kind
+                fragments += [("", line[at:start]), (f"class:{kind}", line[start:end])]
+                at = end
+        return [*fragments, ("", line[at:])]
+
+
+class Completions(Completer):
+    """How the line under the cursor may go on, each with its hint."""
+
+    def __init__(self, face: Face) -> None:
+        """By what a session knows."""
+        self._face = face
+
+    def get_completions(
+        self, document: Document, complete_event: CompleteEvent
+    ) -> Iterable[Completion]:
+        """All at once; there are some hundred at most."""
+        column = document.cursor_position_col
+        for found in self._face.complete(document.current_line, column):
+            hint = clean(found.hint)[:_HINT_MAX]
+            yield Completion(found.text, found.start - column, display_meta=hint)

@@ -1,0 +1,84 @@
+"""A prompt that stays, whatever the session does: its mistakes are told, never raised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from ergon.repl.face import Face, Reply, State, Suggestion
+
+Answer = TypeVar("Answer")
+
+
+class Calm:
+    """A face whose every call returns; what it could not do is among its messages."""
+
+    def __init__(self, face: Face) -> None:
+        """Over another face."""
+        self._face = face
+        self._mistakes: list[str] = []
+        self._state = State(bar=1, beat=1.0, tempo=60.0)
+
+    def submit(self, text: str) -> Reply:
+        """Do a line."""
+        try:
+            return self._face.submit(text)
+        except BaseException as error:
+            if not _is_mistake(error):
+                raise
+            return Reply(False, _told(error))
+
+    def state(self) -> State:
+        """Where it is, or last was."""
+        self._state = self._try(self._face.state, self._state)
+        return self._state
+
+    def messages(self) -> Sequence[str]:
+        """What happened since the last call, and what went wrong."""
+        nothing: Sequence[str] = ()
+        messages = [*self._try(self._face.messages, nothing), *self._mistakes]
+        self._mistakes.clear()
+        return messages
+
+    def panic(self) -> None:
+        """Silence at once."""
+        self._try(self._face.panic, None)
+
+    def close(self) -> None:
+        """Hush, and let go."""
+        self._face.close()
+
+    def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
+        """How a line may go on."""
+        return self._try(lambda: self._face.complete(line, cursor), ())
+
+    def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
+        """What its words are."""
+        return self._try(lambda: self._face.tokens(line), ())
+
+    def is_whole(self, text: str) -> bool:
+        """Whether Enter ends it."""
+        return self._try(lambda: self._face.is_whole(text), True)
+
+    def mistake(self, error: BaseException) -> None:
+        """Tell an error with the next messages."""
+        self._mistakes.append(_told(error))
+
+    def _try(self, call: Callable[[], Answer], otherwise: Answer) -> Answer:
+        try:
+            return call()
+        except BaseException as error:
+            if not _is_mistake(error):
+                raise
+            self.mistake(error)
+            return otherwise
+
+
+def _is_mistake(error: BaseException) -> bool:
+    """Whether code went wrong; what a signal raises (Ctrl-C, SIGTERM) goes its way."""
+    panic = type(error).__name__ == "PanicException"  # PyO3's is no Exception
+    return panic or isinstance(error, (Exception, SystemExit))
+
+
+def _told(error: BaseException) -> str:
+    return f"internal error: {type(error).__name__}: {error}".replace("\n", " ")

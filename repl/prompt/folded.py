@@ -1,0 +1,58 @@
+"""Messages at a pace that can be read: so many a second, those that repeat as one."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+PER_SECOND = 10
+SECOND = 1.0
+HELD = 100  # different ones that wait; more than ten seconds of them nobody reads
+
+
+class Folded:
+    """Takes messages as they come and gives lines when they are due."""
+
+    def __init__(self) -> None:
+        """Nothing waits."""
+        self._waiting: dict[str, int] = {}
+        self._left_out = 0
+        self._shown: deque[tuple[float, str]] = deque()  # within the last second
+
+    def take(self, messages: Iterable[str]) -> None:
+        """Keep messages until they are due."""
+        for message in messages:
+            if message in self._waiting or len(self._waiting) < HELD:
+                self._waiting[message] = self._waiting.get(message, 0) + 1
+            else:
+                self._left_out += 1
+
+    def due(self, now: float) -> list[str]:
+        """The lines to show at an instant [s]: at most ten in any second, none of them twice."""
+        while self._shown and now - self._shown[0][0] >= SECOND:
+            self._shown.popleft()
+        fresh = {message for _, message in self._shown}
+        lines: list[str] = []
+        for message in [message for message in self._waiting if message not in fresh]:
+            if len(self._shown) >= PER_SECOND:
+                return lines
+            lines.append(_folded(message, self._waiting.pop(message)))
+            self._shown.append((now, message))
+        if self._left_out and not self._waiting and len(self._shown) < PER_SECOND:
+            lines.append(f"… {self._left_out} more")
+            self._shown.append((now, lines[-1]))
+            self._left_out = 0
+        return lines
+
+    def rest(self) -> list[str]:
+        """All that still waits, for the end."""
+        lines = [_folded(message, count) for message, count in self._waiting.items()]
+        if self._left_out:
+            lines.append(f"… {self._left_out} more")
+        self._waiting.clear()
+        self._left_out = 0
+        return lines
+
+
+def _folded(message: str, count: int) -> str:
+    return message if count == 1 else f"{message} … {count - 1} more"

@@ -1,0 +1,113 @@
+"""What is typed: keys that have a meaning here, and a way out of a paste that never ends."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from typing import Protocol
+
+from prompt_toolkit.application.current import get_app
+from prompt_toolkit.enums import DEFAULT_BUFFER
+from prompt_toolkit.filters import Condition, has_focus
+from prompt_toolkit.input import Input, create_input
+from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
+from prompt_toolkit.keys import Keys
+
+from .words import F12
+
+TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
+_BEGIN, _END = "\x1b[200~", "\x1b[201~"
+_CTRL_C = "\x03"
+_RUN = re.compile("[^\x00-\x1f\x7f-\x9f]{64,}")  # no hand types so much at once
+_AS_PASTE = rf"{_BEGIN}\g<0>{_END}"
+
+
+class Deeds(Protocol):
+    """What keys do."""
+
+    def panic(self) -> None:
+        """Silence at once."""
+
+    def clear(self) -> None:
+        """Forget what is typed."""
+
+    def leave(self) -> None:
+        """Go, when all lines are done; at the second time at once."""
+
+    def enter(self) -> None:
+        """The line is typed."""
+
+    def complete(self) -> None:
+        """Tab."""
+
+    def too_long(self, length: int) -> None:
+        """A paste of so many characters did not fit."""
+
+
+def bindings(deeds: Deeds) -> KeyBindings:
+    """Keys that mean something else here than in other prompts."""
+    keys = KeyBindings()
+    typing = has_focus(DEFAULT_BUFFER)
+    empty = Condition(lambda: not get_app().current_buffer.text)
+    full = Condition(lambda: len(get_app().current_buffer.text) >= TEXT_MAX)
+
+    def does(deed: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
+        return lambda event: deed()
+
+    keys.add("f12", eager=True)(does(deeds.panic))
+    keys.add("c-c", filter=typing)(does(deeds.clear))
+    keys.add("<sigint>")(does(deeds.clear))
+    keys.add("c-d", filter=typing & empty)(does(deeds.leave))
+    keys.add("enter", filter=typing)(does(deeds.enter))
+    keys.add("tab", filter=typing)(does(deeds.complete))
+    # Habits from elsewhere: suspend, freeze, go on. None of them may hold a performance.
+    for key in ("c-z", "c-s", "c-q"):
+        keys.add(key)(does(lambda: None))
+    keys.add(Keys.Any, filter=full)(does(lambda: None))
+
+    @keys.add(Keys.BracketedPaste)
+    def _(event: KeyPressEvent) -> None:
+        text = event.data.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
+        buffer = event.current_buffer
+        if len(buffer.text) + len(text) > TEXT_MAX:
+            deeds.too_long(len(text))
+        else:
+            buffer.insert_text(text)
+
+    return keys
+
+
+def keyboard() -> Input:
+    """The terminal's keys."""
+    source = create_input()
+    if sys.platform != "win32":
+        from prompt_toolkit.input.vt100 import Vt100Input
+
+        if isinstance(source, Vt100Input):
+            source.stdin_reader = _Pastes(source.stdin_reader.stdin_fd)
+    return source
+
+
+if sys.platform != "win32":
+    from prompt_toolkit.input.posix_utils import PosixStdinReader
+
+    class _Pastes(PosixStdinReader):
+        """Sees to it that no paste keeps F12 from being heard.
+
+        One whose end never comes is ended by F12 and Ctrl-C: all that is typed would count as
+        pasted. One that a terminal sends as if it were typed is marked as a paste: key by key, a
+        million characters take two minutes.
+        """
+
+        _open = False
+
+        def read(self, count: int = 1024) -> str:
+            """What has been typed since the last call."""
+            data = super().read(count)
+            if self._open and (data == _CTRL_C or data.startswith(F12)):
+                data = _END + data
+            begun, ended = data.rfind(_BEGIN), data.rfind(_END)
+            if begun != ended:  # one of them is there
+                self._open = begun > ended
+            return data if self._open or begun != ended else _RUN.sub(_AS_PASTE, data)

@@ -1,0 +1,49 @@
+"""The lines of earlier sessions, in a file that its owner alone reads."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from prompt_toolkit.history import FileHistory
+
+LINE_MAX = 10_000  # characters; a longer one is a paste that nobody looks for again
+
+
+def of_user(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """$XDG_STATE_HOME/ergon/history, or ~/.local/state/ergon/history."""
+    base = environment.get("XDG_STATE_HOME", "")
+    if Path(base).is_absolute():  # others are to be ignored, says the specification
+        return Path(base) / "ergon" / "history"
+    try:
+        return Path.home() / ".local" / "state" / "ergon" / "history"
+    except RuntimeError:  # nobody's
+        return None
+
+
+class Past(FileHistory):
+    """Lines kept in a file, if that can be; where it cannot, they are kept for this session."""
+
+    def __init__(self, path: Path) -> None:
+        """Of a file, which need not exist."""
+        self._path = path
+        super().__init__(path)
+
+    def load_history_strings(self) -> Iterable[str]:
+        """The newest first."""
+        try:
+            return list(super().load_history_strings())
+        except OSError:
+            return []
+
+    def store_string(self, string: str) -> None:
+        """Keep a line."""
+        if len(string) > LINE_MAX:
+            return
+        with contextlib.suppress(OSError):
+            self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            # Made by its owner alone before anything is in it.
+            os.close(os.open(self._path, os.O_CREAT | os.O_APPEND | os.O_WRONLY, 0o600))
+            super().store_string(string)

@@ -1,0 +1,52 @@
+"""A session in whatever terminal there is."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.repl.face import Face
+
+from .plain import Plain
+from .signals import put_off, unstopped
+from .words import clean
+
+if TYPE_CHECKING:
+    from .screen import Screen
+
+REFUSED = 1  # the exit code under `strict` when a line was not taken
+
+
+def run(face: Face, *, plain: bool = False, strict: bool = False, history: Path | None) -> int:
+    """Serve a session until somebody leaves, and close it; the exit code.
+
+    `plain` draws nothing and prints lines, as it does where there is no terminal, or a dumb one.
+    `history` is the file of lines typed before (`past.of_user()`), None for none. SIGTERM, SIGHUP
+    and, in a script, Ctrl-C close the session and then act as they would have.
+    """
+    refused = 0
+    server = _server(face, plain or not drawable(), history)
+    with put_off(server.end), unstopped():
+        try:
+            refused = server.run()
+        finally:
+            face.close()
+    for message in face.messages():
+        print(clean(message))
+    return REFUSED if strict and refused else 0
+
+
+def _server(face: Face, plain: bool, history: Path | None) -> Plain | Screen:
+    if plain:
+        return Plain(face, sys.stdin, sys.stdout)
+    from .screen import Screen
+
+    return Screen(face, history)
+
+
+def drawable() -> bool:
+    """Whether there is a terminal in which a line can be drawn anew."""
+    dumb = os.environ.get("TERM", "").lower() in ("dumb", "unknown")
+    return sys.stdin.isatty() and sys.stdout.isatty() and not dumb

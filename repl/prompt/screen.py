@@ -1,0 +1,209 @@
+"""The prompt in a terminal: one application from start to end, so that no key goes elsewhere.
+
+A prompt that ends with every line gives the terminal back in between, and there Ctrl-C kills,
+Ctrl-Z suspends and Ctrl-S freezes. So a line that is entered is printed above, and the prompt
+stays.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from prompt_toolkit import PromptSession
+from prompt_toolkit.buffer import Buffer
+from prompt_toolkit.document import Document
+from prompt_toolkit.history import InMemoryHistory
+from prompt_toolkit.patch_stdout import StdoutProxy
+
+from ergon.repl.face import Face, Reply
+
+from .assist import STYLE, Colours, Completions
+from .calm import Calm
+from .folded import Folded
+from .keyboard import TEXT_MAX, bindings, keyboard
+from .past import Past
+from .status import status
+from .words import INDENT, clean, continuation, echo, lines_of, typed
+
+_REDRAWN = 0.25  # s between two drawings while nobody types
+_LISTENED = 0.05  # s between two looks at what happened
+_BUNDLED = 0.005  # s in which what is printed is printed at once: each time the prompt is redrawn
+
+
+class Screen:
+    """A session in a terminal."""
+
+    def __init__(self, face: Face, history: Path | None) -> None:
+        """Over a face, with the lines of earlier sessions from a file."""
+        self._face = Calm(face)
+        self._lines: SimpleQueue[str | None] = SimpleQueue()
+        self._folded = Folded()
+        self._refused = ("", "")  # the line, and what to type instead
+        self._refusals = 0
+        self._leaving = False
+        self._where = ""
+        self._prompt: PromptSession[None] = PromptSession(
+            self._before,
+            multiline=True,
+            prompt_continuation=lambda width, _, wraps: "" if wraps else continuation(width),
+            lexer=Colours(self._face),
+            completer=Completions(self._face),
+            complete_while_typing=False,
+            style=STYLE,
+            include_default_pygments_style=False,
+            history=InMemoryHistory() if history is None else Past(history),
+            key_bindings=bindings(self),
+            bottom_toolbar=lambda: status(self._face.state(), self._app.output.get_size().columns),
+            input=keyboard(),
+        )
+        self._app = self._prompt.app
+        self._prompt.default_buffer.accept_handler = self._entered
+
+    def run(self) -> int:
+        """Serve until somebody leaves; the number of lines that were refused."""
+        asyncio.run(self._run())
+        return self._refusals
+
+    def end(self) -> None:
+        """Leave at once; may be called by a signal."""
+        if loop := self._app.loop:
+            loop.call_soon_threadsafe(self._go)
+
+    async def _run(self) -> None:
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(lambda _, context: self._went_wrong(context))
+        worker = threading.Thread(target=self._work, args=(loop,), name="ergon-lines", daemon=True)
+        with (
+            StdoutProxy(_BUNDLED) as proxy,
+            contextlib.redirect_stdout(proxy),
+            contextlib.redirect_stderr(proxy),
+        ):
+            # Begun by the application, so after its first drawing: what is printed before is lost.
+            begin = partial(self._begin, worker)
+            with contextlib.suppress(EOFError), _hung_up():
+                await self._app.run_async(pre_run=begin, set_exception_handler=False)
+            proxy.close()
+            # What was printed last is still on its way through the loop.
+            await asyncio.gather(*asyncio.all_tasks() - {asyncio.current_task()})
+
+    def _begin(self, worker: threading.Thread) -> None:
+        worker.start()
+        self._app.create_background_task(self._listen())
+        self._app.create_background_task(self._redraw())
+
+    async def _listen(self) -> None:
+        while True:
+            await asyncio.sleep(_LISTENED)
+            self._folded.take(self._face.messages())
+            for line in self._folded.due(time.monotonic()):
+                print(clean(line))
+
+    async def _redraw(self) -> None:
+        while True:
+            await asyncio.sleep(_REDRAWN)
+            self._app.invalidate()
+
+    # --- what keys do ---------------------------------------------------------------------------
+
+    def panic(self) -> None:
+        """Silence at once."""
+        self._face.panic()
+        print(f"{INDENT}panic")
+
+    def clear(self) -> None:
+        """Forget what is typed."""
+        self._buffer.reset()
+
+    def leave(self) -> None:
+        """Go, when all lines are done; at the second time at once."""
+        if self._leaving:
+            self._go()
+        self._leaving = True
+        self._lines.put(None)
+
+    def enter(self) -> None:
+        """A whole line is done; another one goes on."""
+        if self._face.is_whole(self._buffer.text):
+            self._buffer.validate_and_handle()
+        else:
+            self._buffer.insert_text("\n")
+
+    def complete(self) -> None:
+        """What a refusal asked to type instead, where nothing else is typed; or how to go on."""
+        line, try_ = self._refused
+        if try_ and self._buffer.text.strip() in ("", line.strip()):
+            self._buffer.document = Document(try_)
+        elif self._buffer.complete_state:
+            self._buffer.complete_next()
+        else:
+            self._buffer.start_completion(insert_common_part=True)
+
+    def too_long(self, length: int) -> None:
+        """A paste of so many characters did not fit."""
+        why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
+        self._folded.take([INDENT + why])
+
+    # --- lines and replies ----------------------------------------------------------------------
+
+    @property
+    def _buffer(self) -> Buffer:
+        return self._prompt.default_buffer
+
+    def _before(self) -> str:
+        """The prompt: it follows the clock until something is typed, which it must not move."""
+        if not self._where or not self._buffer.text:
+            self._where = self._face.state().where
+        return f"{self._where} > "
+
+    def _entered(self, buffer: Buffer) -> bool:
+        """Do the line when those before it are done."""
+        text = typed(buffer.text)
+        print(echo(f"{self._face.state().where} > ", text))
+        if text.strip():
+            self._lines.put(text)
+        return False  # the buffer is emptied
+
+    def _work(self, loop: asyncio.AbstractEventLoop) -> None:
+        """A thread of its own: a line may take a while, and typing goes on."""
+        with contextlib.suppress(RuntimeError):  # somebody left at once: the loop is closed
+            while (text := self._lines.get()) is not None:
+                reply = self._face.submit(text)
+                loop.call_soon_threadsafe(self._answer, text, reply)
+                if reply.leaves:
+                    return
+            loop.call_soon_threadsafe(self._go)
+
+    def _answer(self, text: str, reply: Reply) -> None:
+        if lines := lines_of(reply, plain=False):
+            print("\n".join(lines))
+        self._refusals += not reply.taken
+        self._refused = (text, reply.try_ or "")
+        if reply.leaves:
+            self._go()
+
+    def _go(self) -> None:
+        if self._app.is_running and not self._app.is_done:
+            self._app.exit()
+
+    def _went_wrong(self, context: dict[str, Any]) -> None:
+        """An error in a key or a drawing; the prompt goes on."""
+        self._face.mistake(context.get("exception") or RuntimeError(context["message"]))
+
+
+@contextlib.contextmanager
+def _hung_up() -> Iterator[None]:
+    """Nothing can be written to a terminal that was closed: that is an end, not an error."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.EIO:
+            raise

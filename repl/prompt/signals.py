@@ -1,0 +1,63 @@
+"""Signals while a session runs: none stops it, and those that end the program end it well."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from types import FrameType
+
+# By name: not every system has all of them.
+_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_STOPPING = [getattr(signal, name) for name in ("SIGTSTP", "SIGQUIT") if hasattr(signal, name)]
+Handler = Callable[[int, FrameType | None], object]
+
+
+@contextlib.contextmanager
+def handled(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
+    """Another handler for signals; the one before comes back. Nothing outside the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in signals}
+    try:
+        yield
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)
+
+
+@contextlib.contextmanager
+def unstopped() -> Iterator[None]:
+    r"""Ctrl-Z and Ctrl-\ stop nothing, also where the terminal makes signals of them."""
+    # A handler rather than SIG_IGN, which programs that are started from here would inherit.
+    with handled(lambda number, frame: None, *_STOPPING):
+        yield
+
+
+class Ended(BaseException):
+    """SIGTERM or SIGHUP came."""
+
+
+@contextlib.contextmanager
+def put_off(end: Callable[[], None]) -> Iterator[None]:
+    """SIGTERM and SIGHUP call `end`, which may raise Ended; after the block they act as ever.
+
+    So the block has cleaned up by then; a second one does not wait for that.
+    """
+    came: list[int] = []
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        if len(came) > 1:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+        end()
+
+    # A signal that the caller ignores (nohup) stays ignored.
+    ending = [number for number in _ENDING if signal.getsignal(number) is not signal.SIG_IGN]
+    with handled(handler, *ending), contextlib.suppress(Ended):
+        yield
+    for number in came:
+        signal.raise_signal(number)

@@ -1,0 +1,38 @@
+"""The status line: where it is, who plays what, how the machine and the sound are."""
+
+from __future__ import annotations
+
+import math
+
+from ergon.repl.face import State
+
+from .words import clean
+
+_BETWEEN = "  "
+_LEAST = 12  # characters that who plays what keeps
+
+
+def status(state: State, width: int) -> str:
+    """The state in one line of at most `width` characters.
+
+    Where there is no room, what plays is shortened, then what is at the end left out.
+    """
+    before = ["PANIC: release ends it"] if state.panicked else []
+    # Tenths are cut, not rounded: 4.96 is still beat 4.
+    before += [f"{state.bar}|{math.floor(10 * state.beat) / 10:.1f}", f"{state.tempo:g} bpm"]
+    after = [f"load {state.load:.0%}", f"late {state.late}", _level(state.level)]
+    after += [f"quant {state.quant}"]
+    if state.recording is not None:
+        after.insert(0, f"rec {state.recording:.1f} s")
+    playing = " · ".join(f"{player} {what}" for player, what in state.playing) or "—"
+    least = min(len(playing), _LEAST)
+    while after and len(_BETWEEN.join([*before, "", *after])) + least > width:
+        after.pop()
+    room = max(width - len(_BETWEEN.join([*before, "", *after])), least)
+    if len(playing) > room:
+        playing = playing[: room - 1] + "…"
+    return clean(_BETWEEN.join([*before, playing, *after]))[:width]
+
+
+def _level(level: float) -> str:
+    return f"{level:.1f} dB" if math.isfinite(level) else "silent"
