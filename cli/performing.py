@@ -98,12 +98,14 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
         raise Findings
 
 
-def _beginning(console: Console, path: str | None, resume: Path | None) -> tuple[Version, Clock, float | None]:
+def _beginning(
+    console: Console, path: str | None, resume: Path | None
+) -> tuple[Version, Clock, float | None]:
     """The first version, where its piece stands, and the gain where it is known."""
     from ergon.repl.session.clock import Clock
-    from ergon.repl.session.texts import Texts
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.replay import opened, resumed
+    from ergon.repl.session.texts import Texts
     from ergon.repl.session.version import NotTakenError, Version
 
     if (path is None) == (resume is None):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+
 from ergon.repl.face import Reply
-from ergon.repl.session.clock import Clock
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.engine import Steps
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.replay import Again, Opening, opened
 from ergon.repl.session.session import Session
+from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of
 
 EVERY = 64

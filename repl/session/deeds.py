@@ -181,6 +181,23 @@ def _fade(command: Any) -> Deed:
     )
 
 
+def _load(command: c.Load) -> Deed:
+    texts = _file(command.file)
+    return lambda version, beat: _read(version, texts)
+
+
+def _reload(command: c.Reload) -> Deed:
+    """The score's own file, and those that it uses, as they are now."""
+    return lambda version, beat: _read(version, _file(version.texts.path))
+
+
+def _file(path: str) -> Texts:
+    try:
+        return Texts.read(path)
+    except OSError as error:
+        raise NotTakenError(f"{path}: {error.strerror}") from None
+
+
 def _hush(command: c.Hush) -> Deed:
     return hushed
 
@@ -194,7 +211,12 @@ DEEDS: Mapping[type[c.Command], Callable[[Any], Deed]] = {
     **dict.fromkeys(_FADES, _fade),
     c.Hush: _hush,
     c.Damp: _damp,
+    c.Load: _load,
+    c.Reload: _reload,
 }
+
+
+READ = (c.Load, c.Reload)
 
 
 # --- what is said of it --------------------------------------------------------------------------

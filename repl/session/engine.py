@@ -125,16 +125,14 @@ class Steps:
         return told
 
     def process(self, n_frames: int) -> NDArray[np.float64]:
-        """The next frames as loudspeakers get them, before gain and limiter (n_frames, n_channels)."""
+        """The next frames (n_frames, n_channels), before the gain and the limiter."""
         import numpy as np
 
         mixed = np.zeros((n_frames, self.n_channels))
         done = 0
         while done < n_frames:
             self._due()
-            stop = min(
-                [self.frame + n_frames - done, *(one.at for _, one in self._coming[:1])]
-            )
+            stop = min([self.frame + n_frames - done, *(one.at for _, one in self._coming[:1])])
             n = stop - self.frame
             frames = np.zeros((n, self._simulation.n_out))
             self._simulation.process(frames)

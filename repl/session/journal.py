@@ -1,4 +1,4 @@
-"""session.jsonl: what was typed and when it came into effect, a line of JSON each, as it happens."""
+"""session.jsonl: what was typed and when it came into effect, as it happens."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Event:
     fields: Mapping[str, Any]
 
     def get(self, name: str, kind: type, default: Any = None) -> Any:
-        """A field of a kind. Raises JournalError where it is another, or missing without default."""
+        """A field of a kind. Raises JournalError where it is another, or missing."""
         value = self.fields.get(name, default)
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)

@@ -13,8 +13,8 @@ from ergon.scores.text.errors import Collector
 from ergon.scores.text.spelling import nearest
 
 if TYPE_CHECKING:
-    from ergon.repl.session.texts import Texts
     from ergon.repl.session.running import Running
+    from ergon.repl.session.texts import Texts
     from ergon.repl.session.version import Version
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve

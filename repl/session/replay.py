@@ -13,10 +13,10 @@ from ergon.repl.language.scope import names
 from ergon.repl.session import deeds
 from ergon.repl.session.clock import Clock, started
 from ergon.repl.session.commits import Commits, Deed, Waiting, faders
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.engine import Steps
 from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.running import JOIN, Running, begin
+from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Desk, NotTakenError, Version, piece_of
 
 if TYPE_CHECKING:
@@ -46,9 +46,7 @@ class Opening:
     def fields(self) -> dict[str, object]:
         """As a journal says it."""
         return {
-            "score": self.texts.path,
-            "text": self.texts.text,
-            "overlay": dict(self.texts.overlay),
+            **said(self.texts),
             "at": self.at,
             "gains": dict(self.desk.gains),
             "muted": sorted(self.desk.muted),
@@ -59,6 +57,17 @@ class Opening:
             "limit": self.limit,
             "highpass": self.highpass,
         }
+
+
+def said(texts: Texts) -> dict[str, object]:
+    """Texts as a journal says them, with every file that they use: those may be edited later."""
+    files = {name: document.text for name, document in texts.load().files.items()}
+    files.pop(texts.path, None)
+    return {"score": texts.path, "text": texts.text, "overlay": {**files, **texts.overlay}}
+
+
+def _texts(event: Event) -> Texts:
+    return Texts(event.get("score", str), event.get("text", str), event.get("overlay", dict, {}))
 
 
 @dataclass(slots=True)
@@ -78,12 +87,10 @@ def opened(path: Path) -> Replay:
     first = next(events, None)
     if first is None or first.name != "session":
         raise JournalError(f"{path}: this is no journal of a session")
-    overlay = first.get("overlay", dict)
-    texts = Texts(first.get("score", str), first.get("text", str), overlay)
     highpass = first.fields.get("highpass")
     replay = Replay(
         Opening(
-            texts,
+            _texts(first),
             first.get("at", float, 0.0),
             _desk(first),
             first.get("every", int),
@@ -221,6 +228,9 @@ def deed_of(event: Event, versions: Mapping[int, Version], on: Version) -> Deed:
     """What a line of a journal does. Raises NotTakenError where it is none."""
     if event.fields.get("resets"):
         return deeds.hushed
+    if "text" in event.fields:
+        texts = _texts(event)
+        return lambda version, beat: replace(version, texts=texts, piece=piece_of(texts))
     restores = event.fields.get("restores")
     if isinstance(restores, int):
         target = versions.get(restores)

@@ -1,4 +1,4 @@
-"""What plays, and what plays after it: stretches of versions, each with its own tempo and gestures."""
+"""What plays: stretches of versions, each with its own tempo and gestures."""
 
 from __future__ import annotations
 

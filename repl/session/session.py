@@ -12,15 +12,16 @@ from ergon import _core
 from ergon.repl.face import Reply, State
 from ergon.repl.language.commands import NOW, Command, When
 from ergon.repl.language.complete import complete
+from ergon.repl.language.highlight import tokens
 from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import names
-from ergon.repl.language.highlight import tokens
 from ergon.repl.session import asides, deeds
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import Commits, Deed, Waiting, faders
 from ergon.repl.session.journal import Journal
+from ergon.repl.session.replay import said
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.scores.clock.positions import Length
@@ -84,7 +85,7 @@ class Session:
     # --- what the keyboard sees ------------------------------------------------------------------
 
     def submit(self, text: str) -> Reply:
-        """Do a line, or a block of lines as one version; whatever is wrong with it, music goes on."""
+        """Do a line, or a block of lines as one version; whatever it is, the music goes on."""
         with self._lock:
             try:
                 self.pump()
@@ -185,7 +186,8 @@ class Session:
     def take(self, text: str, commands: Sequence[Command]) -> Reply:
         """Make a version of what commands ask for."""
         when: When = next((c.when for c in commands if c.when is not None), None)
-        waiting = self.queue(text, deeds.together(commands), when)
+        is_read = any(type(command) in deeds.READ for command in commands)
+        waiting = self.queue(text, deeds.together(commands), when, is_read=is_read)
         made = waiting.made
         assert made is not None
         said = "; ".join(deeds.said(command, made) for command in commands)
@@ -201,8 +203,12 @@ class Session:
         beat: float | None = None,
         resets: bool = False,
         restores: int | None = None,
+        is_read: bool = False,
     ) -> Waiting:
-        """Let a line wait for its boundary; a new version unless it `restores` an old one."""
+        """Let a line wait for its boundary; a new version unless it `restores` an old one.
+
+        What was read from files stands in the journal as it was.
+        """
         place, start = self.commits.place(when, self.quant)
         self._number += 1
         number = self._number
@@ -224,6 +230,7 @@ class Session:
             resets=resets,
             restores=restores,
             where=self.where(waiting),
+            **(said(made.version.texts) if is_read else {}),
         )
         if restores is None:
             del self.versions[self.at + 1 :]
@@ -248,11 +255,14 @@ class Session:
                     for one in self.commits.late(told.ticket):
                         self._messages.append(f"'{one.line}' came too late; it waits for the bar")
                 elif told.ticket is not None and (done := self.commits.done(told.ticket)):
-                    if done.number:  # else only the horizon went on
-                        self._tell("commit", number=done.number, frame=told.frame, beat=done.beat)
+                    self._committed(done, told.frame)
             self.commits.tick()
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
+
+    def _committed(self, done: Waiting, frame: int) -> None:
+        if done.number:  # else only the horizon went on
+            self._tell("commit", number=done.number, frame=frame, beat=done.beat)
 
     def run(self) -> None:
         """Look after the engine in a thread of its own, until the session is closed."""

@@ -6,7 +6,6 @@ from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.tempo import TempoMap
 from ergon.scores.text.values import Time
 
-
 # Nobody listens any more [s]: thirty years on, where frames are still counted exactly.
 NEVER = 1e9
 

@@ -1,0 +1,309 @@
+"""Sessions by hand: what lines do to the sound, sample by sample."""
+
+from __future__ import annotations
+
+import difflib
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sessions import EVERY, Stepped
+
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+SCORE = """\
+ergon: 1
+title: For a session                       # a comment
+seed: 7
+tempo:
+  - {at: 1|1, bpm: 120}
+keys:
+  k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
+  k2: {like: k1}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: A3, t60: 0.5s}}  # rings
+      b: {BUT: {between: [k1, m], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}
+    out: {SOX: m}
+  drum:
+    modules:
+      m: {CEL: {M: 20g, f: 90Hz, t60: 0.3s}}
+      b: {BUT: {between: [k2, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: m}
+gestures:
+  knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2     # once
+  lean: 0mm@0 smooth 3mm@1 smooth 0mm@2
+players:
+  ada: {key: k1}
+  leo: {key: k2}
+parts:
+  ada: []
+mix: {channels: 2, route: [{from: bell, to: [1]}, {from: drum, to: [2]}]}
+"""
+
+
+@pytest.fixture
+def session(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    yield stepped
+    stepped.close()
+
+
+def written(text: str, tmp_path: Path, seconds: float) -> np.ndarray:
+    """A score as it is rendered, by the same mixer (n_frames, n_channels)."""
+    path = tmp_path / "written.yaml"
+    path.write_text(text, encoding="utf-8")
+    piece = load(path).piece
+    assert piece is not None
+    whole = stage(piece, planned=True)
+    frames = np.zeros((int(seconds * whole.rate), whole.simulation.n_out))
+    whole.simulation.process(frames)
+    mixed = np.zeros((len(frames), whole.n_channels))
+    whole.mixer().process(frames, mixed)
+    return mixed
+
+
+def onset(sound: np.ndarray, channel: int = 0) -> int:
+    """The first frame in which a channel moves."""
+    return int(np.flatnonzero(sound[:, channel])[0])
+
+
+def test_a_line_before_its_boundary_plays_as_if_it_had_been_written(session, tmp_path):
+    """Check 9: what is typed in bar 1 for bar 2 is what a score says of bar 2, to the sample."""
+    session.ok("play")
+    begun = session.session.commits.running.clock.by
+    assert begun is not None
+    session.run(0.7)
+    assert session.ok("ada plays knock every 1 times 3").text.startswith("ok 2|1 ada: knock")
+    session.run(4.0)
+    text = SCORE.replace("  ada: []", "  ada: [{at: 2|1, play: knock, every: 1, times: 3}]")
+    wanted = written(text, tmp_path, 4.0)
+    shift = round(begun * session.rate)
+    assert begun * session.rate == pytest.approx(shift, abs=1e-6)
+    found = session.sound[shift : shift + len(wanted)]
+    assert onset(found) == onset(wanted)
+    # Instants are counted from another beginning, so that their last bits differ.
+    assert np.max(np.abs(found - wanted)) < 1e-9 * np.max(np.abs(wanted))
+
+
+def test_a_redefinition_waits_for_its_bar_and_what_sounds_goes_on(session):
+    """Check 7, for gestures: no click, no restart."""
+    session.ok("play")
+    session.ok("ada plays knock every 1")
+    session.run(5.3)
+    for height in range(3, 12):
+        session.ok(f"knock = 0@0 smooth {height}@1/8 smooth 0@1/2")
+        session.run(1.0)
+    third = np.abs(np.diff(session.sound[:, 0], 3))
+    seconds = third[: len(third) // int(session.rate) * int(session.rate)]
+    peaks = seconds.reshape(-1, int(session.rate)).max(axis=1)
+    assert peaks[6:].max() < 20 * peaks[3:6].max()
+    assert "11mm@" not in session.session.commits.head.texts.text
+    assert "11@1/8" in session.session.commits.head.texts.text
+
+
+def test_a_hostile_line_changes_no_sample(tmp_path):
+    """Check 8: 200 bad lines, and the sound of a run without them."""
+    plain, hurt = (Stepped(SCORE, tmp_path / name) for name in ("a", "b") if _made(tmp_path, name))
+    chance = random.Random(5)
+    for stepped in (plain, hurt):
+        stepped.ok("play")
+        stepped.ok("ada plays knock every 1")
+    bad = [
+        "ada plyas knock",
+        "ada plays nothing",
+        "knock = 0@0 throw 12@1/8 throw 0@3/8",
+        "knock = 0@0 smooth 400@1/8",
+        "set bell.m.K 4N",
+        "tempo -3",
+        "py 1/0",
+        "py exit()",
+        "py (_ for _ in ()).throw(SystemExit)",
+        "py (_ for _ in ()).throw(KeyboardInterrupt)",
+        "\x00\x1b[2J",
+        "ünïcödé plays 𝄞",
+        "x" * 1_000_000,
+        "couple k1 k1 K=3N/m",
+        "back 99",
+        "save /nowhere/at/all.yaml",
+        "load nothing.yaml",
+    ]
+    for count in range(200):
+        line = bad[count % len(bad)]
+        if count >= 2 * len(bad):
+            line = "".join(chr(chance.randrange(1, 0x2FF)) for _ in range(chance.randrange(1, 60)))
+        reply = hurt.type(line)
+        assert not reply.taken or not line.strip() or line.lstrip().startswith("#"), line
+        for stepped in (plain, hurt):
+            stepped.run(0.02)
+    assert np.array_equal(plain.sound, hurt.sound)
+    hurt.ok("ada plays lean")
+    for stepped in (plain, hurt):
+        stepped.close()
+
+
+def _made(folder: Path, name: str) -> bool:
+    (folder / name).mkdir()
+    return True
+
+
+def test_a_refused_throw_says_how_far_and_what_to_type(session):
+    reply = session.type("knock = 0@0 throw 12@1/8 throw 0@3/8")
+    assert not reply.taken and "travel" in reply.text
+    reply = session.type("ada plyas knock")
+    assert reply.try_ == "ada plays knock"
+
+
+def test_rest_ends_after_the_gesture_and_hush_at_once(session):
+    """Check 10: no ergon after `rest` has let the gesture end, none at all after `hush`."""
+    session.ok("play")
+    session.ok("ada plays lean every 2 now")
+    session.run(1.6)
+    session.ok("rest ada now")
+    session.run(0.1)
+    assert dict(session.session.state().playing) == {"ada": "lean"}
+    session.run(2.0)
+    assert session.session.state().playing == ()
+    session.ok("ada plays lean every 2 now")
+    session.run(0.5)
+    session.ok("hush now")
+    session.run(0.1)
+    assert session.session.state().playing == ()
+
+
+def test_a_hushed_bell_decays_as_its_model_says(session):
+    session.ok("play")
+    session.ok("ada plays knock now")
+    session.run(0.4)
+    session.ok("hush now")
+    session.run(0.2)
+    start = len(session.sound)
+    session.run(0.6)
+    ring = session.sound[start:, 0] - session.sound[-1, 0]
+    blocks = np.abs(ring[: len(ring) // 441 * 441].reshape(-1, 441)).max(axis=1)
+    keep = blocks > 1e-3 * blocks[0]
+    slope = np.polyfit(np.arange(len(blocks))[keep], 20 * np.log10(blocks[keep]), 1)[0]
+    t60 = -60.0 / (slope * 100.0)
+    assert t60 == pytest.approx(0.5, rel=0.1)
+
+
+def test_undo_comes_back_to_the_first_version(session):
+    """Check 11: ten changes, ten undo; redo returns; history lists them."""
+    session.ok("play")
+    first = session.session.commits.head
+    for height in range(2, 12):
+        session.ok(f"knock = 0@0 smooth {height}@1/8 smooth 0@1/2 now")
+        session.run(0.3)
+    last = session.session.commits.head
+    for _ in range(10):
+        session.ok("undo")
+        session.run(2.1)
+    assert session.session.commits.head.texts == first.texts
+    rows = session.ok("history").lines
+    assert len(rows) == 11 and rows[0].startswith(">") and "11@1/8" in rows[-1]
+    assert "nothing before" in session.type("undo").text
+    for _ in range(10):
+        session.ok("redo now")
+        session.run(0.3)
+    assert session.session.commits.head.texts == last.texts
+
+
+def test_an_undo_before_the_boundary_takes_the_line_back(session):
+    session.ok("play")
+    session.run(0.3)
+    before = session.session.commits.head.texts
+    session.ok("ada plays knock every 1 at 9|1")
+    assert "taken back" in session.ok("undo").text
+    assert session.session.commits.head.texts == before
+    session.run(0.5)
+    assert "knock, every" not in session.session.commits.head.texts.text
+
+
+def test_a_line_now_acts_before_one_that_waits(session):
+    session.ok("play")
+    session.run(0.3)
+    session.ok("ada plays lean every 2 at 4|1")
+    session.ok("leo plays knock every 1 now")
+    session.run(0.4)
+    assert "leo" in dict(session.session.state().playing)
+    assert "ada" not in dict(session.session.state().playing)
+    session.run(6.0)
+    assert dict(session.session.state().playing)["ada"] == "lean"
+
+
+def test_the_journal_renders_the_same_samples(session):
+    """Check 12."""
+    session.run(0.5)
+    session.ok("play")
+    session.ok("ada plays knock every 1")
+    session.run(3.3)
+    session.ok("leo plays lean every 2 do scale 0.8, jitter 4ms 0.2mm")
+    session.run(2.2)
+    session.ok("knock = 0@0 smooth 9@1/8 smooth 0@1/2")
+    session.ok("tempo 90 -> 140 over 2bar")
+    session.run(4.1)
+    session.ok("gain bell -6dB")
+    session.ok("undo")
+    session.ok("couple k1 k2 K=40N/m Z=0.1Ns/m now")
+    session.run(3.0)
+    session.ok("stop")
+    session.run(1.0)
+    session.ok("play from 2|1")
+    session.run(3.0)
+    session.ok("hush")
+    session.run(3.0)
+    session.close()
+    again = session.again()
+    assert np.max(np.abs(again)) > 0
+    assert np.array_equal(again, session.sound[: len(again)])
+    assert len(again) == len(session.sound)
+
+
+def test_a_saved_score_keeps_its_comments_and_passes(session, tmp_path):
+    session.ok("play")
+    session.ok("ada plays knock every 1")
+    session.run(3.0)
+    session.ok("knock = 0@0 smooth 9@1/8 smooth 0@1/2")
+    session.run(3.0)
+    session.ok("save live")
+    saved = (tmp_path / "live.yaml").read_text(encoding="utf-8")
+    assert load(tmp_path / "live.yaml").piece is not None
+    lines = list(difflib.unified_diff(SCORE.splitlines(), saved.splitlines(), n=0, lineterm=""))
+    changed = [line for line in lines if line[0] in "+-" and line[:3] not in ("+++", "---")]
+    assert len(changed) <= 6, changed
+    for comment in ("# a comment", "# rings", "# once"):
+        assert comment in saved
+    assert "999|1" not in saved
+
+
+def test_what_repeats_goes_on_beyond_the_horizon(session):
+    session.ok("play")
+    session.ok("tempo 1200 now")
+    session.ok("leo plays knock every 1 now")
+    session.run(10.0)
+    session.close()
+    late = session.sound[-int(0.5 * session.rate) :, 1]
+    assert np.max(np.abs(late)) > 0.1 * np.max(np.abs(session.sound[:, 1]))
+    assert np.array_equal(session.again(), session.sound)
+
+
+def test_lines_act_where_they_say(session):
+    session.ok("play")
+    session.run(0.2)
+    assert session.ok("ada plays knock in 2").text.startswith("ok 1|3")
+    assert session.ok("leo plays knock at 3|2").text.startswith("ok 3|2")
+    session.ok("quant 2bar")
+    assert session.ok("leo plays lean").text.startswith("ok 3|1")
+    session.run(3.0)
+    assert "past" in session.type("ada plays knock at 1|1").text
+
+
+def test_every_tick_is_a_boundary(session):
+    assert session.engine.every == EVERY
+    session.ok("play")
+    session.run(0.1)
+    session.ok("ada plays knock now")
+    assert session.session.commits.running.start % EVERY == 0
