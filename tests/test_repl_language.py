@@ -314,13 +314,13 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, bette
         ("9th = 0@0 6@1", "is not a name"),
         ("knock = ", "is missing"),
         ("knock = 0@0 throw", "leads into no point"),
-        ("knock = 0@0 (1@1 0@2)*90000", "more than 10,000 points"),
+        ("knock = 0@0 (1@1 0@2)*90000", "more than 2,000 points"),
         ('load "duet.yaml', "not closed"),
         ("xyz", "unknown verb 'xyz'"),
         ("= 0@0", "unknown verb '='"),
         ("x" * (MAX_LINE + 1), "10,000 are the most"),
         ("play\n" * MAX_PASTE, "100,000 are the most"),
-        ("play\n" * 501, "more than 500 lines"),
+        ("play\n" * 201, "more than 200 lines"),
     ],
 )
 def test_what_is_refused_says_why(line: str, reason: str):
