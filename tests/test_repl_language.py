@@ -186,12 +186,17 @@ def test_values_are_kept_as_written_and_where():
         "until": "C",
         "do": "scale 0.5, mirror",
         "when": "2bar",
+        "play": "knock every 1/2 until C do scale 0.5, mirror",
     }
     assert all(
-        line[word.start : word.end] == word.text for name, word in words.items() if name != "do"
+        line[word.start : word.end] == word.text
+        for name, word in words.items()
+        if name not in ("do", "play")
     )
     assert one("couple k1 k2 K=40N/m").words["stiffness"] == ("40N/m", 15, 20)
-    assert one("ada plays knock at B layer").words["when"] == ("B", 19, 20)
+    said = one("ada plays knock at B layer every 2").words
+    assert said["when"] == ("B", 19, 20)
+    assert said["play"].text == "knock every 2 layer"
     assert one("set bell.m.K 1kN/m now").words["change"].text == "1kN/m"
 
 
