@@ -35,8 +35,8 @@ class Word(NamedTuple):
 class Command:
     """When it acts, and its values as written, by the names of its fields.
 
-    An option of `plays` is under its own name (`every`, `from`, `grain`), what `set` changes to is
-    under `change`.
+    An option of `plays` is under its own name (`every`, `from`, `grain`), and all of them without
+    when are under `play`, as a part's table has them. What `set` changes to is under `change`.
     """
 
     when: When = None

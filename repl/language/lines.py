@@ -11,7 +11,7 @@ from ergon.scores.text.errors import TextError
 
 MAX_LINE = 10_000  # characters; the longest line of a performance has some hundreds
 MAX_PASTE = 100_000  # characters of one submission, read and checked while the sound goes on
-MAX_LINES = 500  # of one submission: ten screens
+MAX_LINES = 200  # of one submission: four screens
 
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
 _PYTHON = re.compile(r"\s*py\s")  # what follows is Python's, with its own comments

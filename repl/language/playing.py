@@ -114,6 +114,7 @@ def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> P
         raise TextError(message, offset=said["at"].start, length=len(said["at"].text))
     if at is not None:
         said["when"] = said.pop("at")
+    said["play"] = Word(_as_in_a_part(said, play), words["play"].start, words["play"].end)
     return Plays(
         player,
         play.what,
@@ -126,6 +127,15 @@ def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> P
         when=at or when,
         words=said,
     )
+
+
+def _as_in_a_part(said: Mapping[str, Word], play: Played) -> str:
+    """What is played and how, without when."""
+    options = [name for name in play.written.options if name != "at"]
+    flags = [name for name in options if play_words.OPTIONS[name] is None]
+    values = [f"{name} {said[name].text}" for name in options if name not in flags]
+    chain = [f"do {said['do'].text}"] if play.do else []
+    return " ".join([play.what, *values, *flags, *chain])
 
 
 def _word(word: play_words.Word, play: Word) -> Word:

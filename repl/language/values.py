@@ -20,7 +20,7 @@ from ergon.scores.tables.shapes import MAX_NAME, NAME, Text
 from ergon.scores.text.errors import TextError, quote
 from ergon.scores.text.spelling import nearest
 
-MAX_POINTS = 10_000  # of a gesture that is typed; each is a strike to be computed before the bar
+MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that follow a name in a line: a gesture or take that bears one could not be played.
 RESERVED = frozenset((*OPTIONS, *ARITY, "do", "now", "in", "over", "as", "off", "all"))
 MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
