@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use ergon_engine::mix::limiter::Limiter;
+use ergon_engine::simulation::Carry;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{self, Guide, Hand, How, Keyboard, Known, Stage, Stem, What};
@@ -160,6 +161,46 @@ impl Performance {
         self.with(|own| own.part_gain(group, gain))
     }
 
+    /// Change what plays at frame `at`, the first of a tick; a ticket, that an event "changed" or "late" tells.
+    ///
+    /// `simulation` begins there and takes over from `old`, which plays until then.
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn change(
+        &self,
+        py: Python<'_>,
+        at: u64,
+        simulation: Option<&Simulation>,
+        old: Option<&Simulation>,
+        mixer: Option<&Mixer>,
+        gains: Vec<(usize, f64)>,
+        gain: Option<f64>,
+        bars: Option<Vec<u64>>,
+        standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
+    ) -> PyResult<u64> {
+        let pair = match (simulation, old) {
+            (Some(new), Some(old)) => Some((&new.0, &old.0)),
+            (None, None) => None,
+            _ => return Err(refused("change", "a simulation takes over from an old one")),
+        };
+        let slices = standins.as_ref().map(|all| {
+            let slice = |one: &PyReadonlyArray1<'_, f64>| Ok(one.as_slice()?.to_vec());
+            all.iter().map(slice).collect::<PyResult<_>>()
+        });
+        let mut change = perform::Change {
+            simulation: None,
+            mixer: mixer.map(|mixer| mixer.0.clone()),
+            gains,
+            gain,
+            bars,
+            standins: slices.transpose()?,
+        };
+        py.detach(|| {
+            change.simulation = pair.map(|(new, old)| (new.fork(), Carry::new(old, new)));
+            self.with(|own| own.change(at, change).map_err(said))?
+        })
+    }
+
     /// Play nothing more.
     fn stop(&self) -> PyResult<()> {
         self.with(|own| own.stop())
@@ -242,6 +283,8 @@ fn told(event: perform::Event) -> Told {
         What::Lost(late) => ("lost", late.as_secs_f64()),
         What::Tripped(hand) => ("tripped", hand as f64),
         What::Muted => ("muted", 0.0),
+        What::Changed(ticket) => ("changed", ticket as f64),
+        What::Late(ticket) => ("late", ticket as f64),
         What::Ended => ("ended", 0.0),
     };
     (event.frame, what, number)

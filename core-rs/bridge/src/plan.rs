@@ -24,7 +24,7 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 impl Plan {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, told=None))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, told=None, like=None))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -35,6 +35,7 @@ impl Plan {
         upto: Option<f64>,
         pins: Option<Vec<Pin>>,
         told: Option<Vec<Said>>,
+        like: Option<&Self>,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let budget = budget(method, error_db, cents, upto)?;
@@ -42,7 +43,11 @@ impl Plan {
         let pins = pins.map(|pins| pins.into_iter().map(choice).collect());
         let told = told.map(|told| told.into_iter().map(said).collect::<Vec<_>>());
         py.detach(|| {
-            let plan = plan::Plan::new(network, &timeline.inner, &budget, pins)?;
+            let timeline = &timeline.inner;
+            let plan = match like {
+                Some(like) => plan::Plan::like(network, timeline, &budget, pins, &like.0)?,
+                None => plan::Plan::new(network, timeline, &budget, pins)?,
+            };
             match told {
                 Some(told) => plan.recalled(&told),
                 None => Ok(plan),

@@ -25,7 +25,7 @@ impl Simulation {
     #[new]
     #[allow(clippy::too_many_arguments)]
     #[pyo3(signature = (network, timeline, *, plan=None, ledger=false, record=false, on_fault="stop", threads=1,
-        unchecked=false))]
+        unchecked=false, start=0))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -36,6 +36,7 @@ impl Simulation {
         on_fault: &str,
         threads: usize,
         unchecked: bool,
+        start: u64,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let on_fault = word("on_fault", on_fault, &words::ON_FAULT)?;
@@ -53,15 +54,19 @@ impl Simulation {
             }
             let plan = plan.0.clone();
             return py
-                .detach(|| simulation::Simulation::planned(plan, options))
+                .detach(|| simulation::Simulation::planned_from(plan, options, start))
                 .map(Self)
                 .map_err(from_engine);
         }
         // The network as it is now: outputs may have been added since the timeline was made.
         let network = std::sync::Arc::new(network.0.clone());
-        py.detach(|| simulation::Simulation::new(network, &timeline.inner, options))
-            .map(Self)
-            .map_err(from_engine)
+        py.detach(|| {
+            let plan =
+                ergon_engine::plan::Plan::plain(network, &timeline.inner, options.unchecked)?;
+            simulation::Simulation::planned_from(std::sync::Arc::new(plan), options, start)
+        })
+        .map(Self)
+        .map_err(from_engine)
     }
 
     #[getter]
@@ -119,6 +124,25 @@ impl Simulation {
     /// Mean force of the scene on a real hand over the last whole tick [N].
     fn felt(&self, hand: usize) -> f64 {
         self.0.felt(hand)
+    }
+
+    /// The same at the same moment, to go its own way.
+    fn fork(&self, py: Python<'_>) -> Self {
+        Self(py.detach(|| self.0.fork()))
+    }
+
+    /// Go on where `old` stands, which must be at the same frame; `old` is of no use afterwards.
+    fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<()> {
+        let done = py.detach(|| {
+            let carry = simulation::Carry::new(&old.0, &self.0);
+            self.0.take_over(&mut old.0, &carry)
+        });
+        if done {
+            return Ok(());
+        }
+        let (own, old) = (self.0.frame(), old.0.frame());
+        let message = format!("one is at frame {own}, the other at {old}");
+        Err(refused("take_over", message))
     }
 
     fn snapshot(&self) -> Snapshot {

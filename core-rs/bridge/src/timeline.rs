@@ -33,6 +33,11 @@ impl Timeline {
         })
     }
 
+    /// What else may come is not known: no plan counts on what is written.
+    fn open(&mut self) {
+        self.inner.open();
+    }
+
     /// A key: gestures are written for a free copy of its part.
     fn key(&mut self, name: &str, struck: usize) -> PyResult<usize> {
         self.there(name, struck)?;

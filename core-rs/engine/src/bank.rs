@@ -3,6 +3,10 @@
 //! Each runs by its own two-term recurrence through the very samples of its continuous motion. Isolated
 //! CELs are such oscillators, and so are the modes of a linear body.
 
+mod carry;
+
+pub(crate) use carry::are_same;
+
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -119,14 +123,18 @@ const NOBODY: u32 = u32::MAX;
 const SLEEP: u64 = 4_096;
 /// All sleepers together are so far below the hardest blow [dB]: below the rounding of 24 bits.
 const ASLEEP: f64 = -160.0;
+/// Where nobody knows how hard the hardest will be, so small that no score hears it: the width of a nucleus [m].
+const NOTHING: f64 = 1e-15;
 
 impl Bank {
-    /// A bank at frame 0; `room`: the most frames it will be asked for at once.
+    /// A bank at frame 0; `room`: the most frames it will be asked for at once. `is_open`: what else may strike it is
+    /// not known.
     pub(crate) fn new(
         oscillators: &[Oscillator],
         strikes: Vec<Strikes>,
         rate: Rate,
         room: usize,
+        is_open: bool,
     ) -> Self {
         let mut order: Vec<usize> = (0..oscillators.len()).collect();
         let outputs = |i: usize| oscillators[i].heard.iter().map(|&(output, _)| output);
@@ -155,8 +163,11 @@ impl Bank {
             });
         }
         script.share();
-        let faint = faint(oscillators, &script.strikes, rate);
-        script.faint = faint / script.rates.len().max(1) as f64;
+        script.faint = if is_open {
+            NOTHING
+        } else {
+            faint(oscillators, &script.strikes, rate) / script.rates.len().max(1) as f64
+        };
         let still = |motion: &Motion| motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
         let most = script.sections.iter().map(|section| section.outputs.len());
         Self {

@@ -3,9 +3,10 @@
 //! While it steps it does not allocate (but for a recorded stream of ergons), lock, fail or panic.
 
 mod build;
+mod carry;
 mod fault;
 pub(crate) mod fine;
-mod hands;
+pub(crate) mod hands;
 pub(crate) mod inside;
 mod ledger;
 pub(crate) mod mesh;
@@ -16,6 +17,7 @@ pub(crate) mod slow;
 
 pub use build::Options;
 pub(crate) use build::at_rest;
+pub(crate) use carry::Through;
 pub use fault::{Fault, OnFault};
 pub use ledger::Energy;
 pub use record::Record;
@@ -29,22 +31,22 @@ use crate::kernel;
 use crate::network::Network;
 use crate::scheme::{Laws, Scheme};
 use crate::state::{Body, Target};
-use crate::timeline::{Drive, Ergon, Gate, Push, frame};
+use crate::timeline::{Drive, Ergon, Gate, Lean, Push, frame};
 
 use fault::Mutes;
 use ledger::Ledger;
 
 /// Everything that does not change while the simulation runs.
 #[derive(Clone, Debug)]
-struct Script {
+pub(crate) struct Script {
     scheme: Scheme,
-    gestures: Vec<Arc<Gesture>>,
-    voices: Vec<VoiceScript>,
+    pub(crate) gestures: Vec<Arc<Gesture>>,
+    pub(crate) voices: Vec<VoiceScript>,
     pushes: Vec<Push>,
     ergons: Vec<Ergon>,
-    gates: Vec<Gate>,
+    pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
-    grips: Vec<hands::Grip>,
+    pub(crate) grips: Vec<hands::Grip>,
     n_keys: usize,
     on_fault: OnFault,
 }
@@ -62,6 +64,8 @@ struct State {
     /// How far each gate is open now, and (for the ledger) at the next frame.
     gates: Vec<f64>,
     gates_next: Vec<f64>,
+    /// Of gates that another version stood at elsewhere: from where they come   (n_gates)
+    leans: Vec<Option<Lean>>,
     targets: Vec<Target>,
     /// How far layers take each key [m]   (n_keys)
     layers: Vec<f64>,
@@ -116,8 +120,8 @@ impl Island {
     fn step(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let (scheme, n) = (&script.scheme, state.frame);
-        for (open, gate) in state.gates.iter_mut().zip(&script.gates) {
-            *open = gate.open(n);
+        for ((open, gate), lean) in state.gates.iter_mut().zip(&script.gates).zip(&state.leans) {
+            *open = Lean::open(lean.as_ref(), gate, n);
         }
         hands::arrive(&script.grips, &mut state.touches, n, &mut state.body);
         kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws);
@@ -163,8 +167,9 @@ impl Island {
             bodies_sound &= body.sound();
         }
         if let Some(ledger) = &mut state.ledger {
-            for (next, gate) in state.gates_next.iter_mut().zip(&script.gates) {
-                *next = gate.open(n + 1);
+            let gates = script.gates.iter().zip(&state.leans);
+            for (next, (gate, lean)) in state.gates_next.iter_mut().zip(gates) {
+                *next = Lean::open(lean.as_ref(), gate, n + 1);
             }
             ledger.after(
                 scheme,

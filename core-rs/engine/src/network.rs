@@ -11,6 +11,7 @@ mod modes;
 mod names;
 mod output;
 mod pressed;
+mod same;
 mod subset;
 
 pub use kinds::{But, Contact, Error, Side, Tie};
@@ -61,7 +62,7 @@ pub struct Mats {
 }
 
 /// The law of a run of links.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum LinkKind {
     /// Spring and damper (RES, FRO, REF).
     Ref,
@@ -95,7 +96,7 @@ pub struct Run {
 }
 
 /// An instrument or a key: what a composer gave one name.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Its name in the score.
     pub name: String,

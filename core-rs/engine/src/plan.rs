@@ -16,6 +16,7 @@ mod linear;
 mod loud;
 mod macrostep;
 mod make;
+mod memo;
 mod mesh;
 mod modes;
 mod multirate;
@@ -77,6 +78,10 @@ pub(crate) struct BankPlan {
     pub(crate) strikes: Vec<Strikes>,
     /// The MAT that an oscillator is, and where it rests; empty where they are modes.
     pub(crate) mats: Vec<(u32, f64)>,
+    /// The body whose modes they are; none where they are MATs.
+    pub(crate) of: Option<Arc<Network>>,
+    /// What else may strike them is not known.
+    pub(crate) is_open: bool,
 }
 
 /// One thing to compute.
@@ -114,6 +119,8 @@ pub struct Plan {
     choices: Vec<Choice>,
     /// Parts that have a rate of their own and go at every frame all the same, and why.
     stay: Vec<(String, String)>,
+    /// What was found out about its bodies.
+    solved: Vec<Arc<memo::Solved>>,
 }
 
 impl Plan {
@@ -150,7 +157,19 @@ impl Plan {
         budget: &Budget,
         pins: Option<Vec<Choice>>,
     ) -> Result<Self, Error> {
-        make::make(network, timeline, budget, pins)
+        make::make(network, timeline, budget, pins, None)
+    }
+
+    /// The same plan as [`Plan::new`] makes, sooner: what is known of bodies from `like`, a plan of another version, is
+    /// not computed again.
+    pub fn like(
+        network: Arc<Network>,
+        timeline: &Timeline,
+        budget: &Budget,
+        pins: Option<Vec<Choice>>,
+        like: &Self,
+    ) -> Result<Self, Error> {
+        make::make(network, timeline, budget, pins, Some(like))
     }
 
     /// The same, with what was told of an equal plan when its pilot was played.
@@ -186,6 +205,7 @@ impl Plan {
             rows: Vec::new(),
             choices: Vec::new(),
             stay: Vec::new(),
+            solved: Vec::new(),
             network,
             units: Vec::new(),
         }

@@ -40,6 +40,11 @@ impl Section {
         }
     }
 
+    /// Go on as another section stands.
+    pub(crate) fn go_on(&mut self, other: &Self) {
+        (self.band, self.low) = (other.band, other.low);
+    }
+
     /// Put it where a constant `x` from ever on would have brought it.
     pub(crate) fn settle(&mut self, x: f64) {
         (self.band, self.low) = (0.0, x);

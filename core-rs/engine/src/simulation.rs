@@ -3,6 +3,8 @@
 //! While it steps in one thread it does not allocate (but for a recorded stream of ergons), lock, fail or
 //! panic. The bytes depend on neither the number of threads nor the size of blocks.
 
+mod carry;
+
 use std::sync::{Arc, Mutex};
 
 use crate::bank::Bank;
@@ -14,6 +16,7 @@ use crate::timeline::Timeline;
 use crate::units::Rate;
 
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
+pub use carry::Carry;
 
 /// Frames that a unit goes on alone before its sound is added: its state stays in the cache.
 const STRETCH: usize = 256;
@@ -88,6 +91,22 @@ impl Simulation {
             threads: options.threads.max(1),
             frame: 0,
         })
+    }
+
+    /// What a plan computes, at frame `from` of its timeline: what was due before is past, and what moves begins there as
+    /// it does at 0, or is taken over ([`Simulation::take_over`]).
+    pub fn planned_from(plan: Arc<Plan>, options: Options, from: u64) -> Result<Self, Error> {
+        let mut own = Self::planned(plan, options)?;
+        if from > 0 {
+            own.frame = from;
+            for playing in own.groups.iter_mut().flat_map(|group| &mut group.units) {
+                match playing {
+                    Playing::Island(island) => island.seek(from),
+                    Playing::Bank(bank) => bank.seek(from),
+                }
+            }
+        }
+        Ok(own)
     }
 
     /// All units with what the plan says of them.
@@ -342,7 +361,8 @@ impl Group {
             }
             Unit::Bank(bank) => {
                 let strikes = bank.strikes.clone();
-                Playing::Bank(Bank::new(&bank.oscillators, strikes, rate, STRETCH))
+                let (own, is_open) = (&bank.oscillators, bank.is_open);
+                Playing::Bank(Bank::new(own, strikes, rate, STRETCH, is_open))
             }
         });
         Ok(())

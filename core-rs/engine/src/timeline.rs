@@ -16,7 +16,7 @@ use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
-pub(crate) use gate::Gate;
+pub(crate) use gate::{Gate, Lean};
 pub use hand::{Hand, HandWay};
 pub(crate) use push::{Push, pushes};
 
@@ -101,6 +101,8 @@ pub struct Timeline {
     pub(crate) ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
+    /// What else may come is not known: a session.
+    pub(crate) is_open: bool,
 }
 
 /// The frame that an instant falls on.
@@ -124,7 +126,13 @@ impl Timeline {
             ergons: Vec::new(),
             gates: Vec::new(),
             drives: Vec::new(),
+            is_open: false,
         }
+    }
+
+    /// What else may come is not known: no plan counts on what is written.
+    pub fn open(&mut self) {
+        self.is_open = true;
     }
 
     /// The same at `times` the rate; `None` where a gesture does not allow it.

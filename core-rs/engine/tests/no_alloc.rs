@@ -13,7 +13,7 @@ use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
 use ergon_engine::gesture::written::{Manner, Way, Written};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan, What};
-use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 use scene::{Scene, options};
@@ -115,4 +115,29 @@ fn a_slow_key_does_not_allocate() {
     let then = out.clone();
     assert_eq!(allocations(&mut simulation, &mut out), 0, "again");
     assert_eq!(out, then);
+}
+
+/// Whatever plays in the middle of whatever: one simulation takes over from another.
+#[test]
+fn a_take_over_does_not_allocate() {
+    for seed in 0..40 {
+        let scene = Scene::random(seed);
+        let network = Arc::new(scene.network.clone());
+        let options = Options {
+            ledger: false,
+            ..options(OnFault::Stop)
+        };
+        let plan = Plan::new(network, &scene.timeline, &Budget::default(), None).unwrap();
+        let plan = Arc::new(plan);
+        let mut old = Simulation::planned(plan.clone(), options).unwrap();
+        let at = scene.n_frames() / 3;
+        let mut out = vec![0.0; at * old.n_out()];
+        assert_eq!(allocations(&mut old, &mut out), 0, "{seed}");
+        let mut new = Simulation::planned_from(plan, options, at as u64).unwrap();
+        let carry = Carry::new(&old, &new);
+        reset_violation_count();
+        assert!(assert_no_alloc(|| new.take_over(&mut old, &carry)));
+        assert_eq!(violation_count(), 0, "{seed}");
+        assert_eq!(allocations(&mut new, &mut out), 0, "{seed}");
+    }
 }

@@ -2,6 +2,8 @@
 
 #[path = "scenes/blocks.rs"]
 mod blocks;
+#[path = "scenes/carry.rs"]
+mod carry;
 #[path = "scenes/faults.rs"]
 mod faults;
 #[path = "scenes/hands.rs"]

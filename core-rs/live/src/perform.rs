@@ -4,6 +4,7 @@
 //! pushes their sound into the ring. Keys have the first say in when a tick begins, the sound card has the last:
 //! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
 
+mod change;
 mod clock;
 mod frozen;
 mod hand;
@@ -11,6 +12,7 @@ mod keys;
 mod player;
 mod status;
 
+pub use change::Change;
 pub use frozen::Stem;
 pub use hand::{Guide, Hand};
 pub use keys::{Borne, Keyboard, Known, Slot};
@@ -120,6 +122,26 @@ pub enum PlayError {
     },
 }
 
+/// Why a change cannot be asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum ChangeError {
+    /// Not the first frame of a tick.
+    #[error("frame {0} begins no tick: ticks have {1} frames")]
+    Frame(u64, usize),
+    /// A simulation of another frame.
+    #[error("the simulation begins at frame {0}, not at {1}")]
+    Begins(u64, u64),
+    /// Prepared parts fill outputs by their places.
+    #[error("with prepared parts the outputs stay as many as they are")]
+    Frozen,
+    /// Another number of channels.
+    #[error("the sound card was opened with {0} channels")]
+    Channels(usize),
+    /// Too much at once.
+    #[error("too many changes at once")]
+    Busy,
+}
+
 /// Something that is asked of the physics thread.
 pub(crate) enum Command {
     /// Another gain.
@@ -128,6 +150,8 @@ pub(crate) enum Command {
     Part(usize, f64),
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
+    /// Another version.
+    Change(Box<change::Due>),
 }
 
 /// What both sides may touch at any time.
@@ -155,6 +179,12 @@ pub struct Performance {
     recorder: Option<RecorderHandle>,
     reader: Option<frozen::Reader>,
     borne: Vec<Borne>,
+    garbage: Consumer<Box<change::Due>>,
+    tickets: u64,
+    /// Frames of a tick, channels, and outputs where prepared parts fill some of them.
+    every: usize,
+    channels: usize,
+    frozen: Option<usize>,
 }
 
 impl Performance {
@@ -235,6 +265,7 @@ impl Performance {
         };
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
         let (to_events, events) = RingBuffer::new(EVENTS);
+        let (to_garbage, garbage) = RingBuffer::new(2 * change::WAITING);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
         let desk = Arc::new(Desk::default());
         let commands = Arc::new(std::sync::Mutex::new(to_commands));
@@ -257,6 +288,7 @@ impl Performance {
             record: sink,
             frozen,
             shared: output.shared().clone(),
+            garbage: to_garbage,
         };
         let by_keys = slots.iter().any(Slot::is_on_the_clock);
         let clock = clock::Clock::new(
@@ -265,6 +297,8 @@ impl Performance {
             by_keys,
             info.paced,
         );
+        let every = stage.every;
+        let frozen = reader.is_some().then(|| stage.simulation.n_out());
         let player = Player::new(stage, slots, links, clock, info.paced || by_keys);
         let this = Self {
             desk,
@@ -277,6 +311,11 @@ impl Performance {
             recorder,
             reader,
             borne,
+            garbage,
+            tickets: 0,
+            every,
+            channels,
+            frozen,
         };
         Ok((this, player))
     }
@@ -326,6 +365,51 @@ impl Performance {
     /// Another gain of one of the mixer's groups of routes, as [`Performance::gain`].
     pub fn part_gain(&self, group: usize, gain: f64) -> bool {
         self.command(Command::Part(group, gain))
+    }
+
+    /// Change something at a frame that begins a tick; returns a ticket, which [`What::Changed`] or [`What::Late`] tells.
+    ///
+    /// # Errors
+    /// [`ChangeError`]: nothing was asked for then.
+    pub fn change(&mut self, at: u64, change: Change) -> Result<u64, ChangeError> {
+        // What was replaced before is freed here.
+        while self.garbage.pop().is_ok() {}
+        if !at.is_multiple_of(self.every as u64) {
+            return Err(ChangeError::Frame(at, self.every));
+        }
+        let n_out = change
+            .simulation
+            .as_ref()
+            .map(|(own, _)| (own.n_out(), own.frame()));
+        if let Some((n_out, frame)) = n_out {
+            if frame != at {
+                return Err(ChangeError::Begins(frame, at));
+            }
+            if self.frozen.is_some_and(|frozen| frozen != n_out) {
+                return Err(ChangeError::Frozen);
+            }
+        }
+        if change
+            .mixer
+            .as_ref()
+            .is_some_and(|mixer| mixer.n_channels() != self.channels)
+        {
+            return Err(ChangeError::Channels(self.channels));
+        }
+        let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.every)];
+        self.tickets += 1;
+        let ticket = self.tickets;
+        let due = change::Due {
+            at,
+            ticket,
+            change,
+            heard,
+        };
+        if self.command(Command::Change(Box::new(due))) {
+            Ok(ticket)
+        } else {
+            Err(ChangeError::Busy)
+        }
     }
 
     fn command(&self, command: Command) -> bool {

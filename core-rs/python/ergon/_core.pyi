@@ -324,6 +324,8 @@ class Timeline:
     """What will happen, by sample index. Build it after the Network is complete (it keeps a copy)."""
 
     def __new__(cls, network: Network, rate: float) -> Self: ...
+    def open(self) -> None:
+        """What else may come is not known (a session): no plan counts on what is written."""
     def key(self, name: str, struck: int) -> int:
         """A key: its part is copied as the free key that gestures are written for."""
     def gesture(
@@ -471,9 +473,11 @@ class Plan:
         upto: float | None = None,
         pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
         told: Sequence[tuple[float | None, float | None, float | None, str | None]] | None = None,
+        like: Plan | None = None,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, to decide the same again;
-        `told`: error_db, error_s, left_out_db and because of each of its rows, to say the same."""
+        `told`: error_db, error_s, left_out_db and because of each of its rows, to say the same;
+        `like`: a plan of another version: what it knows of bodies is not computed again."""
 
     @staticmethod
     def key(
@@ -547,8 +551,10 @@ class Simulation:
         on_fault: Literal["stop", "mute"] = "stop",
         threads: int = 1,
         unchecked: bool = False,
+        start: int = 0,
     ) -> Self:
-        """`unchecked` runs even what the certificate refuses: to see where it really diverges."""
+        """`start`: the frame of its timeline that it begins at: what was due before is past, what
+        moves begins at X0, or is taken over; `unchecked` runs even what the certificate refuses: to see where it really diverges."""
     rate: float
     frame: int
     n_out: int
@@ -564,6 +570,11 @@ class Simulation:
         """Say where a real hand is from the next tick on [m], and by what step it came there."""
     def felt(self, hand: int) -> float:
         """Mean force of the scene on a real hand over the last whole tick [N]."""
+    def fork(self) -> Simulation:
+        """The same at the same moment, to go its own way."""
+    def take_over(self, old: Simulation) -> None:
+        """Go on where `old` stands, which is of no use afterwards: what both have, by name, goes on,
+        to the last bit where its network is the same. EngineError unless both are at one frame."""
     def snapshot(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
     def energy(self) -> Energy:
@@ -765,6 +776,23 @@ class Performance:
         """Go to another gain in 20 ms; False where too much is asked at once."""
     def part_gain(self, group: int, gain: float) -> bool:
         """Another gain of one of the mixer's groups of routes, in the same way."""
+    def change(
+        self,
+        at: int,
+        *,
+        simulation: Simulation | None = None,
+        old: Simulation | None = None,
+        mixer: Mixer | None = None,
+        gains: Sequence[tuple[int, float]] = ...,
+        gain: float | None = None,
+        bars: Sequence[int] | None = None,
+        standins: Sequence[_Floats] | None = None,
+    ) -> int:
+        """Change what is said at frame `at`, the first of a tick. Returns a ticket, which an event
+        \"changed\" tells, or \"late\" where that frame had passed: nothing is changed then.
+        `simulation` (its `start` is `at`) takes over from `old`, one of the version that plays
+        until then, at any moment; `mixer` goes on with the gains and filters of the one before;
+        `standins`: where each hand stands in at each tick (n_ticks,) [m]. Raises EngineError."""
     def stop(self) -> None:
         """Play nothing more."""
     def wait(self, seconds: float) -> bool:

@@ -36,6 +36,27 @@ pub(crate) struct Motion {
     slow: Vec<slow::Playing>,
 }
 
+impl FreeKey {
+    /// Whether a motion of another is one of its own: the names of MATs are asked of the scenes.
+    pub(crate) fn is_like(
+        &self,
+        other: &Self,
+        own: impl Fn(usize) -> String,
+        their: impl Fn(usize) -> String,
+    ) -> bool {
+        let same = |(a, b): (&Slow, &Slow)| a.is_same(b);
+        self.scheme.n_lia == other.scheme.n_lia
+            && self.slow.len() == other.slow.len()
+            && self.slow.iter().zip(&other.slow).all(same)
+            && self.members.len() == other.members.len()
+            && self
+                .members
+                .iter()
+                .zip(&other.members)
+                .all(|(&a, &b)| own(a) == their(b))
+    }
+}
+
 impl Motion {
     /// Take over another's motion without allocating.
     fn copy_motion(&mut self, other: &Self) {

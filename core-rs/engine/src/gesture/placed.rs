@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::profile::{PathError, Profile};
 
 /// A path played at an instant of the piece: x·scale at `at` + t·stretch.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
     profile: Arc<Profile>,
     at: f64,

@@ -118,6 +118,37 @@ impl Gesture {
         }
     }
 
+    /// Whether it asks the same of its key as another, wherever in a score they stand.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        match (&*self.recipe, &*other.recipe) {
+            (
+                Recipe::Written { points, manner },
+                Recipe::Written {
+                    points: others,
+                    manner: their,
+                },
+            ) => {
+                let what = |&(t, x, way, _): &(f64, f64, Way, u32)| (t, x, way);
+                manner == their && points.iter().map(what).eq(others.iter().map(what))
+            }
+            (
+                Recipe::Taken {
+                    path,
+                    until,
+                    manner,
+                    ..
+                },
+                Recipe::Taken {
+                    path: other,
+                    until: then,
+                    manner: their,
+                    ..
+                },
+            ) => (path, until, manner) == (other, then, their),
+            _ => false,
+        }
+    }
+
     /// The same on another key.
     pub(crate) fn on(self, key: usize) -> Self {
         Self { key, ..self }

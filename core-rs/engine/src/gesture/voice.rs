@@ -1,7 +1,10 @@
 //! One voice of a key: its gestures in order, its free copy, and what it asks at each frame.
 
 mod answer;
+mod carry;
 mod join;
+
+pub(crate) use carry::{Heir, shared};
 
 use std::sync::Arc;
 

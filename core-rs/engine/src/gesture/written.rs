@@ -21,7 +21,7 @@ pub enum Way {
 }
 
 /// How a gesture is played.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Manner {
     /// How the hand holds the key.
     pub touch: Touch,

@@ -77,6 +77,7 @@ impl Island {
             ergons: 0,
             gates: vec![0.0; timeline.gates.len()],
             gates_next: vec![0.0; timeline.gates.len()],
+            leans: vec![None; timeline.gates.len()],
             layers: vec![0.0; timeline.keys.len()],
             targets: Vec::new(),
             laws,

@@ -60,6 +60,13 @@ impl Mutes {
         }
     }
 
+    /// What it was heard at last passes on: where it falls silent, it fades from there.
+    pub(super) fn go_on(&mut self, old: &Self) {
+        if self.last.len() == old.last.len() {
+            self.last.copy_from_slice(&old.last);
+        }
+    }
+
     pub(super) fn list(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
         self.since
             .iter()
@@ -113,7 +120,7 @@ impl Island {
     }
 
     /// Take a part out of the scene: its MATs stay where the ground is, its links let go.
-    fn mute(&mut self, part: usize, n: u64) {
+    pub(super) fn mute(&mut self, part: usize, n: u64) {
         let state = &mut self.state;
         state.mutes.since[part] = Some(n);
         // A part is muted once in a run: a copy of the scheme for it is allowed to cost.

@@ -104,6 +104,13 @@ impl Fine {
         }
     }
 
+    /// Go on as the same contacts of another version stand.
+    pub(super) fn go_on(&mut self, old: &mut Self) {
+        std::mem::swap(&mut self.before, &mut old.before);
+        std::mem::swap(&mut self.later, &mut old.later);
+        self.has_touched = old.has_touched;
+    }
+
     /// How many of its contacts end on a MAT.
     pub(super) fn touches(&self, mat: usize) -> u32 {
         let contacts = self.script.contacts.iter();

@@ -5,7 +5,7 @@ use crate::timeline::{Drive, Hand, HandWay};
 
 /// A hand, and the MAT that it moves.
 #[derive(Clone, Debug)]
-pub(super) struct Grip {
+pub(crate) struct Grip {
     mat: usize,
     hand: Hand,
 }
@@ -22,6 +22,20 @@ pub(super) struct Touch {
     sum: f64,
     /// Their mean over the last whole tick [N].
     felt: f64,
+}
+
+impl Grip {
+    /// The MAT that it moves.
+    pub(crate) fn mat(&self) -> usize {
+        self.mat
+    }
+}
+
+/// At frame `n` they have gone the way of the timeline.
+pub(super) fn seek(grips: &[Grip], touches: &mut [Touch], n: u64) {
+    for (grip, touch) in grips.iter().zip(touches) {
+        touch.to = grip.hand.at(n.saturating_sub(1));
+    }
 }
 
 /// The hands among drives.

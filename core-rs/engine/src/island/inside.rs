@@ -49,6 +49,26 @@ impl Inside {
         first.map_or(f64::INFINITY, |frame| frame as f64)
     }
 
+    /// Whether it goes by the same numbers as another, so that one can go on as the other does; `name`: of the MAT
+    /// that a port is, in its island and in the other's.
+    pub(crate) fn is_same(
+        &self,
+        other: &Self,
+        own: impl Fn(usize) -> String,
+        their: impl Fn(usize) -> String,
+    ) -> bool {
+        let names = |inside: &Self, name: &dyn Fn(usize) -> String| -> Vec<String> {
+            inside.ports().into_iter().map(name).collect()
+        };
+        let is_same = match (self, other) {
+            (Self::Modal(own), Self::Modal(other)) => own.is_same(other),
+            (Self::Mesh(own), Self::Mesh(other)) => own.is_same(other),
+            (Self::Slow(own), Self::Slow(other)) => own.is_same(other),
+            _ => false,
+        };
+        is_same && names(self, &own) == names(other, &their)
+    }
+
     /// MATs of the island that are its ports, in order.
     pub(crate) fn ports(&self) -> Vec<usize> {
         match self {
@@ -144,6 +164,26 @@ impl Playing {
         match self {
             Self::Modal(modal) => Some(modal),
             Self::Mesh(_) | Self::Slow(_) => None,
+        }
+    }
+
+    /// Begin at frame `n`: strikes before it are past.
+    pub(crate) fn seek(&mut self, n: u64) {
+        match self {
+            Self::Modal(modal) => modal.seek(n),
+            Self::Mesh(mesh) => mesh.seek(n),
+            // Its springs pull at multiples of their own frames: the first way is what is left to one.
+            Self::Slow(_) => {}
+        }
+    }
+
+    /// Go on as an equal body of another version does.
+    pub(crate) fn go_on(&mut self, old: &mut Self) {
+        match (self, old) {
+            (Self::Modal(own), Self::Modal(old)) => own.go_on(old),
+            (Self::Mesh(own), Self::Mesh(old)) => own.go_on(old),
+            (Self::Slow(own), Self::Slow(old)) => own.go_on(old),
+            _ => {}
         }
     }
 

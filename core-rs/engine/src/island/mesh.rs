@@ -35,6 +35,17 @@ pub(crate) struct Playing {
     next: usize,
 }
 
+impl Mesh {
+    /// Whether it goes as another does: what strikes it may differ.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        let how = |mesh: &Self| (mesh.rate.hertz(), mesh.way, mesh.substeps);
+        let ports = |mesh: &Self| mesh.ports.iter().map(|port| port.0).collect::<Vec<_>>();
+        how(self) == how(other)
+            && ports(self) == ports(other)
+            && self.network.is_same(&other.network)
+    }
+}
+
 impl Playing {
     pub(crate) fn new(plan: &Mesh) -> Result<Self, Error> {
         let integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
@@ -57,6 +68,18 @@ impl Playing {
             integrator,
             plan: Arc::new(plan.clone()),
         })
+    }
+
+    /// Begin at frame `n`.
+    pub(crate) fn seek(&mut self, n: u64) {
+        self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);
+    }
+
+    /// Go on as an equal mesh does, whatever else is to strike it.
+    pub(crate) fn go_on(&mut self, old: &mut Self) {
+        std::mem::swap(&mut self.integrator, &mut old.integrator);
+        std::mem::swap(&mut self.was, &mut old.was);
+        std::mem::swap(&mut self.own, &mut old.own);
     }
 
     /// Room for all impulses of a frame: a cloned vector has only what it holds.

@@ -201,6 +201,22 @@ impl Playing {
         }
     }
 
+    /// Begin at frame `n`.
+    pub(crate) fn seek(&mut self, n: u64) {
+        self.next = self.script.blows.partition_point(|blow| blow.0 < n);
+    }
+
+    /// Go on as an equal body does, whatever else is to strike it: how far it was followed changes nothing.
+    pub(crate) fn go_on(&mut self, old: &mut Self) {
+        std::mem::swap(&mut self.motions, &mut old.motions);
+        std::mem::swap(&mut self.saved, &mut old.saved);
+        std::mem::swap(&mut self.seen, &mut old.seen);
+        std::mem::swap(&mut self.was, &mut old.was);
+        std::mem::swap(&mut self.pending, &mut old.pending);
+        (self.at, self.until) = (old.at, old.until);
+        (self.has_pending, self.quiet) = (old.has_pending, old.quiet);
+    }
+
     /// Outputs that hear it.
     pub(crate) fn outputs(&self) -> Vec<u32> {
         let heard = self.script.plan.heard.iter();

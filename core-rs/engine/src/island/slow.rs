@@ -77,6 +77,16 @@ impl Slow {
         }
     }
 
+    /// Whether it goes as another does.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        let ports = |slow: &Self| slow.ports.iter().map(|port| port.0).collect::<Vec<_>>();
+        self.flow.every == other.flow.every
+            && self.w == other.w
+            && self.free == other.free
+            && self.network.is_same(&other.network)
+            && ports(self) == ports(other)
+    }
+
     /// The same body at rest where its springs pull nothing: displacements from elsewhere.
     pub(crate) fn deviation(&self) -> Self {
         let n = self.free.len();
@@ -131,6 +141,13 @@ impl Playing {
         self.kick.copy_from_slice(&other.kick);
         self.was.copy_from_slice(&other.was);
         self.since = other.since;
+    }
+
+    /// Go on as an equal body does.
+    pub(crate) fn go_on(&mut self, old: &mut Self) {
+        let (plan, other) = (self.plan.clone(), old.plan.clone());
+        std::mem::swap(self, old);
+        (self.plan, old.plan) = (plan, other);
     }
 
     /// Add what is heard of it now to `out` (n_out).

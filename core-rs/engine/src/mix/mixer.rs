@@ -147,6 +147,35 @@ impl Mixer {
         self.groups.len()
     }
 
+    /// Go on as `old` stands: gains of groups that both have, high-passes of routes that both have; `outputs`: here, an
+    /// output of there, where they are not the same. Allocates nothing.
+    pub fn take_over(&mut self, old: &Self, outputs: Option<&[Option<usize>]>) {
+        self.frame = old.frame;
+        let groups = self.groups.iter_mut().zip(&old.groups);
+        groups.for_each(|(own, old)| *own = *old);
+        // Routes come in about the same order: each is looked for after the one before.
+        let mut next = 0;
+        for own in &mut self.routes {
+            let is_same = |before: &Route| {
+                let out = match outputs {
+                    Some(outputs) => outputs.get(before.out).copied().flatten(),
+                    None => Some(before.out),
+                };
+                (out, before.channel, before.group) == (Some(own.out), own.channel, own.group)
+                    && before.highpass.is_some() == own.highpass.is_some()
+            };
+            let n = old.routes.len();
+            let at = (next..n)
+                .chain(0..next.min(n))
+                .find(|&at| is_same(&old.routes[at]));
+            let Some(at) = at else { continue };
+            next = at + 1;
+            if let (Some(section), Some(before)) = (&mut own.highpass, &old.routes[at].highpass) {
+                section.go_on(before);
+            }
+        }
+    }
+
     /// The next frame to be mixed is frame `n` of the piece.
     pub fn seek(&mut self, n: u64) {
         self.frame = n;

@@ -1,7 +1,7 @@
 //! Names of modules: a generator's members share one, `string` → `string.12`.
 
 /// A stretch of modules under one name.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Group {
     first: usize,
     len: usize,
@@ -15,7 +15,7 @@ struct Group {
 }
 
 /// The names of a network's MATs and LIAs.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Names {
     mats: Vec<Group>,
     links: Vec<Group>,

@@ -44,7 +44,7 @@ impl Term {
 }
 
 /// A named output: the sum of its terms.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Output {
     /// Its name in the score, e.g. `bell` or `string.left`.
     pub name: String,

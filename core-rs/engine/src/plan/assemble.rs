@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::budget::Budget;
 use super::choice::Choice;
 use super::linear::NoModes;
+use super::memo::Memo;
 use super::mesh::Ways;
 use super::multirate;
 use super::ported::{self, Cut, Found};
@@ -36,6 +37,7 @@ impl Assembled {
         budget: &Budget,
         (times, ways): (u32, Ways<'_>),
         pin: Option<&Choice>,
+        memo: &Memo<'_>,
     ) -> Result<Self, Error> {
         let timeline = if times == 1 {
             own.timeline.clone()
@@ -51,7 +53,7 @@ impl Assembled {
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);
-        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways);
+        let (cut, mut because) = ported::cut(subset, &timeline, budget, pin, ways, memo);
         let mut found = None;
         if let Some(cut) = cut {
             match hub(&cut.hub.network, rate, budget) {

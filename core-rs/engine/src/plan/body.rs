@@ -7,6 +7,7 @@ use super::budget::Budget;
 use super::cells::hear;
 use super::linear::NoModes;
 use super::loud::Loudness;
+use super::memo::Memo;
 use super::modes::{Modes, Row};
 use super::truncate::{self, Kept};
 use crate::bank::{Oscillator, Strikes};
@@ -33,6 +34,7 @@ pub(super) fn bank(
     timeline: &Timeline,
     budget: &Budget,
     pinned: Option<&[Vec<u32>]>,
+    memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
     if !timeline.keys.is_empty() || !timeline.drives.is_empty() || !timeline.ergons.is_empty() {
@@ -47,7 +49,7 @@ pub(super) fn bank(
     let is_discrete = discrete.is_some_and(|part| network.parts()[part].ca_rate.is_some());
     let strikes = blows(timeline, rate, |_| true, is_discrete);
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
-    let modes = Modes::new(network, &rows, rate)?;
+    let modes = memo.modes(network, &rows, rate)?;
     if let Some(why) = modes.unfit(rate) {
         return Err(why);
     }
@@ -55,7 +57,11 @@ pub(super) fn bank(
     let kept = match pinned {
         Some([kept]) => Kept::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
         Some(_) => return Err(NoModes::Pinned),
-        None => keep(&modes, seen, felt, &strikes, budget, rate),
+        None => {
+            // Of what a session may bring nothing is known: nothing that can be heard is left out.
+            let allowed = budget.left_out().filter(|_| !timeline.is_open);
+            keep(&modes, seen, felt, &strikes, allowed, budget, rate)
+        }
     };
     let rest = (0..n_out)
         .map(|output| {
@@ -91,6 +97,7 @@ fn keep(
     seen: &[Vec<f64>],
     felt: &[Vec<f64>],
     strikes: &Blows,
+    mut allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
 ) -> Kept {
@@ -98,7 +105,6 @@ fn keep(
         .values()
         .map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
         .collect();
-    let mut allowed = budget.left_out();
     let mut kept = truncate::keep(modes, seen, felt, &given, allowed, budget, rate);
     let Some(most) = allowed else {
         return kept;

@@ -100,7 +100,10 @@ pub(super) fn oscillators(
         }
         oscillator.blows.sort_by_key(|blow| blow.frame);
         if banks.last().is_none_or(|bank| bank.mats.len() == TOGETHER) {
-            banks.push(BankPlan::default());
+            banks.push(BankPlan {
+                is_open: timeline.is_open,
+                ..BankPlan::default()
+            });
         }
         if let Some(bank) = banks.last_mut() {
             bank.mats.push((subset.mats[i], mats.rest[i]));

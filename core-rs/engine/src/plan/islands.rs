@@ -131,7 +131,8 @@ fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let mut moved: Vec<bool> = (0..network.n_mat())
         .map(|i| {
             let is_bent = mats.kind[i] == MatKind::Cel && mats.x0[i] != mats.rest[i];
-            moves(mats.kind[i]) && (mats.v0[i] != 0.0 || is_bent)
+            // What a session may bring moves whatever can move.
+            moves(mats.kind[i]) && (timeline.is_open || mats.v0[i] != 0.0 || is_bent)
         })
         .collect();
     for strike in &timeline.strikes {

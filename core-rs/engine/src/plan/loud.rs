@@ -23,7 +23,7 @@ impl Loudness {
                 blow.0 -= from;
             }
         }
-        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, ROOM);
+        let mut playing = Bank::new(&bank.oscillators, bank.strikes, rate, ROOM, false);
         let span = (FIRST * rate.hertz()) as usize;
         let mut sound = vec![0.0; ROOM * n_out];
         let mut sums = vec![0.0; n_out];

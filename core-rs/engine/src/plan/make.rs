@@ -7,6 +7,7 @@ use super::budget::Budget;
 use super::choice::{Choice, Pins, another};
 use super::islands::{Island, islands};
 use super::linear::NoModes;
+use super::memo::Memo;
 use super::mesh::Ways;
 use super::multirate;
 use super::pilot::{self, Found};
@@ -24,6 +25,7 @@ struct Maker<'a> {
     plan: Plan,
     budget: &'a Budget,
     pins: Pins,
+    memo: Memo<'a>,
 }
 
 pub(super) fn make(
@@ -31,11 +33,13 @@ pub(super) fn make(
     timeline: &Timeline,
     budget: &Budget,
     pins: Option<Vec<Choice>>,
+    like: Option<&Plan>,
 ) -> Result<Plan, Error> {
     let mut maker = Maker {
         plan: Plan::empty(network.clone(), timeline),
         budget,
         pins: Pins::new(pins),
+        memo: Memo::new(like.map_or(&[], |like| &like.solved)),
     };
     let (mut loose, mut isles) = (Vec::new(), Vec::new());
     for island in islands(&network, timeline) {
@@ -64,6 +68,7 @@ pub(super) fn make(
         }
     }
     maker.pins.end()?;
+    maker.plan.solved = maker.memo.found();
     Ok(maker.plan)
 }
 
@@ -118,8 +123,10 @@ impl Maker<'_> {
         let mut why = None;
         if self.budget.takes_modes() && pin.as_ref().is_none_or(Choice::is_bank) {
             let kept = pin.as_ref().map(|pin| &pin.kept[..]);
-            match body::bank(&subset, &own.timeline, self.budget, kept) {
-                Ok(found) => {
+            match body::bank(&subset, &own.timeline, self.budget, kept, &self.memo) {
+                Ok(mut found) => {
+                    found.bank.is_open = own.timeline.is_open;
+                    found.bank.of = Some(Arc::new(subset.network.clone()));
                     for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
                         self.plan.still[output as usize] += rest;
                     }
@@ -158,8 +165,9 @@ impl Maker<'_> {
     ) -> Result<(), Error> {
         let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
-            let assemble =
-                |how: (u32, Ways<'_>)| Assembled::new(&subset, own, self.budget, how, pin);
+            let assemble = |how: (u32, Ways<'_>)| {
+                Assembled::new(&subset, own, self.budget, how, pin, &self.memo)
+            };
             // What grows at once is not worth a pilot.
             let mut judged = match assemble((1, Ways::Budget)) {
                 Ok(island) if multirate::is_asked(&subset.network) => multirate::certify(&island),
@@ -187,7 +195,9 @@ impl Maker<'_> {
         };
         let Found { island, error } = found;
         let slow_error = match growth {
-            Some(_) if pin.is_none() => multirate::error(&subset, own, self.budget, &island)?,
+            Some(_) if pin.is_none() && !own.timeline.is_open => {
+                multirate::error(&subset, own, self.budget, &island, &self.memo)?
+            }
             _ => None,
         };
         let first_row = self.plan.rows.len();

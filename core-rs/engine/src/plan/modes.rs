@@ -14,6 +14,7 @@ pub(crate) const ANGLE_MIN: f64 = 1e-4;
 pub(crate) type Row = Vec<(usize, f64)>;
 
 /// The modes of a body, each of mass 1.
+#[derive(Debug)]
 pub(crate) struct Modes {
     /// ω₀² [1/s²], or algorithmic   (n_modes), rising
     pub(crate) lambda: Vec<f64>,
@@ -88,6 +89,19 @@ impl Modes {
             rest,
             is_discrete: linear.is_discrete,
         })
+    }
+
+    /// The same, seen by some of the rows only.
+    pub(super) fn seen_by(&self, rows: &[usize]) -> Self {
+        Self {
+            lambda: self.lambda.clone(),
+            zeta: self.zeta.clone(),
+            shapes: rows.iter().map(|&row| self.shapes[row].clone()).collect(),
+            x0: self.x0.clone(),
+            v0: self.v0.clone(),
+            rest: self.rest.clone(),
+            is_discrete: self.is_discrete,
+        }
     }
 
     /// Whether a mode is too slow for its recurrence, or diverges: a discrete body's may (Jury).

@@ -3,6 +3,7 @@
 use super::assemble::Assembled;
 use super::budget::Budget;
 use super::macrostep::{self, Growth};
+use super::memo::Memo;
 use super::mesh::Ways;
 use super::pilot::{Spans, difference, is_worth, length, play};
 use super::slow::{Stays, slow};
@@ -71,16 +72,17 @@ pub(super) fn error(
     own: &Own,
     budget: &Budget,
     island: &Assembled,
+    memo: &Memo<'_>,
 ) -> Result<Option<(f64, f64)>, Error> {
     let ways = island.ways();
     let (times, steps) = (island.isle.times, island.isle.steps);
     let how = (times, Ways::As(&ways));
-    let slow = Assembled::new(subset, own, budget, how, None)?;
+    let slow = Assembled::new(subset, own, budget, how, None, memo)?;
     let single = Subset {
         network: subset.network.with_every(|_, _| Some(1)),
         ..subset.clone()
     };
-    let Ok(single) = Assembled::new(&single, own, budget, how, None) else {
+    let Ok(single) = Assembled::new(&single, own, budget, how, None, memo) else {
         return Ok(None);
     };
     let n_frames = length(&slow.isle)?;

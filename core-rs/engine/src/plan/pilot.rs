@@ -84,8 +84,9 @@ pub(super) fn pilot(
         });
     }
     let island = first(assemble)?;
-    if island.isle.timeline.hands().next().is_some() {
-        // Nobody knows beforehand what a hand will do: nothing is left out.
+    let timeline = &island.isle.timeline;
+    if timeline.is_open || timeline.hands().next().is_some() {
+        // Nobody knows beforehand what a hand or a session will do: nothing is left out.
         return Ok(Found {
             island,
             error: None,

@@ -5,6 +5,7 @@ use super::budget::Budget;
 use super::choice::Choice;
 use super::forest::ends;
 use super::linear::NoModes;
+use super::memo::Memo;
 use super::mesh::{self, Ways};
 use super::modes::{Modes, Row};
 use super::slow::slow;
@@ -47,6 +48,7 @@ pub(super) fn cut(
     budget: &Budget,
     pin: Option<&Choice>,
     ways: Ways<'_>,
+    memo: &Memo<'_>,
 ) -> (Option<Cut>, Option<NoModes>) {
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
@@ -57,7 +59,7 @@ pub(super) fn cut(
     }
     if budget.takes_modes() {
         for body in wiring.bodies(network, false) {
-            match modal(network, timeline, &body, timeline.rate) {
+            match modal(network, timeline, &body, memo) {
                 Ok(modal) => found.push((body, Inside::Modal(modal))),
                 Err(reason) => why = Some(reason),
             }
@@ -119,8 +121,9 @@ fn modal(
     network: &Network,
     timeline: &Timeline,
     body: &Body,
-    rate: Rate,
+    memo: &Memo<'_>,
 ) -> Result<Modal, NoModes> {
+    let rate = timeline.rate;
     let subset = network.subset(&body.mats, &body.guests, &body.links);
     let outputs = heard(&subset.network)?;
     let ports = body
@@ -139,7 +142,7 @@ fn modal(
         .map(|&mat| subset.mat(mat as usize).unwrap_or(0));
     let struck: Vec<Row> = struck.map(|mat| vec![(mat, 1.0)]).collect();
     let rows = [ports, outputs.rows, struck].concat();
-    let modes = Modes::new(&subset.network, &rows, rate)?;
+    let modes = memo.modes(&subset.network, &rows, rate)?;
     let n = modes.len();
     if let Some(why) = modes.unfit(rate) {
         return Err(why);

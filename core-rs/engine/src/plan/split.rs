@@ -23,7 +23,10 @@ pub(super) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, O
     let mut own: Vec<Own> = subsets
         .iter()
         .map(|_| Own {
-            timeline: Timeline::new(timeline.rate),
+            timeline: Timeline {
+                is_open: timeline.is_open,
+                ..Timeline::new(timeline.rate)
+            },
             keys: Vec::new(),
             gestures: Vec::new(),
         })

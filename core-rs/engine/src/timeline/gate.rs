@@ -9,7 +9,7 @@ pub(super) const FADE: f64 = 0.02;
 pub const GRID: u64 = 64;
 
 /// A link that acts only for a time.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Gate {
     pub(crate) link: usize,
     /// `None`: open from the beginning.
@@ -44,6 +44,32 @@ impl Gate {
     fn ramp(&self, n: u64, start: u64) -> f64 {
         let u = (n.saturating_sub(start) as f64 / self.fade as f64).min(1.0);
         u * u * (3.0 - 2.0 * u)
+    }
+}
+
+/// How far a gate was open when another version of a score took over: it goes on from there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Lean {
+    from: f64,
+    since: u64,
+}
+
+impl Lean {
+    /// Towards `gate` from where another stood at frame `n`; `None` where that is where it stands itself.
+    pub(crate) fn new(gate: &Gate, from: f64, n: u64) -> Option<Self> {
+        (from != gate.open(n)).then_some(Self { from, since: n })
+    }
+
+    /// How far a gate is open at frame `n`.
+    pub(crate) fn open(lean: Option<&Self>, gate: &Gate, n: u64) -> f64 {
+        let own = gate.open(n);
+        match lean {
+            Some(lean) if n < lean.since + gate.fade => {
+                let share = gate.ramp(n, lean.since);
+                lean.from + (own - lean.from) * share
+            }
+            _ => own,
+        }
     }
 }
 

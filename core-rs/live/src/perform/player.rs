@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use ergon_engine::mix::glide::Glide;
 use rtrb::{Consumer, Producer};
 
+use super::change::{Due, WAITING};
 use super::clock::Clock;
 use super::frozen::Frozen;
 use super::hand::Mover;
@@ -34,14 +35,17 @@ pub(super) struct Links {
     pub(super) record: Option<RowSink>,
     pub(super) frozen: Option<Frozen>,
     pub(super) shared: Arc<Shared>,
+    pub(super) garbage: Producer<Box<Due>>,
 }
 
 /// All that plays.
 pub(super) struct Player {
-    stage: Stage,
-    gain: Glide,
+    pub(super) stage: Stage,
+    pub(super) gain: Glide,
     slots: Vec<Slot>,
-    links: Links,
+    pub(super) links: Links,
+    /// Changes that are not due yet, by rising frame.
+    pub(super) waiting: Vec<Box<Due>>,
     clock: Clock,
     movers: Vec<Mover>,
     /// Where each hand's key was in the tick before: its speed is taken from that.
@@ -52,7 +56,7 @@ pub(super) struct Player {
     /// The tick from which a keyboard that came back plays again.
     waits: Vec<Option<u64>>,
     rows: Vec<recording::Sample>,
-    heard: Vec<f64>,
+    pub(super) heard: Vec<f64>,
     mixed: Vec<f64>,
     single: Vec<f32>,
     /// Frames of the limiter's delay that are still to be left out.
@@ -60,7 +64,7 @@ pub(super) struct Player {
     /// Frames that follow the last of the piece: what the limiter still holds.
     tail: usize,
     tick: u64,
-    frame: u64,
+    pub(super) frame: u64,
     status: Status,
     panicked: bool,
     /// By a clock: the card's, or the keys'.
@@ -111,6 +115,7 @@ impl Player {
             panicked: false,
             paced,
             looked: false,
+            waiting: Vec::with_capacity(WAITING),
             stage,
             slots,
             links,
@@ -169,6 +174,7 @@ impl Player {
         let began = Instant::now();
         self.count(beat.late, beat.lost);
         self.commands();
+        self.changes();
         let n = (self.stage.every as u64).min(left) as usize;
         if n > 0 {
             self.keys();
@@ -215,6 +221,7 @@ impl Player {
                     self.stage.mixer.set_gain(part, gain);
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
+                Command::Change(due) => self.wait_for(due),
                 Command::Keys(slot, guarded) => {
                     self.slots[slot].comes_back(guarded);
                     self.slots[slot].stop(self.panicked);
@@ -472,13 +479,13 @@ impl Player {
     }
 
     /// Something happened; where nobody listens it is lost.
-    fn tell(&mut self, what: What) {
+    pub(super) fn tell(&mut self, what: What) {
         let frame = self.frame;
         let _ = self.links.events.push(Event { frame, what });
     }
 
     /// Something was consumed besides positions.
-    fn note(&mut self, line: std::fmt::Arguments<'_>) {
+    pub(super) fn note(&mut self, line: std::fmt::Arguments<'_>) {
         if let Some(sink) = &mut self.links.record {
             sink.event(self.tick, line);
         }

@@ -101,6 +101,10 @@ pub enum What {
     Tripped(usize),
     /// A part of the network went beyond all bounds and is silent.
     Muted,
+    /// A change was done; its ticket.
+    Changed(u64),
+    /// A change came too late for its frame, and was not done; its ticket.
+    Late(u64),
     /// The last frame is out.
     Ended,
 }

@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::network::{Network, Term, Tie};
-use ergon_engine::simulation::{OnFault, Options};
+use ergon_engine::plan::{Budget, Plan};
+use ergon_engine::simulation::{Carry, OnFault, Options};
 use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
 
@@ -55,9 +56,16 @@ fn keyboard(hand: usize, left: u32) -> Keyboard {
     Keyboard::around(brief, known, vec![(0, hand)])
 }
 
+const OPTIONS: Options = Options {
+    ledger: false,
+    record: false,
+    on_fault: OnFault::Mute,
+    threads: 1,
+    unchecked: false,
+};
+
 /// Two keys and a mass between them that swings and is heard.
-fn stage() -> Stage {
-    let rate = Rate::new(RATE).unwrap();
+fn network() -> Network {
     let mut network = Network::new();
     network.part("keys", None);
     let tie = Tie::Physical { k: 60.0, z: 1.2 };
@@ -73,20 +81,28 @@ fn stage() -> Stage {
         weight: 1.0,
     };
     network.listen("out", vec![heard]).unwrap();
-    let mut timeline = Timeline::new(rate);
-    for mat in [a, b] {
+    network
+}
+
+/// Both keys held, the mass struck at some instants [s].
+fn simulation(struck: &[f64], from: u64) -> Simulation {
+    let network = Arc::new(network());
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    timeline.open();
+    for mat in [0, 1] {
         let way = HandWay::Line;
         timeline
             .hand(&network, mat, EVERY as u32, way, &[])
             .unwrap();
     }
-    let options = Options {
-        ledger: false,
-        record: false,
-        on_fault: OnFault::Mute,
-        threads: 1,
-        unchecked: false,
-    };
+    for &at in struck {
+        timeline.strike(&network, 2, at, 1e-3, 0).unwrap();
+    }
+    let plan = Plan::new(network, &timeline, &Budget::default(), None).unwrap();
+    Simulation::planned_from(Arc::new(plan), OPTIONS, from).unwrap()
+}
+
+fn stage() -> Stage {
     let mut mixer = Mixer::new(RATE, 1, 2);
     mixer.route(0, 0, 1.0, None).unwrap();
     mixer.route(0, 1, 0.5, Some(8.0)).unwrap();
@@ -97,7 +113,7 @@ fn stage() -> Stage {
         response: Vec::new(),
     };
     Stage {
-        simulation: Simulation::new(Arc::new(network), &timeline, options).unwrap(),
+        simulation: simulation(&[], 0),
         mixer,
         gain: 1.0,
         limiter: Limiter::new(RATE, 2, 1.0).unwrap(),
@@ -107,6 +123,119 @@ fn stage() -> Stage {
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
         frozen: Vec::new(),
     }
+}
+
+/// Versions that strike otherwise, one of them too late: what is heard is what a replay of them gives, and no tick
+/// allocates.
+#[test]
+fn changes_are_done_at_their_frames() {
+    let path = std::env::temp_dir().join(format!("ergon-changes-{}.wav", std::process::id()));
+    let how = How {
+        audio: format!("file:{}", path.display()).parse().unwrap(),
+        ahead: None,
+        record: None,
+    };
+    let (every, n_ticks) = (EVERY as u64, 600_u64);
+    let stage = Stage {
+        n_frames: Some(n_ticks * every),
+        ..stage()
+    };
+    let mixer = |gain: f64| {
+        let mut mixer = Mixer::new(RATE, 1, 2);
+        mixer.route(0, 0, gain, None).unwrap();
+        mixer.route(0, 1, 0.5, Some(8.0)).unwrap();
+        mixer
+    };
+    let frames = [100, 250, 90].map(|tick| tick * every);
+    let struck = [&[0.15][..], &[0.15, 0.3, 0.35], &[0.2]];
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), how).unwrap();
+    let mut offline = simulation(&[], 0);
+    let versions = frames.map(|from| {
+        simulation(
+            struck[frames.iter().position(|at| *at == from).unwrap()],
+            from,
+        )
+    });
+    player.begin();
+    reset_violation_count();
+    let mut tick_by_hand = |ticks: u64| {
+        assert_no_alloc(|| (0..ticks).for_each(|_| assert!(player.tick())));
+    };
+    tick_by_hand(50);
+    let change = |at: usize, old: &Simulation, gain: f64| Change {
+        simulation: Some((versions[at].fork(), Carry::new(old, &versions[at]))),
+        mixer: Some(mixer(gain)),
+        gain: Some(0.7),
+        bars: Some(vec![0, 1_000]),
+        ..Change::default()
+    };
+    let first = this.change(frames[0], change(0, &offline, 0.9)).unwrap();
+    tick_by_hand(70);
+    let late = this
+        .change(frames[2], change(2, &versions[0], 0.1))
+        .unwrap();
+    let second = this
+        .change(frames[1], change(1, &versions[0], 0.4))
+        .unwrap();
+    assert!(this.change(frames[1] + 1, Change::default()).is_err());
+    assert!(
+        this.change(frames[1], change(0, &offline, 1.0)).is_err(),
+        "begins elsewhere"
+    );
+    tick_by_hand(n_ticks - 120);
+    while player.tick() {}
+    assert_eq!(violation_count(), 0);
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| (event.frame, event.what))
+        .collect();
+    assert_eq!(
+        events,
+        [
+            (frames[0], What::Changed(first)),
+            (120 * every, What::Late(late)),
+            (frames[1], What::Changed(second)),
+        ]
+    );
+    player.links.feed.close();
+    drop(player);
+    this.close(Duration::from_secs(10)).unwrap();
+
+    let mut sound = Vec::new();
+    let mut limiter = Limiter::new(RATE, 2, 1.0).unwrap();
+    let (mut mix, mut gain) = (mixer(1.0), ergon_engine::mix::glide::Glide::new(RATE, 1.0));
+    for tick in 0..n_ticks {
+        for (at, part) in [(0, 0.9), (1, 0.4)] {
+            if tick * every == frames[at] {
+                let mut next = versions[at].fork();
+                let carry = Carry::new(&offline, &next);
+                assert!(next.take_over(&mut offline, &carry));
+                offline = next;
+                let mut other = mixer(part);
+                other.take_over(&mix, None);
+                mix = other;
+                gain.set(0.7);
+            }
+        }
+        for hand in 0..2 {
+            offline.hold(hand, 1e-6 * (tick % 1_000) as f64, None);
+        }
+        let (mut heard, mut mixed) = (vec![0.0; EVERY], vec![0.0; 2 * EVERY]);
+        offline.process(&mut heard).unwrap();
+        mix.process(&heard, &mut mixed);
+        gain.apply(tick * every, &mut mixed, 2);
+        limiter.process(&mut mixed);
+        sound.extend(mixed.iter().map(|x| (*x as f32).to_bits()));
+    }
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(path).unwrap();
+    let latency = 2 * limiter.latency();
+    let data = &bytes[bytes.len() - 4 * sound.len()..];
+    let played: Vec<u32> = data
+        .chunks(4)
+        .map(|x| u32::from_le_bytes(x.try_into().unwrap()))
+        .collect();
+    assert_eq!(played[..sound.len() - latency], sound[latency..]);
+    assert!(played.iter().any(|x| *x != 0));
 }
 
 /// A key is pulled out and comes back, a panic is called and taken back, the gain changes, all is recorded.

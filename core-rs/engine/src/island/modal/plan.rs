@@ -82,6 +82,29 @@ impl Modal {
         gain / (1.0 - a + b).max(f64::MIN_POSITIVE)
     }
 
+    /// Whether it has the same modes, seen alike: what strikes it may differ.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        let numbers = |mode: &Mode| (mode.a, mode.b, mode.gain, mode.cell);
+        let ports = |ports: &[Port]| -> Vec<(f64, Vec<f64>)> {
+            ports
+                .iter()
+                .map(|port| (port.rest, port.shape.clone()))
+                .collect()
+        };
+        let shapes = |modal: &Self| -> Vec<Vec<f64>> {
+            modal.heard.iter().map(|(_, shape)| shape.clone()).collect()
+        };
+        self.rate.hertz() == other.rate.hertz()
+            && self
+                .modes
+                .iter()
+                .map(numbers)
+                .eq(other.modes.iter().map(numbers))
+            && ports(&self.ports) == ports(&other.ports)
+            && self.still == other.still
+            && shapes(self) == shapes(other)
+    }
+
     /// With some of the modes only.
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let some = |shape: &[f64]| kept.iter().map(|&mode| shape[mode]).collect();

@@ -1,0 +1,55 @@
+//! A bank that begins in the middle, or goes on where one of another version stands.
+
+use super::{Bank, Oscillator};
+use crate::kernel::bank::Lanes;
+
+impl Bank {
+    /// Begin at frame `n`: strikes before it are past.
+    pub(crate) fn seek(&mut self, n: u64) {
+        self.frame = n;
+        for (next, events) in self.next.iter_mut().zip(&self.script.events) {
+            *next = events.partition_point(|event| event.frame < n);
+        }
+    }
+
+    /// Go on as a bank of the same oscillators, whatever else is to strike them.
+    pub(crate) fn go_on(&mut self, old: &mut Self) {
+        std::mem::swap(&mut self.motions, &mut old.motions);
+        std::mem::swap(&mut self.still, &mut old.still);
+    }
+
+    /// Set an oscillator going: its position now and one frame ago [m].
+    pub(crate) fn set_motion(&mut self, oscillator: usize, (now, before): (f64, f64)) {
+        let (group, lane) = self.place(oscillator);
+        let scale = self.script.scales[group].0[lane];
+        self.put(group, lane, (scale * now, scale * before));
+    }
+
+    /// Let an oscillator go on as one of another bank, to the last bit where it is heard alike.
+    pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, there: usize) {
+        let ((group, lane), (from, at)) = (self.place(oscillator), old.place(there));
+        if self.script.scales[group].0[lane] == old.script.scales[from].0[at] {
+            let motion = &old.motions[from];
+            self.put(group, lane, (motion.now.0[at], motion.before.0[at]));
+        } else {
+            self.set_motion(oscillator, old.motion(there));
+        }
+    }
+
+    fn put(&mut self, group: usize, lane: usize, (now, before): (f64, f64)) {
+        let motion = &mut self.motions[group];
+        (motion.now.0[lane], motion.before.0[lane]) = (now, before);
+        self.still[group] = motion.now == Lanes::ZERO && motion.before == Lanes::ZERO;
+    }
+
+    fn place(&self, oscillator: usize) -> (usize, usize) {
+        let (group, lane) = self.script.places[oscillator];
+        (group as usize, lane as usize)
+    }
+}
+
+/// Whether two banks hold the same oscillators in the same order: what strikes them may differ.
+pub(crate) fn are_same(own: &[Oscillator], other: &[Oscillator]) -> bool {
+    let same = |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.heard) == (b.a, b.b, &b.heard);
+    own.len() == other.len() && own.iter().zip(other).all(same)
+}

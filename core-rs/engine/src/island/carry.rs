@@ -1,0 +1,154 @@
+//! An island that begins in the middle, and that goes on where one of another version stands.
+
+use super::Island;
+use crate::kernel;
+use crate::timeline::{DriveKind, Lean, frame};
+
+/// What passes from a voice, a gate or a hand of one island to one of another.
+#[derive(Clone, Debug)]
+pub(crate) enum Through {
+    /// From a voice to a voice.
+    Voice(crate::gesture::voice::Heir),
+    /// From a gate, or from a link that is always there, to a gate.
+    Gate(Option<usize>, usize),
+    /// From a hand to a hand.
+    Hand(usize, usize),
+    /// From a gesture's report to the same gesture's.
+    Report(usize, usize),
+    /// From a body to an equal one.
+    Body(usize, usize),
+    /// A part that may be mute: what it is called there and here.
+    Part(usize, usize),
+}
+
+impl Island {
+    /// Begin at a frame of the scene instead of 0: what was due before it is past.
+    pub(crate) fn seek(&mut self, frame_of_scene: u64) {
+        let n = frame_of_scene * u64::from(self.times);
+        let (script, state) = (&*self.script, &mut self.state);
+        let rate = script.scheme.rate;
+        state.frame = n;
+        state.pushed = script.pushes.partition_point(|push| push.frame < n);
+        let past = |ergon: &crate::timeline::Ergon| frame(ergon.at, rate) < n;
+        state.ergons = script.ergons.partition_point(past);
+        for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
+            voice.seek(own, &script.gestures, n);
+        }
+        for body in &mut state.bodies {
+            body.seek(n);
+        }
+        for drive in &script.drives {
+            if drive.kind == DriveKind::Position && drive.hand().is_none() && n > 0 {
+                let x = drive.value(n, rate);
+                state.body.x[drive.mat] = x;
+                state.body.d[drive.mat] = x - drive.value(n - 1, rate);
+            }
+        }
+        super::hands::seek(&script.grips, &mut state.touches, n);
+    }
+
+    /// Go on as an island of the same network and bodies, stepped as often, to the last bit.
+    pub(crate) fn go_on(&mut self, old: &mut Self) {
+        if old.n_muted() > 0 {
+            // Muted parts are out of its lists: of what moves on, only where it is is sure.
+            self.state.body.x.copy_from_slice(&old.state.body.x);
+            self.state.body.d.copy_from_slice(&old.state.body.d);
+            self.place();
+            return;
+        }
+        let (own, their) = (&mut self.state, &mut old.state);
+        let (body, other) = (&mut own.body, &mut their.body);
+        std::mem::swap(&mut body.x, &mut other.x);
+        std::mem::swap(&mut body.d, &mut other.d);
+        std::mem::swap(&mut body.inner, &mut other.inner);
+        std::mem::swap(&mut body.link, &mut other.link);
+        for (own, their) in own.bodies.iter_mut().zip(&mut their.bodies) {
+            own.go_on(their);
+        }
+        if let (Some(own), Some(their)) = (&mut own.fine, &mut their.fine) {
+            own.go_on(their);
+        }
+        own.mutes.go_on(&their.mutes);
+        std::mem::swap(&mut own.stream, &mut their.stream);
+        if own.ledger.is_some() && their.ledger.is_some() {
+            std::mem::swap(&mut own.ledger, &mut their.ledger);
+        }
+    }
+
+    /// Take something single over from an island of another version.
+    pub(crate) fn receive(&mut self, what: &Through, old: &mut Self) {
+        let is_whole = old.n_muted() == 0;
+        match *what {
+            Through::Voice(ref heir) if is_whole => {
+                let script = &self.script;
+                let voice = &mut self.state.voices[heir.to];
+                let (from, then) = (
+                    &mut old.state.voices[heir.from],
+                    &old.script.voices[heir.from],
+                );
+                voice.go_on(&script.voices[heir.to], from, then, heir);
+            }
+            Through::Gate(from, to) => {
+                let n = self.state.frame;
+                let gate = &self.script.gates[to];
+                let then = old.state.frame;
+                self.state.leans[to] = match from {
+                    None => Lean::new(gate, 1.0, n),
+                    Some(from) => {
+                        let (before, lean) = (&old.script.gates[from], &old.state.leans[from]);
+                        if before.on(gate.link) == *gate {
+                            *lean
+                        } else {
+                            Lean::new(gate, Lean::open(lean.as_ref(), before, then), n)
+                        }
+                    }
+                };
+            }
+            Through::Hand(from, to) => {
+                self.state.touches[to] = old.state.touches[from].clone();
+                let (own, their) = (self.script.grips[to].mat(), old.script.grips[from].mat());
+                self.state.body.x[own] = old.state.body.x[their];
+                self.state.body.d[own] = old.state.body.d[their];
+            }
+            Through::Report(from, to) => self.state.reports[to] = old.state.reports[from],
+            Through::Body(from, to) if is_whole => {
+                self.state.bodies[to].go_on(&mut old.state.bodies[from]);
+            }
+            Through::Part(from, to) => {
+                let is_mute =
+                    |island: &Self, part| island.state.mutes.list().any(|(own, _)| own == part);
+                if is_mute(old, from) && !is_mute(self, to) {
+                    // It does not come back because something else was changed.
+                    self.mute(to, self.state.frame);
+                }
+            }
+            Through::Voice(_) | Through::Body(..) => {}
+        }
+    }
+
+    /// Where a MAT is [m], and its step in a frame of the scene [m].
+    pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
+        let body = &self.state.body;
+        (body.x[mat], body.d[mat] * f64::from(self.times))
+    }
+
+    /// Put a MAT where it is, as it came there; one that cannot move stays.
+    pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
+        if kernel::sound(x) && step.is_finite() {
+            self.state.body.x[mat] = x;
+            self.state.body.d[mat] = step / f64::from(self.times);
+        }
+    }
+
+    /// Ports where their bodies have them.
+    pub(crate) fn place(&mut self) {
+        for body in &self.state.bodies {
+            body.place(&mut self.state.body);
+        }
+    }
+
+    /// Its voices, gates, hands and parts, to be found in another version.
+    pub(crate) fn script(&self) -> &super::Script {
+        &self.script
+    }
+}

@@ -1,0 +1,46 @@
+//! Whether two networks are one: what moves in one can go on in the other.
+
+use super::{Network, Part, Run};
+
+impl Network {
+    /// Whether all is what it is in `other`, under the same names. Where and how it begins may differ, and so may
+    /// parts that none of its modules belong to.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        let (own, their) = (&self.mats, &other.mats);
+        let parts = |a: usize, b: usize| self.part_at(a) == other.part_at(b);
+        let run = |(own, their): (&Run, &Run)| {
+            let ends = |run: &Run| (run.a, run.b, run.len, run.first);
+            let numbers = |run: &Run| [run.k, run.z, run.rest];
+            ends(own) == ends(their)
+                && numbers(own) == numbers(their)
+                && own.kind == their.kind
+                && parts(own.part, their.part)
+        };
+        let mut pairs = own.part.iter().zip(&their.part);
+        own.kind == their.kind
+            && [&own.m, &own.k, &own.z, &own.rest] == [&their.m, &their.k, &their.z, &their.rest]
+            && pairs.all(|(&a, &b)| parts(a as usize, b as usize))
+            && self.runs.len() == other.runs.len()
+            && self.runs.iter().zip(&other.runs).all(run)
+            && self.outputs == other.outputs
+            && self.names == other.names
+    }
+
+    /// Whether it also begins as `other` does.
+    pub(crate) fn begins_as(&self, other: &Self) -> bool {
+        let (own, their) = (&self.mats, &other.mats);
+        [&own.x0, &own.v0] == [&their.x0, &their.v0] && self.is_same(other)
+    }
+
+    /// Parts that its MATs belong to, rising.
+    pub(crate) fn used_parts(&self) -> Vec<usize> {
+        let mut used: Vec<usize> = self.mats.part.iter().map(|&part| part as usize).collect();
+        used.sort_unstable();
+        used.dedup();
+        used
+    }
+
+    fn part_at(&self, part: usize) -> Option<&Part> {
+        self.parts.get(part)
+    }
+}

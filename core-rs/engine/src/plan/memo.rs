@@ -1,0 +1,83 @@
+//! What a plan found out about bodies, so that the next version's need not find it out again.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use super::linear::NoModes;
+use super::modes::{Modes, Row};
+use crate::network::Network;
+use crate::units::Rate;
+
+/// The modes of one body, as far as anybody asked for them.
+#[derive(Debug)]
+pub(super) struct Solved {
+    network: Network,
+    rate: Rate,
+    rows: Vec<Row>,
+    modes: Modes,
+}
+
+/// What is known of bodies, and what a plan on its way finds out.
+#[derive(Default)]
+pub(super) struct Memo<'a> {
+    known: &'a [Arc<Solved>],
+    found: RefCell<Vec<Arc<Solved>>>,
+}
+
+impl<'a> Memo<'a> {
+    pub(super) fn new(known: &'a [Arc<Solved>]) -> Self {
+        Self {
+            known,
+            found: RefCell::default(),
+        }
+    }
+
+    /// For the next plan.
+    pub(super) fn found(self) -> Vec<Arc<Solved>> {
+        self.found.into_inner()
+    }
+
+    /// As [`Modes::new`], to the last bit: each row is turned by itself.
+    pub(super) fn modes(
+        &self,
+        network: &Network,
+        rows: &[Row],
+        rate: Rate,
+    ) -> Result<Modes, NoModes> {
+        let is_ours = |solved: &&Arc<Solved>| {
+            solved.rate.hertz() == rate.hertz() && solved.network.begins_as(network)
+        };
+        let at_hand = self.found.borrow().iter().find(is_ours).cloned();
+        let known = at_hand.or_else(|| self.known.iter().find(is_ours).cloned());
+        let place = |solved: &Solved, row: &Row| solved.rows.iter().position(|own| own == row);
+        if let Some(solved) = &known {
+            let places: Option<Vec<usize>> = rows.iter().map(|row| place(solved, row)).collect();
+            if let Some(places) = places {
+                self.keep(solved.clone());
+                return Ok(solved.modes.seen_by(&places));
+            }
+        }
+        // Rows that were asked for once are asked for again.
+        let mut all = rows.to_vec();
+        if let Some(solved) = &known {
+            let others = solved.rows.iter().filter(|row| !rows.contains(row));
+            all.extend(others.cloned());
+        }
+        let modes = Modes::new(network, &all, rate)?;
+        let places: Vec<usize> = (0..rows.len()).collect();
+        let own = modes.seen_by(&places);
+        self.keep(Arc::new(Solved {
+            network: network.clone(),
+            rate,
+            rows: all,
+            modes,
+        }));
+        Ok(own)
+    }
+
+    fn keep(&self, solved: Arc<Solved>) {
+        let mut found = self.found.borrow_mut();
+        found.retain(|other| !solved.network.begins_as(&other.network));
+        found.push(solved);
+    }
+}

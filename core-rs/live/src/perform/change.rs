@@ -1,0 +1,116 @@
+//! What is to change at a frame: another version of what plays, of who hears it, of how loud it is.
+//!
+//! A change is made where time does not count and comes to the physics thread as a box; what it replaces goes back in the
+//! same box, to be freed where it came from.
+
+use ergon_engine::mix::mixer::Mixer;
+use ergon_engine::simulation::{Carry, Simulation};
+
+use super::player::Player;
+use super::status::What;
+
+/// Changes that may wait at once.
+pub(super) const WAITING: usize = 64;
+
+/// What is to change; what is not said stays.
+#[derive(Default)]
+pub struct Change {
+    /// Another simulation, at the frame of the change, and what it takes over from the one that plays.
+    pub simulation: Option<(Simulation, Carry)>,
+    /// Another mixer, of as many channels.
+    pub mixer: Option<Mixer>,
+    /// Gains of groups of routes.
+    pub gains: Vec<(usize, f64)>,
+    /// The gain after the mixer.
+    pub gain: Option<f64>,
+    /// Frames at which bars begin, rising.
+    pub bars: Option<Vec<u64>>,
+    /// Where hands stand in at each tick, hand by hand.
+    pub standins: Option<Vec<Vec<f64>>>,
+}
+
+/// A change on its way.
+pub(crate) struct Due {
+    pub(super) at: u64,
+    pub(super) ticket: u64,
+    pub(super) change: Change,
+    /// Room for what the new simulation is heard by   (every · n_out)
+    pub(super) heard: Vec<f64>,
+}
+
+impl Player {
+    /// A change came: it waits for its frame, behind those of the same frame.
+    pub(super) fn wait_for(&mut self, due: Box<Due>) {
+        if self.waiting.len() == WAITING {
+            self.tell(What::Late(due.ticket));
+            self.give_back(due);
+            return;
+        }
+        let at = self.waiting.partition_point(|other| other.at <= due.at);
+        self.waiting.insert(at, due);
+    }
+
+    /// Do what is due at the first frame of this tick; what was due before it comes too late and is left.
+    pub(super) fn changes(&mut self) {
+        while self.waiting.first().is_some_and(|due| due.at <= self.frame) {
+            let mut due = self.waiting.remove(0);
+            let done = due.at == self.frame && self.change(&mut due);
+            let ticket = due.ticket;
+            self.tell(if done {
+                What::Changed(ticket)
+            } else {
+                What::Late(ticket)
+            });
+            self.note(format_args!("{{\"change\":{ticket},\"done\":{done}}}"));
+            self.give_back(due);
+        }
+    }
+
+    /// False where the simulation is of another frame, or has other outputs than are mixed: nothing is changed then.
+    fn change(&mut self, due: &mut Due) -> bool {
+        let Due { change, heard, .. } = due;
+        let stage = &mut self.stage;
+        let simulation = change
+            .simulation
+            .as_ref()
+            .map_or(&stage.simulation, |(own, _)| own);
+        let mixer = change.mixer.as_ref().unwrap_or(&stage.mixer);
+        if simulation.n_out() != mixer.n_out() {
+            return false;
+        }
+        if let Some((simulation, carry)) = &mut change.simulation {
+            if !simulation.take_over(&mut stage.simulation, carry) {
+                return false;
+            }
+            std::mem::swap(simulation, &mut stage.simulation);
+            std::mem::swap(heard, &mut self.heard);
+        }
+        if let Some(mixer) = &mut change.mixer {
+            let outputs = change.simulation.as_ref().map(|(_, carry)| carry.outputs());
+            mixer.take_over(&stage.mixer, outputs);
+            std::mem::swap(mixer, &mut stage.mixer);
+        }
+        for &(group, gain) in &change.gains {
+            stage.mixer.set_gain(group, gain);
+        }
+        if let Some(gain) = change.gain {
+            self.gain.set(gain);
+        }
+        if let Some(bars) = &mut change.bars {
+            std::mem::swap(bars, &mut stage.bars);
+        }
+        if let Some(standins) = &mut change.standins {
+            for (hand, standin) in stage.hands.iter_mut().zip(standins) {
+                std::mem::swap(&mut hand.standin, standin);
+            }
+        }
+        true
+    }
+
+    /// To be freed elsewhere; where nobody takes it back it is not freed at all.
+    fn give_back(&mut self, due: Box<Due>) {
+        if let Err(rtrb::PushError::Full(due)) = self.links.garbage.push(due) {
+            std::mem::forget(due);
+        }
+    }
+}
