@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import random
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ tempo:
   - {at: 1|1, bpm: 120}
 keys:
   k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
-  k2: {like: k1}
+  k2: {M: 400g, K: 60N/m, Z: 10Ns/m}         # creeps back
 instruments:
   bell:
     modules:
@@ -94,20 +95,28 @@ def test_a_redefinition_waits_for_its_bar_and_what_sounds_goes_on(session):
     session.ok("play")
     session.ok("ada plays knock every 1")
     session.run(5.3)
-    for height in range(3, 12):
-        session.ok(f"knock = 0@0 smooth {height}@1/8 smooth 0@1/2")
+    for height in range(30, 75, 5):
+        session.ok(f"knock = 0@0 smooth {height / 10}@1/8 smooth 0@1/2")
         session.run(1.0)
     third = np.abs(np.diff(session.sound[:, 0], 3))
     seconds = third[: len(third) // int(session.rate) * int(session.rate)]
     peaks = seconds.reshape(-1, int(session.rate)).max(axis=1)
     assert peaks[6:].max() < 20 * peaks[3:6].max()
-    assert "11mm@" not in session.session.commits.head.texts.text
-    assert "11@1/8" in session.session.commits.head.texts.text
+    assert "smooth 7.0@1/8" in session.session.commits.head.texts.text
 
 
 def test_a_hostile_line_changes_no_sample(tmp_path):
     """Check 8: 200 bad lines, and the sound of a run without them."""
-    plain, hurt = (Stepped(SCORE, tmp_path / name) for name in ("a", "b") if _made(tmp_path, name))
+    with closing(_at(tmp_path / "a")) as plain, closing(_at(tmp_path / "b")) as hurt:
+        _hurt(plain, hurt)
+
+
+def _at(folder: Path) -> Stepped:
+    folder.mkdir()
+    return Stepped(SCORE, folder)
+
+
+def _hurt(plain: Stepped, hurt: Stepped) -> None:
     chance = random.Random(5)
     for stepped in (plain, hurt):
         stepped.ok("play")
@@ -115,7 +124,7 @@ def test_a_hostile_line_changes_no_sample(tmp_path):
     bad = [
         "ada plyas knock",
         "ada plays nothing",
-        "knock = 0@0 throw 12@1/8 throw 0@3/8",
+        "knock = 0@0 throw 12@125ms throw 0@375ms",
         "knock = 0@0 smooth 400@1/8",
         "set bell.m.K 4N",
         "tempo -3",
@@ -141,18 +150,13 @@ def test_a_hostile_line_changes_no_sample(tmp_path):
             stepped.run(0.02)
     assert np.array_equal(plain.sound, hurt.sound)
     hurt.ok("ada plays lean")
-    for stepped in (plain, hurt):
-        stepped.close()
-
-
-def _made(folder: Path, name: str) -> bool:
-    (folder / name).mkdir()
-    return True
 
 
 def test_a_refused_throw_says_how_far_and_what_to_type(session):
-    reply = session.type("knock = 0@0 throw 12@1/8 throw 0@3/8")
-    assert not reply.taken and "travel" in reply.text
+    reply = session.type("knock = 0@0 throw 12@125ms throw 0@375ms")
+    assert not reply.taken
+    assert "98." in reply.text
+    assert "travel" in reply.text
     reply = session.type("ada plyas knock")
     assert reply.try_ == "ada plays knock"
 
@@ -176,26 +180,26 @@ def test_rest_ends_after_the_gesture_and_hush_at_once(session):
 
 def test_a_hushed_bell_decays_as_its_model_says(session):
     session.ok("play")
-    session.ok("ada plays knock now")
+    session.ok("leo plays knock every 1 now")
     session.run(0.4)
     session.ok("hush now")
-    session.run(0.2)
+    session.run(0.3)
     start = len(session.sound)
-    session.run(0.6)
-    ring = session.sound[start:, 0] - session.sound[-1, 0]
-    blocks = np.abs(ring[: len(ring) // 441 * 441].reshape(-1, 441)).max(axis=1)
+    session.run(0.4)
+    ring = session.sound[start:, 1]
+    blocks = np.abs(ring[: len(ring) // 882 * 882].reshape(-1, 882)).max(axis=1)
     keep = blocks > 1e-3 * blocks[0]
     slope = np.polyfit(np.arange(len(blocks))[keep], 20 * np.log10(blocks[keep]), 1)[0]
-    t60 = -60.0 / (slope * 100.0)
-    assert t60 == pytest.approx(0.5, rel=0.1)
+    t60 = -60.0 / (slope * 50.0)
+    assert t60 == pytest.approx(0.3, rel=0.05)
 
 
 def test_undo_comes_back_to_the_first_version(session):
     """Check 11: ten changes, ten undo; redo returns; history lists them."""
     session.ok("play")
     first = session.session.commits.head
-    for height in range(2, 12):
-        session.ok(f"knock = 0@0 smooth {height}@1/8 smooth 0@1/2 now")
+    for height in range(20, 70, 5):
+        session.ok(f"knock = 0@0 smooth {height / 10}@1/8 smooth 0@1/2 now")
         session.run(0.3)
     last = session.session.commits.head
     for _ in range(10):
@@ -203,7 +207,9 @@ def test_undo_comes_back_to_the_first_version(session):
         session.run(2.1)
     assert session.session.commits.head.texts == first.texts
     rows = session.ok("history").lines
-    assert len(rows) == 11 and rows[0].startswith(">") and "11@1/8" in rows[-1]
+    assert len(rows) == 11
+    assert rows[0].startswith(">")
+    assert "6.5@1/8" in rows[-1]
     assert "nothing before" in session.type("undo").text
     for _ in range(10):
         session.ok("redo now")
@@ -227,7 +233,7 @@ def test_a_line_now_acts_before_one_that_waits(session):
     session.run(0.3)
     session.ok("ada plays lean every 2 at 4|1")
     session.ok("leo plays knock every 1 now")
-    session.run(0.4)
+    session.run(0.2)
     assert "leo" in dict(session.session.state().playing)
     assert "ada" not in dict(session.session.state().playing)
     session.run(6.0)
@@ -242,7 +248,7 @@ def test_the_journal_renders_the_same_samples(session):
     session.run(3.3)
     session.ok("leo plays lean every 2 do scale 0.8, jitter 4ms 0.2mm")
     session.run(2.2)
-    session.ok("knock = 0@0 smooth 9@1/8 smooth 0@1/2")
+    session.ok("knock = 0@0 smooth 7@1/8 smooth 0@1/2")
     session.ok("tempo 90 -> 140 over 2bar")
     session.run(4.1)
     session.ok("gain bell -6dB")
@@ -266,7 +272,7 @@ def test_a_saved_score_keeps_its_comments_and_passes(session, tmp_path):
     session.ok("play")
     session.ok("ada plays knock every 1")
     session.run(3.0)
-    session.ok("knock = 0@0 smooth 9@1/8 smooth 0@1/2")
+    session.ok("knock = 0@0 smooth 7@1/8 smooth 0@1/2")
     session.run(3.0)
     session.ok("save live")
     saved = (tmp_path / "live.yaml").read_text(encoding="utf-8")

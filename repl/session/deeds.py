@@ -10,10 +10,13 @@ from ergon.repl.language import commands as c
 from ergon.repl.session.edits import keys, names, parts, times
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Desk, NotTakenError, Version, piece_of
+from ergon.scores.staging.stage import solo
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Deed
     from ergon.repl.session.running import Running
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
 
 
 def same(version: Version, beat: float) -> Version:
@@ -43,11 +46,22 @@ def _read(version: Version, texts: Texts) -> Version:
     return replace(version, texts=texts, piece=piece_of(texts))
 
 
+def rehearsed(piece: Piece, name: str) -> list[Stage]:
+    """A gesture alone on each key that it is played on, or on the first. Raises StageError."""
+    players = (piece.players[play.player] for play in piece.parts if play.what == name)
+    on = dict.fromkeys(player.key for player in players) or dict.fromkeys([*piece.keys][:1])
+    mix = replace(piece.mix, routes=(), channels=1)
+    bare = replace(piece, instruments={}, duet=(), strikes=(), mix=mix)
+    return [solo(bare, name, key) for key in on]
+
+
 # --- what is written -----------------------------------------------------------------------------
 
 
 def _define(command: c.Define, version: Version, beat: float) -> Texts:
-    return names.define(version.texts, command.name, command.words["notation"].text)
+    texts = names.define(version.texts, command.name, command.words["notation"].text)
+    rehearsed(piece_of(texts), command.name)
+    return texts
 
 
 def _plays(command: c.Plays, version: Version, beat: float) -> Texts:

@@ -156,7 +156,8 @@ class Steps:
         self._simulation, self._stage = new, change.stage
         for group, gain in change.gains.items():
             self._mixer.set_gain(group, gain)
-        new.damp(change.damp)
+        if change.damp is not None:
+            new.damp(change.damp)
 
     def look(self) -> Look:
         """Nothing is late that is done by hand."""

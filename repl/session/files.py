@@ -23,6 +23,8 @@ def save(session: Session, target: Path | None) -> list[str]:
     piece_of(texts)
     own = Path(texts.path)
     path = own if target is None else target
+    if path.parent == Path():  # a mere name
+        path = own.parent / path
     if path.suffix == "":
         path = path.with_suffix(own.suffix)
     if path.resolve().parent != own.resolve().parent:

@@ -6,8 +6,8 @@ import shutil
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ergon.repl.session.deeds import rehearsed
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.staging.stage import solo
 from ergon.scores.text.document import Mapping, compose
 from ergon.scores.text.errors import Collector
 from ergon.scores.text.spelling import nearest
@@ -31,18 +31,16 @@ def drawn(version: Version, name: str) -> list[str]:
     piece = version.piece
     if name not in piece.gestures and name not in piece.takes:
         return show(version, name)
-    keys = [piece.players[play.player].key for play in piece.parts if play.what == name]
-    key = next(iter([*keys, *piece.keys]), None)
-    if key is None:
+    if not piece.keys:
         raise NotTakenError("this score has no key to play on")
-    alone = solo(piece, name, key)
+    alone = rehearsed(piece, name)[0]
     first = alone.gestures[0]
     start, stop = max(0.0, first.start - _ROOM), first.stop
-    reach = piece.keys[key].reach
+    reach = piece.keys[first.key].reach
     curves = asked_and_done(alone.simulation, first.key_index, first.struck, start, stop, reach)
     width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     text = plot(curves, width=width, height=_HEIGHT, x_label="position [mm]")
-    return [f"{name} on {key}", *text.splitlines()]
+    return [f"{name} on {first.key}", *text.splitlines()]
 
 
 def scoped(running: Running, frame: int, name: str) -> list[str]:

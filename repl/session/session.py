@@ -147,6 +147,8 @@ class Session:
 
     def close(self) -> None:
         """Hush, and let go of everything."""
+        if self._over.is_set():
+            return
         self._over.set()
         if self._thread is not None:
             self._thread.join()
