@@ -155,7 +155,7 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
 def test_a_refused_throw_says_how_far_and_what_to_type(session):
     reply = session.type("knock = 0@0 throw 12@125ms throw 0@375ms")
     assert not reply.taken
-    assert "98." in reply.text
+    assert "98." in reply.text, reply.text
     assert "travel" in reply.text
     reply = session.type("ada plyas knock")
     assert reply.try_ == "ada plays knock"
@@ -293,6 +293,20 @@ def test_what_repeats_goes_on_beyond_the_horizon(session):
     session.close()
     late = session.sound[-int(0.5 * session.rate) :, 1]
     assert np.max(np.abs(late)) > 0.1 * np.max(np.abs(session.sound[:, 1]))
+    assert np.array_equal(session.again(), session.sound)
+
+
+def test_lines_of_one_bar_come_together(session):
+    session.ok("play")
+    session.ok("ada plays knock every 1")
+    session.ok("leo plays lean every 2")
+    session.ok("knock = 0@0 smooth 4@1/8 smooth 0@1/2")
+    session.ok("tempo 150")
+    session.run(2.5)
+    assert session.session.messages() == []
+    assert session.session.state().tempo == 150
+    assert {who for who, _ in session.session.state().playing} == {"ada", "leo"}
+    session.close()
     assert np.array_equal(session.again(), session.sound)
 
 

@@ -36,16 +36,16 @@ def _play(session: Session, command: c.Play) -> Reply:
             beat = tempo.resolve(command.start)
         except TextError as error:
             raise NotTakenError(error.message) from None
-    waiting = session.queue("play", deeds.same, c.NOW, goes=True, beat=beat, restores=-1)
-    return Reply(True, f"ok from {session.where(waiting)}")
+    where, _ = session.queue("play", deeds.same, c.NOW, goes=True, beat=beat, restores=-1)
+    return Reply(True, f"ok from {where}")
 
 
 def _stop(session: Session, command: c.Stop) -> Reply:
     if not session.commits.running.clock.goes:
         raise NotTakenError("it stands already; `play` goes on")
     when = c.NOW if command.when is None else command.when
-    waiting = session.queue("stop", deeds.same, when, goes=False, restores=-1)
-    return Reply(True, f"ok {session.where(waiting)} the piece stands; `play` goes on from there")
+    where, _ = session.queue("stop", deeds.same, when, goes=False, restores=-1)
+    return Reply(True, f"ok {where} the piece stands; `play` goes on from there")
 
 
 def _panic(session: Session, command: c.Panic) -> Reply:
@@ -107,9 +107,9 @@ def _back_to(session: Session, index: int, line: str, none: str) -> Reply:
     def restore(version: Version, beat: float) -> Version:
         return replace(target, cuts=False, damp=None)
 
-    waiting = session.queue(line, restore, restores=target.number)
+    where, _ = session.queue(line, restore, restores=target.number)
     session.at = index
-    return Reply(True, f"ok {session.where(waiting)} as after: {target.line or 'the beginning'}")
+    return Reply(True, f"ok {where} as after: {target.line or 'the beginning'}")
 
 
 def _history(session: Session, command: c.History) -> Reply:

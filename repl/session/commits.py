@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -59,7 +59,8 @@ class Commits:
     margin: int  # frames between asking for a change and the first in which it can be
     head: Version
     waiting: list[Waiting] = field(default_factory=list)
-    handed: list[tuple[int, Waiting, Running]] = field(default_factory=list)  # on what, by ticket
+    # By ticket: what was handed over, and on what.
+    handed: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
 
     # --- when ------------------------------------------------------------------------------------
 
@@ -156,48 +157,61 @@ class Commits:
 
     # --- handing over ----------------------------------------------------------------------------
 
-    def tick(self) -> None:
-        """Hand over what is due soon, and put on the timeline what comes after the horizon."""
-        soon = self.engine.frame + self.margin + int(_AHEAD * self.rate)
-        while self.waiting and self.waiting[0].start <= soon:
-            self._hand(self.waiting.pop(0))
+    def tick(self) -> list[Waiting]:
+        """Hand over what is due soon, and put on the timeline what comes after the horizon.
+
+        Lines that were not ready in time, and wait again.
+        """
+        late = []
+        while self.waiting and self.waiting[0].start <= self._soon():
+            one = self.waiting[0]
+            if one.start < self.soonest():
+                one.beat, one.start, one.made = *self.place(None, Length(bars=1.0)), None
+                self.waiting.sort(key=lambda other: other.start)
+                late.append(one)
+                continue
+            group = [other for other in self.waiting if other.start == one.start]
+            self.waiting = self.waiting[len(group) :]
+            self._hand(group)
         bars = self.running.version.piece.tempo_map.bars
         running = self.running
         if not running.clock.goes or self.waiting:
-            return
+            return late
         half = bars.start(bars.bar_beat(running.until)[0] - HORIZON // 2)
         if self.now() > half:
             damp = running.version.damp
             again = Waiting("", lambda old, _: replace(old, damp=damp), *self.place(NOW, None))
             self.take(again)
-            self.tick()
+            late += self.tick()
+        return late
 
-    def _hand(self, one: Waiting) -> None:
-        late = one.start < self.soonest()
-        if late:
-            one.beat, one.start, one.made = *self.place(None, Length(bars=1.0)), None
-        made = one.made if one.made is not None and one.on is self.running else None
-        made = made or self._follow(self.running, one)
-        before = self.running
+    def _soon(self) -> int:
+        return self.engine.frame + self.margin + int(_AHEAD * self.rate)
+
+    def _hand(self, group: Sequence[Waiting]) -> None:
+        """Lines of one boundary come into effect together: the last is what all of them made."""
+        before = on = self.running
+        for one in group:
+            is_made = one.made is not None and one.on is on
+            on = one.made if is_made and one.made is not None else self._follow(on, one)
         change = Change(
-            one.start,
-            made.stage,
-            one.resets,
-            gains=_moved(before, made),
-            damp=made.version.damp,
+            on.start,
+            on.stage,
+            any(one.resets for one in group),
+            gains=_moved(before, on),
+            damp=on.version.damp,
         )
-        ticket = self.engine.change(change)
-        self.handed.append((ticket, one, before))
-        self.running = made
+        self.handed.append((self.engine.change(change), group, before))
+        self.running = on
         if not self.waiting:
-            self.head = made.version
+            self.head = on.version
 
     def late(self, ticket: int) -> list[Waiting]:
         """A change came too late: it and all that were built on it wait again; which they are."""
         index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
         if index is None:
             return []
-        back = [one for _, one, _ in self.handed[index:]]
+        back = [one for _, group, _ in self.handed[index:] for one in group]
         self.running = self.handed[index][2]
         del self.handed[index:]
         for one in back:
@@ -205,10 +219,10 @@ class Commits:
         self.waiting = [*back, *self.waiting]
         return back
 
-    def done(self, ticket: int) -> Waiting | None:
-        """A change was made: which line's."""
+    def done(self, ticket: int) -> Sequence[Waiting]:
+        """A change was made: which lines'."""
         index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
-        return None if index is None else self.handed.pop(index)[1]
+        return () if index is None else self.handed.pop(index)[1]
 
 
 def faders(running: Running) -> dict[int, float]:

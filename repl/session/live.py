@@ -53,7 +53,7 @@ class Live:
             old=None if change.resets else old.simulation,
             mixer=stage.mixer(highpass=self._highpass) if is_new else None,
             gains=list(change.gains.items()),
-            damp=change.damp,
+            **({} if change.damp is None else {"damp": change.damp}),
             bars=bars(stage, change.at + int(_BARS * stage.rate)),
         )
 
@@ -65,7 +65,7 @@ class Live:
     def look(self) -> Look:
         """How it goes."""
         status = self._performance.status()
-        return Look(status.load, status.late, status.peaks)
+        return Look(status.load, status.late, status.peaks[: self._stage.n_channels])
 
     def told(self) -> Sequence[Told]:
         """What happened since the last call."""

@@ -189,11 +189,9 @@ class Session:
         """Make a version of what commands ask for."""
         when: When = next((c.when for c in commands if c.when is not None), None)
         is_read = any(type(command) in deeds.READ for command in commands)
-        waiting = self.queue(text, deeds.together(commands), when, is_read=is_read)
-        made = waiting.made
-        assert made is not None
-        said = "; ".join(deeds.said(command, made) for command in commands)
-        return Reply(True, f"ok {self.where(waiting)} {said}".rstrip())
+        where, made = self.queue(text, deeds.together(commands), when, is_read=is_read)
+        said = "; ".join(filter(None, (deeds.said(command, made) for command in commands)))
+        return Reply(True, f"ok {where} {said}".rstrip())
 
     def queue(
         self,
@@ -206,10 +204,11 @@ class Session:
         resets: bool = False,
         restores: int | None = None,
         is_read: bool = False,
-    ) -> Waiting:
+    ) -> tuple[str, Running]:
         """Let a line wait for its boundary; a new version unless it `restores` an old one.
 
-        What was read from files stands in the journal as it was.
+        Where it comes into effect, and what plays then. What was read from files stands in the
+        journal as it was.
         """
         place, start = self.commits.place(when, self.quant)
         self._number += 1
@@ -222,6 +221,7 @@ class Session:
         enter = place if beat is None else beat
         waiting = Waiting(line, numbered, enter, start, goes, resets, number=number)
         made = self.commits.take(waiting)
+        where = made.version.piece.tempo_map.written(waiting.beat)
         self._tell(
             "line",
             number=number,
@@ -231,20 +231,16 @@ class Session:
             goes=goes,
             resets=resets,
             restores=restores,
-            where=self.where(waiting),
+            where=where,
             **(said(made.version.texts) if is_read else {}),
         )
         if restores is None:
             del self.versions[self.at + 1 :]
-            self.versions.append((made.version, self.where(waiting)))
+            self.versions.append((made.version, where))
             self.at += 1
         self._rescope()
         self.pump()
-        return waiting
-
-    def where(self, waiting: Waiting) -> str:
-        """The boundary of a line, in bars and beats."""
-        return self.commits.head.piece.tempo_map.written(waiting.beat)
+        return where, made
 
     def pump(self) -> None:
         """Hand over what is due, and hear what the engine tells."""
@@ -254,17 +250,22 @@ class Session:
                     where = self._written(told.frame)
                     self._messages.append(f"{where} {told.sentence}")
                 elif told.ticket is not None and told.is_late:
-                    for one in self.commits.late(told.ticket):
-                        self._messages.append(f"'{one.line}' came too late; it waits for the bar")
-                elif told.ticket is not None and (done := self.commits.done(told.ticket)):
-                    self._committed(done, told.frame)
-            self.commits.tick()
+                    self._late(self.commits.late(told.ticket))
+                elif told.ticket is not None:
+                    self._committed(self.commits.done(told.ticket), told.frame)
+            self._late(self.commits.tick())
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
 
-    def _committed(self, done: Waiting, frame: int) -> None:
-        if done.number:  # else only the horizon went on
-            self._tell("commit", number=done.number, frame=frame, beat=done.beat)
+    def _late(self, lines: Sequence[Waiting]) -> None:
+        for one in lines:
+            if one.line:
+                self._messages.append(f"'{one.line}' came too late; it waits for the next bar")
+
+    def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
+        for one in lines:
+            if one.number:  # else only the horizon went on
+                self._tell("commit", number=one.number, frame=frame, beat=one.beat)
 
     def run(self) -> None:
         """Look after the engine in a thread of its own, until the session is closed."""
@@ -306,5 +307,4 @@ class Session:
 
 
 def _not_taken(message: str, try_: str | None = None, help: str | None = None) -> Reply:
-    more = f" ({help})" if help else ""
-    return Reply(False, f"not taken: {message}{more}", try_)
+    return Reply(False, f"{message} ({help})" if help else message, try_)
