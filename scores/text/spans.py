@@ -1,0 +1,198 @@
+"""Where everything of a YAML text stands: what an edit must know and a reader need not.
+
+Unlike the nodes of a document, aliases stand for themselves, collections say how they are written,
+and nothing ends later than its last character.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import yaml
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_BLANK = re.compile(r"(?:\s|(?:(?<=\s)|\A)#[^\r\n]*)*")
+_ANCHOR = re.compile(r"&[^\s,\[\]{}]+\s*")
+_HEADER = re.compile(r"(?:&\S+\s+)?[|>][-+0-9]*")
+_END_OF_LINE = re.compile(r"[\r\n]|\Z")
+
+Kind = Literal["scalar", "alias", "mapping", "sequence"]
+
+
+class Splice(NamedTuple):
+    """Characters from `start` to `end` become `text`."""
+
+    start: int
+    end: int
+    text: str
+
+
+@dataclass(slots=True)
+class Span:
+    """A node from its first character (of its anchor) to its last; `keys` are a mapping's."""
+
+    kind: Kind
+    start: int
+    end: int = 0
+    flow: bool = False
+    style: str | None = None
+    value: str = ""
+    keys: list[Span] = field(default_factory=list)
+    items: list[Span] = field(default_factory=list)
+
+    @property
+    def is_empty(self) -> bool:
+        """Nothing is written, or `~`, which says so."""
+        return self.kind == "scalar" and self.style is None and self.value in ("", "~", "null")
+
+    @property
+    def is_block(self) -> bool:
+        """A text below `|` or `>`."""
+        return self.style in ("|", ">")
+
+    def index(self, name: str | int) -> int | None:
+        """The number of a child under a name or at an index; None where there is none."""
+        if self.kind == "mapping":
+            found = (i for i, key in enumerate(self.keys) if key.value == name)
+            return next(found, None)
+        if self.kind == "sequence" and isinstance(name, int) and 0 <= name < len(self.items):
+            return name
+        return None
+
+
+@dataclass(slots=True)
+class Layout:
+    """A text, its root span and its manners: line break, step of indentation."""
+
+    text: str
+    root: Span | None
+    newline: str
+    step: int
+
+    def line_start(self, index: int) -> int:
+        """Where the line of a character begins; a break belongs to the line that it ends."""
+        if self.text.startswith("\r\n", index - 1) and index:
+            index -= 1
+        return max(self.text.rfind("\n", 0, index), self.text.rfind("\r", 0, index)) + 1
+
+    def line_end(self, index: int) -> int:
+        """Where the line of a character ends, its break not counted."""
+        found = _END_OF_LINE.search(self.text, index)
+        return found.start() if found else len(self.text)
+
+    def next_line(self, index: int) -> int:
+        """Where the line after that of a character begins."""
+        end = self.line_end(index)
+        return end + (2 if self.text.startswith("\r\n", end) else 1 if end < len(self.text) else 0)
+
+    def column(self, index: int) -> int:
+        """How many characters of its line come before."""
+        return index - self.line_start(index)
+
+    def begins_line(self, index: int) -> bool:
+        """Whether only spaces come before in its line."""
+        return not self.text[self.line_start(index) : index].strip()
+
+    def token(self, index: int) -> int:
+        """The next character from `index` on that is neither space nor comment."""
+        found = _BLANK.match(self.text, index)
+        return found.end() if found else index
+
+    def header_end(self, span: Span) -> int:
+        """Where the `|` of a block ends, its indicators counted."""
+        found = _HEADER.match(self.text, span.start)
+        return found.end() if found else span.start + 1
+
+    def mark(self, parent: Span, number: int) -> int:
+        """Where a child begins: its name, or its dash in a block sequence."""
+        if parent.kind == "mapping":
+            return parent.keys[number].start
+        if parent.flow:
+            return parent.items[number].start
+        if number:
+            return self.token(parent.items[number - 1].end)
+        anchor = _ANCHOR.match(self.text, parent.start)
+        return self.token(anchor.end() if anchor else parent.start)
+
+    def rows(self, start: int, end: int) -> tuple[int, int]:
+        """The whole lines from one character's to another's, with as many line breaks."""
+        return self.broken(self.line_start(start), self.next_line(end))
+
+    def broken(self, first: int, after: int) -> tuple[int, int]:
+        """The same lines; where the last has no break, that of the line before goes with them."""
+        if first and after == len(self.text) and not self.text.endswith(("\n", "\r")):
+            first -= 2 if self.text.startswith("\r\n", first - 2) else 1
+        return first, after
+
+    def is_blank(self, index: int) -> bool:
+        """Whether a line holds nothing; there is none below the last."""
+        return not self.text[self.line_start(index) : self.line_end(index)].strip()
+
+    def spliced(self, splices: list[Splice]) -> str:
+        """The text with all replacements made."""
+        pieces: list[str] = []
+        done = 0
+        for splice in sorted(splices, key=lambda splice: splice.start):
+            pieces += (self.text[done : splice.start], splice.text)
+            done = splice.end
+        return "".join((*pieces, self.text[done:]))
+
+
+def layout(text: str) -> Layout:
+    """Lay out a text that is YAML: one document, its depth and size known to be bounded."""
+    root = _root(text)
+    first = _END_OF_LINE.search(text)
+    newline = "\r\n" if text.startswith("\r\n", first.start() if first else 0) else "\n"
+    result = Layout(text, root, newline, 2)
+    if root is not None and root.kind == "mapping" and not root.flow:
+        steps = (
+            result.column(item.keys[0].start) - result.column(root.keys[0].start)
+            for item in root.items
+            if item.kind == "mapping" and not item.flow
+        )
+        result.step = next((step for step in steps if step > 0), 2)
+    return result
+
+
+def _root(text: str) -> Span | None:
+    stack: list[Span] = []
+    root: Span | None = None
+    for event in yaml.parse(text, _LOADER):
+        if isinstance(event, yaml.CollectionEndEvent):
+            span = stack.pop()
+            span.end = _mark(event.end_mark) if span.flow else span.items[-1].end
+        elif isinstance(event, yaml.NodeEvent):
+            span = _span(text, event)
+            if stack:
+                _add(stack[-1], span)
+            else:
+                root = span
+            if isinstance(event, yaml.CollectionStartEvent):
+                stack.append(span)
+    return root
+
+
+def _span(text: str, event: yaml.NodeEvent) -> Span:
+    start, end = _mark(event.start_mark), _mark(event.end_mark)
+    if isinstance(event, yaml.CollectionStartEvent):
+        kind: Kind = "mapping" if isinstance(event, yaml.MappingStartEvent) else "sequence"
+        return Span(kind, start, end, flow=bool(event.flow_style))
+    if not isinstance(event, yaml.ScalarEvent):
+        return Span("alias", start, end, value=event.anchor or "")
+    style = event.style if event.style in ("'", '"', "|", ">") else None
+    if style in ("|", ">"):  # the empty lines below a block are nobody's
+        last = start + len(text[start:end].rstrip())
+        found = _END_OF_LINE.search(text, last)
+        end = found.start() if found else last
+    return Span("scalar", start, end, style=style, value=event.value)
+
+
+def _add(parent: Span, span: Span) -> None:
+    is_key = parent.kind == "mapping" and len(parent.keys) == len(parent.items)
+    (parent.keys if is_key else parent.items).append(span)
+
+
+def _mark(mark: object) -> int:
+    return int(getattr(mark, "index", 0))
