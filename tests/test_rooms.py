@@ -21,6 +21,7 @@ MAY = {
     STAGING: {TEXT, TABLES, CLOCK, GESTURE, READING, "instruments", "_core"},
     "lab": {"scores", "instruments", "exchange", "_core"},
     "live": {"scores", "exchange", "_core"},
+    "repl.session": {"scores", "instruments"},
     "cli": {"scores", "instruments", "exchange", "lab", "live", "view", "_core"},
 }
 

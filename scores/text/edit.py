@@ -9,15 +9,28 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 from ergon.scores.text import document
 from ergon.scores.text.document import Document, Node, Scalar, compose
 from ergon.scores.text.errors import Collector, quote
 from ergon.scores.text.spans import Layout, Span, Splice, layout
-from ergon.scores.text.splices import Changes, EditError, Path, named
+from ergon.scores.text.splices import Changes, named
+from ergon.scores.text.splices import EditError as EditError
+from ergon.scores.text.splices import Path as Path
 
 Tree = str | list[Any] | dict[str, Any] | None  # what a text says; nothing and empty are one
+
+
+@lru_cache(maxsize=16)  # what is checked after one edit is what the next one begins with
+def read(text: str, file: str) -> Document:
+    """The nodes of a text, for looking only. Raises EditError."""
+    collector = Collector()
+    document = compose(text, file, collector)
+    if collector.has_errors():
+        raise EditError(collector.finish()[0].message)
+    return document
 
 
 def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) -> str:
@@ -38,6 +51,22 @@ def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) ->
         in_flow = False
     value = _value(text, in_flow)
     return edit.checked(splices, _with(edit.tree, path, lambda _: value))
+
+
+def insert(document: Document, path: Path, text: str) -> str:
+    """Put an item before the one at a path, whose last name is its index. Raises EditError."""
+    edit = _Edit(document)
+    chain = edit.follow(path)
+    number = path[-1] if path else None
+    if len(chain) <= len(path) or not isinstance(number, int):
+        raise EditError(f"there is no {named(path)}")
+    value = _value(text, in_flow=True)
+    splices = edit.changes.before(chain[-2], number, text)
+
+    def longer(old: Any) -> Tree:
+        return [*old[:number], value, *old[number:]]
+
+    return edit.checked(splices, _with(edit.tree, path[:-1], longer))
 
 
 def append(document: Document, path: Path, text: str, order: Sequence[str] = ()) -> str:
@@ -127,9 +156,18 @@ def quoted(text: str) -> str:
     if text not in ("", "~", "null") and "\n" not in text and text == text.strip():
         collector = Collector()
         items = getattr(compose(f"[{text}]", "", collector).root, "items", [])
-        if not collector.has_errors() and len(items) == 1 and _tree(items[0], {}) == text:
+        if not collector.has_errors() and len(items) == 1 and tree(items[0]) == text:
             return text
     return json.dumps(text, ensure_ascii=False)
+
+
+def flow(said: Tree) -> str:
+    """What a text says in one line."""
+    if isinstance(said, dict):
+        return "{" + ", ".join(f"{name}: {flow(value)}" for name, value in said.items()) + "}"
+    if isinstance(said, list):
+        return "[" + ", ".join(map(flow, said)) + "]"
+    return "{}" if said is None else quoted(said)
 
 
 class _Edit:
@@ -139,7 +177,7 @@ class _Edit:
         self.document = document
         self.layout: Layout = layout(document.text)
         self.changes = Changes(self.layout)
-        self.tree = _tree(document.root, {}) if document.root is not None else None
+        self.tree = tree(document.root)
 
     def follow(self, path: Path) -> list[Span]:
         """The spans from the root to what a path names, or as far as they are written."""
@@ -173,19 +211,15 @@ class _Edit:
     def checked(self, splices: list[Splice], wanted: Tree) -> str:
         """The new text, which says what is wanted and nothing else."""
         text = self.layout.spliced(splices)
-        collector = Collector()
-        again = compose(text, self.document.file, collector)
-        if collector.has_errors():
-            raise EditError(collector.finish()[0].message)
-        if (_tree(again.root, {}) if again.root is not None else None) != wanted:
+        again = read(text, self.document.file)
+        if tree(again.root) != wanted:
             raise EditError("this cannot be changed without changing something else; write it out")
         return text
 
     def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
         """The new text, in which the table has these lines."""
         text = self.layout.spliced(splices)
-        again = compose(text, self.document.file, Collector())
-        node = again.root
+        node = read(text, self.document.file).root
         for name in path:
             node = _child(node, name)
         if not isinstance(node, Scalar) or rows(node.text) != [*rows("\n".join(lines))]:
@@ -219,25 +253,28 @@ def _value(text: str, in_flow: bool) -> Tree:
     if "\n" in text or collector.has_errors():
         raise EditError(f"{quote(text)} is not one value")
     if isinstance(root, document.Sequence) and len(root.items) == 1:
-        return _tree(root.items[0], {})
+        return tree(root.items[0])
     if isinstance(root, document.Mapping) and len(root.entries) == 1:
-        return _tree(root.entries["k"][1], {})
+        return tree(root.entries["k"][1])
     raise EditError(f"{quote(text)} is not one value")
 
 
-def _tree(node: Node, known: dict[int, Tree]) -> Tree:
-    """What a node says, its aliases followed."""
+def tree(node: Node | None, known: dict[int, Tree] | None = None) -> Tree:
+    """What a node says, its aliases followed: texts, lists and mappings of them."""
+    if node is None:
+        return None
+    known = {} if known is None else known
     if id(node) not in known:
-        tree: Tree
+        said: Tree
         if isinstance(node, document.Mapping):
-            tree = {name: _tree(child, known) for name, (_, child) in node.entries.items()} or None
+            said = {name: tree(child, known) for name, (_, child) in node.entries.items()} or None
         elif isinstance(node, document.Sequence):
-            tree = [_tree(child, known) for child in node.items] or None
+            said = [tree(child, known) for child in node.items] or None
         else:
             assert isinstance(node, Scalar)
             text = node.text.rstrip("\n") if node.style in ("|", ">") else node.text
-            tree = None if node.is_empty else text
-        known[id(node)] = tree
+            said = None if node.is_empty else text
+        known[id(node)] = said
     return known[id(node)]
 
 

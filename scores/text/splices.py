@@ -156,6 +156,18 @@ class Changes:
             return [Splice(end, end, f", {text}")]
         return [*splices, self.below(end, [line])]
 
+    def before(self, node: Span, number: int, text: str) -> list[Splice]:
+        """One more in a list, before another: in its line, or in a line above it."""
+        lay = self.layout
+        start = lay.mark(node, number)
+        lead = text if node.flow else f"- {text}"
+        if lay.begins_line(start):
+            after = ("," if node.flow else "") + lay.newline + " " * lay.column(start)
+            return [Splice(start, start, lead + after)]
+        if not node.flow:
+            raise EditError("no line begins here for one more to stand above")
+        return [Splice(start, start, f"{text}, ")]
+
     def wrapped(self, parent: Span, node: Span, text: str) -> list[Splice]:
         """A lone value becomes the first of a list of two."""
         lay = self.layout

@@ -1,0 +1,1 @@
+"""The prompt: a session in which the music is typed while it sounds."""

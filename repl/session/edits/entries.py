@@ -1,0 +1,176 @@
+"""A line of a part as written, in a list or in a table: read, closed, taken away, added."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ergon.repl.session.texts import SECTIONS, Texts
+from ergon.scores.clock.meter import SAME
+from ergon.scores.gesture import words
+from ergon.scores.reading.piece import Piece, Play
+from ergon.scores.text import document, edit
+from ergon.scores.text.document import Node, Scalar
+from ergon.scores.text.edit import EditError
+from ergon.scores.text.errors import TextError
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What is played and how, every field as its text; transformations one by one."""
+
+    fields: Mapping[str, str]  # at, play and options, in the order written
+    do: tuple[str, ...] = ()
+
+    def said(self, **fields: str | None) -> Entry:
+        """The same with other fields; None takes one away."""
+        said = {**self.fields, **fields}
+        return replace(self, fields={name: text for name, text in said.items() if text is not None})
+
+    def flow(self) -> str:
+        """As an item of a list."""
+        said: dict[str, edit.Tree] = dict(self.fields)
+        if self.do:
+            said["do"] = list(self.do)
+        return edit.flow(said)
+
+    def words(self) -> str:
+        """As the words of a row, after its position."""
+        said = [self.fields["play"]]
+        for name, text in self.fields.items():
+            if name in words.OPTIONS and name != "at":
+                is_flag = words.OPTIONS[name] is None
+                said += ([name] if text == "true" else []) if is_flag else [name, text]
+        return " ".join([*said, *(["do", ", ".join(self.do)] if self.do else [])])
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """An entry in its place: its number in the list or row in the table, and when it plays."""
+
+    number: int
+    entry: Entry
+    play: Play
+    begin: float  # [beats of the piece]
+    starts: Sequence[float] | None  # None: only the take's file tells
+
+    def is_open(self, at: float, piece: Piece) -> bool:
+        """Whether it began before a beat and would begin again from there on."""
+        if self.begin >= at - SAME:
+            return False
+        if self.starts is not None:
+            return bool(self.starts) and self.starts[-1] >= at - SAME
+        if self.play.until is not None:
+            return piece.tempo_map.resolve(self.play.until) > at + SAME
+        return self.play.times not in (None, 1)
+
+
+def of_words(text: str, at: str) -> Entry:
+    """The entry that the words of a line stand for. Raises EditError."""
+    try:
+        return _of_play(words.parse(text), text, at)
+    except TextError as error:
+        raise EditError(error.message) from None
+
+
+def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
+    """The entries of a player's part, in the order written."""
+    node = _part(texts, player)
+    numbered: list[tuple[int, Entry]] = []
+    if isinstance(node, document.Sequence):
+        numbered = [(i, _of_item(item)) for i, item in enumerate(node.items)]
+    elif isinstance(node, Scalar) and not node.is_empty:
+        for row, offset in words.rows(node.text):
+            read = words.parse_row(row, offset)
+            number = node.text.count("\n", 0, offset)
+            numbered.append((number, _of_play(read.play, node.text, read.at.text)))
+    plays = [
+        pair for pair in zip(piece.parts, piece.starts, strict=True) if pair[0].player == player
+    ]
+    return [
+        Line(number, entry, play, piece.tempo_map.resolve(play.at), starts)
+        for (number, entry), (play, starts) in zip(numbered, plays, strict=True)
+    ]
+
+
+def close(texts: Texts, player: str, line: Line, until: str) -> Texts:
+    """The entry plays until a position."""
+    path = ("parts", player)
+    if isinstance(_part(texts, player), Scalar):
+        said = _row(texts, player, line.entry.said(until=until), line.number)
+        return texts.changed(edit.put_row(texts.document(), path, line.number, said))
+    try:
+        return texts.put((*path, line.number, "until"), until)
+    except EditError:  # an alias: this one is written out
+        return texts.put((*path, line.number), line.entry.said(until=until).flow())
+
+
+def drop(texts: Texts, player: str, line: Line) -> Texts:
+    """The entry goes."""
+    path = ("parts", player)
+    if isinstance(_part(texts, player), Scalar):
+        return texts.changed(edit.put_row(texts.document(), path, line.number, None))
+    return texts.remove((*path, line.number))
+
+
+def add(texts: Texts, player: str, entry: Entry) -> Texts:
+    """One more entry, as the part's others are written."""
+    node = _part(texts, player)
+    path = ("parts", player)
+    if not isinstance(node, Scalar) or node.is_empty:
+        return texts.changed(edit.append(texts.document(), path, entry.flow(), SECTIONS))
+    return texts.changed(edit.add_row(texts.document(), path, _aligned(entry, node.text)))
+
+
+def _part(texts: Texts, player: str) -> Node | None:
+    root = texts.document().root
+    parts = root.get("parts") if isinstance(root, document.Mapping) else None
+    return parts.get(player) if isinstance(parts, document.Mapping) else None
+
+
+def _of_item(item: Node) -> Entry:
+    assert isinstance(item, document.Mapping)
+    fields = {
+        name: child.text
+        for name, (_, child) in item.entries.items()
+        if isinstance(child, Scalar) and name != "do"
+    }
+    do = item.get("do")
+    chain: list[str] = []
+    if isinstance(do, document.Sequence):
+        chain = [node.text for node in do.items if isinstance(node, Scalar)]
+    elif isinstance(do, Scalar) and not do.is_empty:
+        chain = [text.strip() for text in do.text.split(",")]
+    return Entry(fields, tuple(chain))
+
+
+def _of_play(play: words.PlayWords, text: str, at: str) -> Entry:
+    options = {name: word.text for name, word in play.options.items()}
+    do = tuple(text[t.offset : t.offset + t.length] for t in play.do)
+    return Entry({"at": at, "play": play.what.text, **options}, do)
+
+
+def _row(texts: Texts, player: str, entry: Entry, number: int) -> str:
+    """The row with its end changed where it stands; its spaces stay."""
+    node = _part(texts, player)
+    assert isinstance(node, Scalar)
+    for text, offset in words.rows(node.text):
+        if node.text.count("\n", 0, offset) != number:
+            continue
+        said = words.parse_row(text).play.options.get("until")
+        if said is None:
+            return f"{text.strip()} until {entry.fields['until']}"
+        end = said.offset + len(said.text)
+        return (text[: said.offset] + entry.fields["until"] + text[end:]).strip()
+    raise EditError(f"the part of {player} has no row {number + 1}")
+
+
+def _aligned(entry: Entry, table: str) -> str:
+    """A row whose words stand below those of the last one."""
+    width = 0
+    for row, _ in words.rows(table):
+        cell = re.match(r"\S+\s+", row.strip())
+        width = cell.end() if cell else width
+    at = entry.fields["at"]
+    return f"{at.ljust(width - 1)} {entry.words()}"

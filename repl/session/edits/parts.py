@@ -1,0 +1,108 @@
+"""What a player plays from a beat on: in place of the rest of the part, or nothing more."""
+
+from __future__ import annotations
+
+from ergon.repl.session.edits import entries
+from ergon.repl.session.edits.positions import END, end, written
+from ergon.repl.session.texts import Texts
+from ergon.scores.clock.meter import SAME
+from ergon.scores.gesture.transforms import Middle, apply
+from ergon.scores.reading.piece import Piece
+from ergon.scores.text.edit import EditError
+from ergon.scores.text.errors import quote
+
+
+def play(texts: Texts, piece: Piece, player: str, at: float, words: str) -> Texts:
+    """The player plays the words of a line from a beat on; `every` alone goes on without end.
+
+    Raises EditError.
+    """
+    entry = entries.of_words(words, written(piece, at))
+    if "every" in entry.fields and not {"times", "until"} & set(entry.fields):
+        entry = entry.said(until=end(piece, at))
+    return entries.add(rest(texts, piece, player, at), player, entry)
+
+
+def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Texts:
+    """The same goes on with more done to it, its next occurrence where it would have been.
+
+    A gesture that plays once and is still under way begins again. Raises EditError.
+    """
+    chain = tuple(text.strip() for text in do.split(","))
+    lines = entries.lines(texts, piece, _known(piece, player))
+    playing = [line for line in lines if line.is_open(at, piece)]
+    playing = playing or [line for line in lines if _is_under_way(line, piece, at)][-1:]
+    if not playing:
+        raise EditError(f"{player} plays nothing at {written(piece, at)}")
+    for line in playing:
+        if line.is_open(at, piece):
+            texts = entries.close(texts, player, line, written(piece, at))
+        left = [start for start in line.starts or () if start >= at - SAME]
+        next_one = left[0] if left else at
+        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
+        more = more.said(at=written(piece, next_one))
+        if "times" in more.fields and line.starts is not None:
+            more = more.said(times=str(max(1, len(left))))
+        texts = entries.add(texts, player, more)
+    return texts
+
+
+def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
+    """Nothing of a player (None: of anyone) begins from a beat on. Raises EditError."""
+    for name in piece.players if player is None else (_known(piece, player),):
+        for line in reversed(entries.lines(texts, piece, name)):
+            if line.begin >= at - SAME:
+                texts = entries.drop(texts, name, line)
+            elif line.is_open(at, piece):
+                texts = entries.close(texts, name, line, written(piece, at))
+    return texts
+
+
+def hush(texts: Texts, piece: Piece, at: float) -> Texts:
+    """No ergon begins from a beat on: players rest, strikes end. Raises EditError."""
+    texts = rest(texts, piece, None, at)
+    tempo = piece.tempo_map
+    for strikes in piece.strikes:
+        begin = tempo.resolve(strikes.at)
+        path = ("strikes", strikes.name)
+        if begin >= at - SAME:
+            texts = texts.remove(path)
+            continue
+        stop = begin if strikes.until is None else tempo.resolve(strikes.until)
+        if strikes.span is not None:
+            stop = tempo.after(begin, strikes.span)
+            texts = texts.remove((*path, "for")) if stop > at else texts
+        elif strikes.times is not None and strikes.every is not None and strikes.until is None:
+            stop = tempo.after(begin, strikes.every.times(strikes.times))
+        if stop > at + SAME:
+            texts = texts.put((*path, "until"), written(piece, at))
+    return texts
+
+
+def finish(texts: Texts, piece: Piece, at: float) -> Texts:
+    """What would go on without end stops at a beat, as the piece that is saved does."""
+    for name in piece.players:
+        for line in entries.lines(texts, piece, name):
+            if END.fullmatch(line.entry.fields.get("until", "")) is None:
+                continue
+            # What was to begin only later is left as a single time.
+            until = written(piece, max(at, line.begin + 1.0))
+            texts = entries.close(texts, name, line, until)
+    return texts
+
+
+def _known(piece: Piece, player: str) -> str:
+    if player not in piece.players:
+        raise EditError(f"no player is called {quote(player)}")
+    return player
+
+
+def _is_under_way(line: entries.Line, piece: Piece, at: float) -> bool:
+    """Whether the last occurrence of an entry has begun and not ended."""
+    tempo, gesture = piece.tempo_map, piece.gestures.get(line.play.what)
+    begin = line.starts[-1] if line.starts else line.begin
+    if begin >= at - SAME or gesture is None:
+        return False
+    beat = 60.0 / tempo.bpm(begin)
+    points, _ = apply(gesture.points, (*gesture.do, *line.play.do), Middle(), beat)
+    return tempo.instant(begin, points[-1].at) > tempo.seconds(at)
