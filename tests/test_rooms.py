@@ -22,7 +22,7 @@ MAY = {
     "repl.language": {"scores", "instruments"},
     "lab": {"scores", "instruments", "exchange", "_core"},
     "live": {"scores", "exchange", "_core"},
-    "repl.prompt": {"repl.face"},
+    "repl.session": {"scores", "instruments"},
     "cli": {"scores", "instruments", "exchange", "lab", "live", "view", "_core"},
 }
 

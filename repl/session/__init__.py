@@ -1,1 +1,1 @@
-"""A session: versions of a score, when they take over, and what is kept of them."""
+"""A session: versions of a score, each an edit of its text, and what takes effect when."""
