@@ -101,13 +101,16 @@ if sys.platform != "win32":
         """
 
         _open = False
+        _tail = ""  # of what was read last: marks come in two pieces as well
 
         def read(self, count: int = 1024) -> str:
             """What has been typed since the last call."""
             data = super().read(count)
             if self._open and (data == _CTRL_C or data.startswith(F12)):
                 data = _END + data
-            begun, ended = data.rfind(_BEGIN), data.rfind(_END)
+            seen = self._tail + data
+            self._tail = seen[1 - len(_BEGIN) :]
+            begun, ended = seen.rfind(_BEGIN), seen.rfind(_END)
             if begun != ended:  # one of them is there
                 self._open = begun > ended
-            return data if self._open or begun != ended else _RUN.sub(_AS_PASTE, data)
+            return data if self._open or "\x1b" in seen else _RUN.sub(_AS_PASTE, data)
