@@ -1,7 +1,6 @@
 """The prompt in a real pseudo-terminal, over a session that only acts."""
 
 import json
-import os
 import random
 import re
 import signal

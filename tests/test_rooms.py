@@ -22,8 +22,18 @@ MAY = {
     "repl.language": {"scores", "instruments"},
     "lab": {"scores", "instruments", "exchange", "_core"},
     "live": {"scores", "exchange", "_core"},
-    "repl.session": {"scores", "instruments"},
-    "cli": {"scores", "instruments", "exchange", "lab", "live", "view", "_core"},
+    "repl.session": {
+        "scores",
+        "instruments",
+        "exchange",
+        "live",
+        "view",
+        "repl.face",
+        "repl.language",
+        "_core",
+    },
+    "repl.prompt": {"repl.face"},
+    "cli": {"scores", "instruments", "exchange", "lab", "live", "repl", "view", "_core"},
 }
 
 
