@@ -6,6 +6,7 @@ end the series ends it.
 """
 
 import re
+from math import ceil
 
 from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.positions import Length
@@ -56,6 +57,13 @@ def starts(
     count = room + 1 if times is None else times
     stop = float("inf") if until is None else until - SAME
     mixed = sum(part != 0.0 for part in (step.bars, step.beats, step.seconds)) > 1
+    if step.beats and not mixed:  # what goes on without end in a session: thousands of them
+        most = min(count, room)
+        if stop < at + step.beats * most:
+            most = max(0, ceil((stop - at) / step.beats))
+        elif count > room:
+            raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
+        return [at + step.beats * index for index in range(most)]
     found: list[float] = []
     beat = at
     while len(found) < count and beat < stop:
@@ -63,10 +71,5 @@ def starts(
             raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
         found.append(beat)
         # Counting from `at` does not drift; bars, beats and seconds together must follow the tempo.
-        if mixed:
-            beat = tempo.after(beat, step)
-        elif step.beats:
-            beat = at + step.beats * len(found)
-        else:
-            beat = tempo.after(at, step.times(len(found)))
+        beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(found)))
     return found
