@@ -151,6 +151,10 @@ def _save(session: Session, command: c.Save) -> Reply:
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
+def _keep(session: Session, command: c.Keep) -> Reply:
+    return Reply(True, f"ok wrote {files.keep(session, command.length, command.name)}")
+
+
 def _py(session: Session, command: c.Py) -> Reply:
     scope: dict[str, Any] = {"session": session, "math": math}
     value = eval(command.expression, {"__builtins__": __builtins__}, scope)
@@ -178,6 +182,7 @@ ASIDES: Mapping[type[c.Command], Callable[[Session, Any], Reply]] = {
     c.Trace: _scope_of,
     c.Meters: _meters,
     c.Save: _save,
+    c.Keep: _keep,
     c.Py: _py,
     c.Quit: _quit,
 }

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from ergon._core import EngineError
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, started
 from ergon.repl.session.engine import Change
@@ -14,6 +15,8 @@ from ergon.repl.session.running import HORIZON, JOIN, Running, follow
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.positions import Length, Position
+from ergon.scores.staging.stage import StageError
+from ergon.scores.text.edit import EditError
 from ergon.scores.text.errors import TextError
 
 if TYPE_CHECKING:
@@ -22,6 +25,9 @@ if TYPE_CHECKING:
 
 # What waits is made again shortly before it is due, on what then plays [s].
 _AHEAD = 0.3
+
+# What a line is refused by, once it is read.
+REFUSALS = (NotTakenError, StageError, EditError, EngineError)
 
 # A line: what it makes of the version before it, when it takes effect at a beat.
 Deed = Callable[[Version, float], Version]
@@ -43,6 +49,7 @@ class Waiting:
     resets: bool = False
     made: Running | None = None
     on: Running | None = None  # what it was made to follow
+    version: Version | None = None
     number: int = 0
 
 
@@ -61,6 +68,7 @@ class Commits:
     waiting: list[Waiting] = field(default_factory=list)
     # By ticket: what was handed over, and on what.
     handed: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
+    lost: list[tuple[Waiting, str]] = field(default_factory=list)  # and why
 
     # --- when ------------------------------------------------------------------------------------
 
@@ -117,23 +125,40 @@ class Commits:
         Raises NotTakenError or StageError, and then nothing has changed.
         """
         place = sum(one.beat <= waiting.beat + SAME for one in self.waiting)
-        queue = [*self.waiting[:place], waiting, *self.waiting[place:]]
-        made = self._made(queue)
-        for one, (running, on) in zip(queue, made, strict=True):
-            one.made, one.on = running, on
-        self.waiting = queue
-        self.head = made[-1][0].version
-        assert waiting.made is not None
-        return waiting.made
+        before, after = self.waiting[:place], self.waiting[place:]
+        made = self._made([*before, waiting])
+        self._fold([*before, waiting], made, after)
+        return made[-1][0]
 
     def drop(self, waiting: Waiting) -> None:
         """Take a line back before its boundary."""
-        queue = [one for one in self.waiting if one is not waiting]
-        made = self._made(queue)
+        place = self.waiting.index(waiting)
+        before, after = self.waiting[:place], self.waiting[place + 1 :]
+        self._fold(before, self._made(before), after)
+
+    def _fold(
+        self,
+        queue: list[Waiting],
+        made: list[tuple[Running, Running]],
+        after: list[Waiting],
+    ) -> None:
+        """Lines that are made, and those after them, whose stage is made when they are due."""
+        version = made[-1][0].version if made else self.running.version
+        versions = []
+        for one in after:
+            version = self._version(version, one)
+            versions.append(version)
+        # Nothing can fail any more.
         for one, (running, on) in zip(queue, made, strict=True):
-            one.made, one.on = running, on
-        self.waiting = queue
-        self.head = made[-1][0].version if made else self.running.version
+            one.made, one.on, one.version = running, on, running.version
+        for one, own in zip(after, versions, strict=True):
+            one.made, one.on, one.version = None, None, own
+        self.waiting = [*queue, *after]
+        self.head = version
+
+    @staticmethod
+    def _version(before: Version, one: Waiting) -> Version:
+        return one.deed(replace(before, cuts=False, damp=None), one.beat)
 
     def _made(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
         on, found = self.running, []
@@ -145,7 +170,7 @@ class Commits:
         return found
 
     def _follow(self, on: Running, one: Waiting) -> Running:
-        version = one.deed(replace(on.version, cuts=False, damp=None), one.beat)
+        version = self._version(on.version, one)
         clock, leave, enter = on.clock, one.beat, one.beat
         seconds = one.start / self.rate
         if one.goes is not None:
@@ -193,7 +218,12 @@ class Commits:
         before = on = self.running
         for one in group:
             is_made = one.made is not None and one.on is on
-            on = one.made if is_made and one.made is not None else self._follow(on, one)
+            try:
+                on = one.made if is_made and one.made is not None else self._follow(on, one)
+            except REFUSALS as error:  # a line between has taken away what it needs
+                self.lost.append((one, str(error)))
+        if on is before:
+            return
         change = Change(
             on.start,
             on.stage,

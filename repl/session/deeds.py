@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ergon.repl.language import commands as c
-from ergon.repl.session.edits import keys, names, parts, times
+from ergon.repl.session.edits import keys, matter, names, parts, times
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Desk, NotTakenError, Version, piece_of
 from ergon.scores.staging.stage import solo
@@ -106,6 +106,11 @@ def _uncouple(command: c.Uncouple, version: Version, beat: float) -> Texts:
     return keys.uncouple(version.texts, version.piece, beat, command.a, command.b)
 
 
+def _set(command: c.Set, version: Version, beat: float) -> Texts:
+    value = command.words["change"].text
+    return matter.set_value(version.texts, version.piece, command.target, value)
+
+
 def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
     return names.seed(version.texts, command.seed)
 
@@ -119,6 +124,7 @@ _EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
     c.Nudge: _nudge,
     c.Couple: _couple,
     c.Uncouple: _uncouple,
+    c.Set: _set,
     c.Seed: _seed,
 }
 

@@ -6,11 +6,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.exchange.safe import RefusedError, write_text
-from ergon.repl.session.edits import parts
+from ergon.repl.session.edits import keeping, parts
 from ergon.repl.session.version import NotTakenError, piece_of
 
 if TYPE_CHECKING:
     from ergon.repl.session.session import Session
+    from ergon.scores.clock.positions import Length
+
+
+def keep(session: Session, length: Length, name: str) -> str:
+    """Write the last bars as a score of their own beside this one; the file that was written."""
+    version, now = session.commits.head, session.commits.now()
+    tempo = version.piece.tempo_map
+    beats = tempo.after(0.0, length) if not length.seconds else None
+    start = now - beats if beats is not None else tempo.beats(tempo.seconds(now) - length.seconds)
+    kept = keeping.keep(version.texts, version.piece, name, max(0.0, start), now)
+    piece_of(kept)
+    path = Path(version.texts.path).with_name(f"{name}.yaml")
+    try:
+        write_text(path, kept.text)
+    except (RefusedError, OSError) as error:
+        raise NotTakenError(str(error).removesuffix(" (-f overwrites it)")) from None
+    return str(path)
 
 
 def save(session: Session, target: Path | None) -> list[str]:

@@ -254,6 +254,10 @@ class Session:
                 elif told.ticket is not None:
                     self._committed(self.commits.done(told.ticket), told.frame)
             self._late(self.commits.tick())
+            while self.commits.lost:
+                one, why = self.commits.lost.pop(0)
+                self._messages.append(f"'{one.line}' is lost: {why}")
+                self._tell("dropped", number=one.number)
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
 
