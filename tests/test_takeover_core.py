@@ -103,3 +103,14 @@ def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
     sound = np.frombuffer(path.read_bytes()[-4 * n_frames :], dtype="<f4")
     assert np.abs(sound).max() > 1e-6
     assert np.array_equal(sound, mixed[:, 0].astype(np.float32))
+
+
+def test_damping_is_a_time() -> None:
+    _, simulation = version(network(), [0.0], 0)
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(EngineError, match="T60"):
+            simulation.damp(wrong)
+    loud = np.abs(heard(simulation, 4_410)).max()
+    simulation.damp(0.1)
+    heard(simulation, 8_820)
+    assert np.abs(heard(simulation, 13_230)).max() < 2e-3 * loud

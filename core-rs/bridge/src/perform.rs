@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 use crate::device::{self, AxisOf};
 use crate::error::{refused, said};
 use crate::mixer::Mixer;
-use crate::simulation::Simulation;
+use crate::simulation::{Simulation, damping};
 
 /// How often a wait looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(2);
@@ -164,7 +164,7 @@ impl Performance {
     /// Change what plays at frame `at`, the first of a tick; a ticket, that an event "changed" or "late" tells.
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None))]
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
@@ -177,6 +177,7 @@ impl Performance {
         gain: Option<f64>,
         bars: Option<Vec<u64>>,
         standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
+        damp: Option<f64>,
     ) -> PyResult<u64> {
         let pair = match (simulation, old) {
             (Some(new), Some(old)) => Some((&new.0, &old.0)),
@@ -194,6 +195,10 @@ impl Performance {
             gain,
             bars,
             standins: slices.transpose()?,
+            damp: match damp {
+                Some(0.0) => Some(None),
+                damp => damping(damp)?.map(Some),
+            },
         };
         py.detach(|| {
             change.simulation = pair.map(|(new, old)| (new.fork(), Carry::new(old, new)));

@@ -131,6 +131,13 @@ impl Simulation {
         Self(py.detach(|| self.0.fork()))
     }
 
+    /// Let everything fade within t60 [s] more, from this frame on; None: no longer.
+    #[pyo3(signature = (t60))]
+    fn damp(&mut self, t60: Option<f64>) -> PyResult<()> {
+        self.0.damp(damping(t60)?);
+        Ok(())
+    }
+
     /// Go on where `old` stands, which must be at the same frame; `old` is of no use afterwards.
     fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<()> {
         let done = py.detach(|| {
@@ -214,6 +221,17 @@ impl Simulation {
     /// Parts put to silence (name, frame).
     fn muted(&self) -> Vec<(String, u64)> {
         self.0.muted()
+    }
+}
+
+/// A time to fade within [s], if it is one.
+pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
+    match t60 {
+        Some(t60) if !(t60.is_finite() && t60 > 0.0) => Err(refused(
+            "damp",
+            format!("T60 is a time above 0 s, not {t60}"),
+        )),
+        t60 => Ok(t60),
     }
 }
 

@@ -113,6 +113,9 @@ pub(crate) struct Bank {
     next: Vec<usize>,
     /// Nothing has moved the group yet: its sound is zero.
     still: Vec<bool>,
+    /// Rates while everything is damped, and whether it is   (n_groups)
+    damped: Vec<Rates>,
+    is_damped: bool,
     /// Sums of one section   (its outputs · room)
     sums: Vec<Sum>,
     room: usize,
@@ -177,6 +180,8 @@ impl Bank {
             sums: vec![Sum::ZERO; most.max().unwrap_or(0) * room],
             room,
             motions,
+            damped: script.rates.clone(),
+            is_damped: false,
             script: Arc::new(script),
         }
     }
@@ -243,7 +248,10 @@ impl Bank {
         if self.still[group] {
             return;
         }
-        let (rates, motion) = (&script.rates[group], &mut self.motions[group]);
+        let (rates, motion) = (self.damped.get(group), &mut self.motions[group]);
+        let rates = rates
+            .filter(|_| self.is_damped)
+            .unwrap_or(&script.rates[group]);
         if heard == 1 {
             run(rates, motion, &mut self.sums[frames]);
         } else {
@@ -274,6 +282,14 @@ impl Bank {
         if moves < script.faint {
             (motion.now, motion.before) = (Lanes::ZERO, Lanes::ZERO);
             self.still[group] = true;
+        }
+    }
+
+    /// Let every oscillator fade by a factor more a frame: its poles are so many times as long.
+    pub(crate) fn damp(&mut self, by: f64) {
+        self.is_damped = by < 1.0;
+        for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
+            rates.faded(by, damped);
         }
     }
 

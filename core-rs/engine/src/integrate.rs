@@ -38,6 +38,8 @@ trait Method {
     fn x(&self) -> &[f64];
     /// Velocity of a MAT now, before any impulse of this frame [m/s].
     fn velocity(&self, mat: usize) -> f64;
+    /// Velocities or last steps, whichever carry its motion on            (n_mat)
+    fn pace(&mut self) -> &mut [f64];
     /// The energy that the method keeps [J]: half a step before now where it lives between frames.
     fn energy(&self) -> f64;
 }
@@ -110,6 +112,15 @@ impl Integrator {
         for _ in 1..self.substeps {
             method.step(&[]);
         }
+    }
+
+    /// All it moves by is so many times as much.
+    pub(crate) fn slow_down(&mut self, by: f64) {
+        self.motion
+            .method_mut()
+            .pace()
+            .iter_mut()
+            .for_each(|v| *v *= by);
     }
 
     /// Positions at the frame [m], (n_mat).

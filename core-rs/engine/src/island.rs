@@ -78,6 +78,8 @@ struct State {
     touches: Vec<hands::Touch>,
     ledger: Option<Ledger>,
     mutes: Mutes,
+    /// By how much every step is less than it would be: an extra viscosity.
+    damped: f64,
 }
 
 /// A network that plays.
@@ -122,6 +124,12 @@ impl Island {
         let (scheme, n) = (&script.scheme, state.frame);
         for ((open, gate), lean) in state.gates.iter_mut().zip(&script.gates).zip(&state.leans) {
             *open = Lean::open(lean.as_ref(), gate, n);
+        }
+        if state.damped < 1.0 {
+            state.body.d.iter_mut().for_each(|d| *d *= state.damped);
+            for body in &state.bodies {
+                body.place(&mut state.body); // they fade by themselves
+            }
         }
         hands::arrive(&script.grips, &mut state.touches, n, &mut state.body);
         kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws);
@@ -226,6 +234,15 @@ impl Island {
             .fine
             .as_ref()
             .is_some_and(|fine| fine.has_touched)
+    }
+
+    /// Let all of it fade by a factor more a step.
+    pub(crate) fn damp(&mut self, by: f64) {
+        // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ are as long as the root of what its last step counts.
+        self.state.damped = by * by;
+        for body in &mut self.state.bodies {
+            body.damp(by);
+        }
     }
 
     /// Raise the squares of its bodies' modes to what their amplitudes are now.

@@ -254,6 +254,22 @@ impl Simulation {
         self.islands().map(|(island, _)| island.felt(hand)).sum()
     }
 
+    /// Let everything fade within `t60` [s] if nothing else damped it; with what does, 1/T60 add up. From this frame on,
+    /// until told otherwise; `None`, or what is no time: no longer. The free copies of keys do not feel it.
+    pub fn damp(&mut self, t60: Option<f64>) {
+        let t60 = t60.filter(|t60| t60.is_finite() && *t60 > 0.0);
+        let fall = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
+        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            match playing {
+                Playing::Island(island) => {
+                    let by = crate::maths::exp(-fall / f64::from(island.times()));
+                    island.damp(by);
+                }
+                Playing::Bank(bank) => bank.damp(crate::maths::exp(-fall)),
+            }
+        }
+    }
+
     /// Name of a MAT as the composer wrote it.
     pub fn mat_name(&self, mat: usize) -> String {
         self.plan.network.mat_name(mat)

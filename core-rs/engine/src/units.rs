@@ -1,5 +1,8 @@
 //! Units at the engine's doors, where a bare number could be taken for another.
 
+/// −60 dB as a ratio of amplitudes: T60 = ln(1000)/σ.
+pub(crate) const LN_1000: f64 = 6.907_755_278_982_137;
+
 /// Samples in a second; its inverse is the step T.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct Rate(f64);

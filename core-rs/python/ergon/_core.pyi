@@ -572,6 +572,9 @@ class Simulation:
         """Mean force of the scene on a real hand over the last whole tick [N]."""
     def fork(self) -> Simulation:
         """The same at the same moment, to go its own way."""
+    def damp(self, t60: float | None) -> None:
+        """From this frame on let everything fade within t60 [s] where nothing else damps it (1/T60
+        add up); None: no longer. Free copies of keys do not feel it."""
     def take_over(self, old: Simulation) -> None:
         """Go on where `old` stands, which is of no use afterwards: what both have, by name, goes on,
         to the last bit where its network is the same. EngineError unless both are at one frame."""
@@ -787,12 +790,14 @@ class Performance:
         gain: float | None = None,
         bars: Sequence[int] | None = None,
         standins: Sequence[_Floats] | None = None,
+        damp: float | None = None,
     ) -> int:
         """Change what is said at frame `at`, the first of a tick. Returns a ticket, which an event
         \"changed\" tells, or \"late\" where that frame had passed: nothing is changed then.
         `simulation` (its `start` is `at`) takes over from `old`, one of the version that plays
         until then, at any moment; `mixer` goes on with the gains and filters of the one before;
-        `standins`: where each hand stands in at each tick (n_ticks,) [m]. Raises EngineError."""
+        `standins`: where each hand stands in at each tick (n_ticks,) [m]; `damp`: as
+        Simulation.damp, 0 for no longer (a take-over ends it too). Raises EngineError."""
     def stop(self) -> None:
         """Play nothing more."""
     def wait(self, seconds: float) -> bool:

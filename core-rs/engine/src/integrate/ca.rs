@@ -56,6 +56,10 @@ impl Method for Ca {
         kernel::centred(&self.mesh.scheme, &self.body, mat)
     }
 
+    fn pace(&mut self) -> &mut [f64] {
+        &mut self.body.d
+    }
+
     fn energy(&self) -> f64 {
         self.mesh.staggered(&self.body.x, &self.body.d, true)
     }

@@ -148,6 +148,10 @@ impl Method for Ca2p {
         (self.d[mat] + 0.5 * a - (ahead - behind) / 6.0) * self.mesh.scheme.rate
     }
 
+    fn pace(&mut self) -> &mut [f64] {
+        &mut self.d
+    }
+
     /// CA's with K − KM⁻¹K/12: exactly kept by undamped linear bodies.
     fn energy(&self) -> f64 {
         let (mesh, scheme) = (&*self.mesh, &self.mesh.scheme);

@@ -154,6 +154,10 @@ impl Method for Ieq {
         (self.d[mat] + 0.5 * self.mesh.acceleration(mat, &x, &d)) * self.mesh.scheme.rate
     }
 
+    fn pace(&mut self) -> &mut [f64] {
+        &mut self.d
+    }
+
     /// Between the last frame and this one; exactly kept without losses.
     fn energy(&self) -> f64 {
         let (mesh, beta) = (&*self.mesh, self.links.beta);

@@ -152,6 +152,10 @@ impl Method for Trapezoid {
         self.v[mat] * self.mesh.scheme.rate
     }
 
+    fn pace(&mut self) -> &mut [f64] {
+        &mut self.v
+    }
+
     fn energy(&self) -> f64 {
         self.mesh.kinetic(&self.v) + self.mesh.stored(&self.x)
     }

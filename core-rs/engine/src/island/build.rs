@@ -88,6 +88,7 @@ impl Island {
             touches: vec![HandTouch::default(); grips.len()],
             ledger,
             mutes: Mutes::new(&scheme),
+            damped: 1.0,
             body,
         };
         let script = Script {

@@ -167,6 +167,15 @@ impl Playing {
         }
     }
 
+    /// Let it fade by a factor more a frame.
+    pub(crate) fn damp(&mut self, by: f64) {
+        match self {
+            Self::Modal(modal) => modal.damp(by),
+            Self::Mesh(mesh) => mesh.damp(by),
+            Self::Slow(slow) => slow.damp(by),
+        }
+    }
+
     /// Begin at frame `n`: strikes before it are past.
     pub(crate) fn seek(&mut self, n: u64) {
         match self {

@@ -33,6 +33,8 @@ pub(crate) struct Playing {
     was: Vec<f64>,
     own: Vec<f64>,
     next: usize,
+    /// By how much all it moves by is less at each frame.
+    damped: f64,
 }
 
 impl Mesh {
@@ -65,9 +67,15 @@ impl Playing {
             own: velocities.iter().map(|v| v * step).collect(),
             impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
             next: 0,
+            damped: 1.0,
             integrator,
             plan: Arc::new(plan.clone()),
         })
+    }
+
+    /// Let its motion fade by a factor more a frame.
+    pub(crate) fn damp(&mut self, by: f64) {
+        self.damped = by * by;
     }
 
     /// Begin at frame `n`.
@@ -139,6 +147,9 @@ impl Playing {
         {
             self.next += 1;
             self.impulses.push((mat, impulse));
+        }
+        if self.damped < 1.0 {
+            self.integrator.slow_down(self.damped);
         }
         self.integrator.step(&self.impulses);
     }

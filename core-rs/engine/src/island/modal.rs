@@ -15,7 +15,7 @@ use std::sync::Arc;
 use between::Between;
 use script::{Blow, Script, lanes};
 
-use crate::kernel::bank::{LANES, Lanes, Motion, Sum, follow, joined};
+use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, joined};
 use crate::kernel::ports;
 use crate::state::Body;
 
@@ -48,6 +48,9 @@ pub(crate) struct Playing {
     forces: Vec<f64>,
     quiet: u32,
     next: usize,
+    /// Rates while everything is damped, and whether it is   (n_groups)
+    damped: Vec<Rates>,
+    is_damped: bool,
 }
 
 /// Frames in `seen`: the present, and what follows.
@@ -89,6 +92,8 @@ impl Playing {
             forces: vec![0.0; plan.ports.len()],
             quiet: 0,
             next: 0,
+            damped: script.rates.clone(),
+            is_damped: false,
             motions,
             script: Arc::new(script),
         };
@@ -201,6 +206,17 @@ impl Playing {
         }
     }
 
+    /// Let every mode fade by a factor more a frame.
+    pub(crate) fn damp(&mut self, by: f64) {
+        let script = self.script.clone();
+        // What was followed ahead was followed without.
+        self.back(&script);
+        self.is_damped = by < 1.0;
+        for (damped, rates) in self.damped.iter_mut().zip(&script.rates) {
+            rates.faded(by, damped);
+        }
+    }
+
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
         self.next = self.script.blows.partition_point(|blow| blow.0 < n);
@@ -233,7 +249,12 @@ impl Playing {
         if self.until > self.at + 1 {
             self.until = self.at + 1;
             self.motions.clone_from_slice(&self.saved);
-            for (rates, motion) in script.rates.iter().zip(&mut self.motions) {
+            let rates = if self.is_damped {
+                &self.damped
+            } else {
+                &script.rates
+            };
+            for (rates, motion) in rates.iter().zip(&mut self.motions) {
                 follow(rates, motion, &[], self.until, &mut [], 0);
             }
         }
@@ -254,7 +275,12 @@ impl Playing {
             sums[..far].fill(Sum::ZERO);
         }
         for (group, motion) in self.motions.iter_mut().enumerate() {
-            let (rates, rows) = (&script.rates[group], &script.rows[group]);
+            let rates = if self.is_damped {
+                &self.damped
+            } else {
+                &script.rates
+            };
+            let (rates, rows) = (&rates[group], &script.rows[group]);
             follow(rates, motion, rows, far, &mut self.sums, AHEAD);
         }
         for (seen, sums) in self.seen.chunks_mut(ROOM).zip(self.sums.chunks(AHEAD)) {

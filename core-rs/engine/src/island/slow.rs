@@ -61,6 +61,8 @@ pub(crate) struct Playing {
     is_struck: bool,
     /// What hands give its ports at the end of this frame [m a frame]   (n_ports)
     given: Vec<f64>,
+    /// By how much all it moves by is less at each kick.
+    damped: f64,
 }
 
 impl Slow {
@@ -129,6 +131,7 @@ impl Playing {
             undone: [vec![0.0; n], vec![0.0; n]],
             is_struck: false,
             given: vec![0.0; plan.ports.len()],
+            damped: 1.0,
             bent,
             plan: Arc::new(plan.clone()),
         }
@@ -143,11 +146,17 @@ impl Playing {
         self.since = other.since;
     }
 
+    /// Let its motion fade by a factor more a frame.
+    pub(crate) fn damp(&mut self, by: f64) {
+        self.damped = (0..2 * self.plan.flow.every).fold(1.0, |all, _| all * by);
+    }
+
     /// Go on as an equal body does.
     pub(crate) fn go_on(&mut self, old: &mut Self) {
-        let (plan, other) = (self.plan.clone(), old.plan.clone());
+        let damped = self.damped;
         std::mem::swap(self, old);
-        (self.plan, old.plan) = (plan, other);
+        std::mem::swap(&mut self.plan, &mut old.plan);
+        self.damped = damped;
     }
 
     /// Add what is heard of it now to `out` (n_out).
@@ -212,6 +221,9 @@ impl Playing {
         }
         for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&plan.rest) {
             *bent = rest - x;
+        }
+        if self.damped < 1.0 {
+            self.v.iter_mut().for_each(|v| *v *= self.damped);
         }
         self.kick.copy_from_slice(&self.v);
         self.v.fill(0.0);

@@ -34,6 +34,18 @@ pub(crate) struct Rates {
     pub(crate) b: Lanes,
 }
 
+impl Rates {
+    /// The same with poles `by` times as long.
+    pub(crate) fn faded(&self, by: f64, into: &mut Self) {
+        for (into, own) in into.a.0.iter_mut().zip(&self.a.0) {
+            *into = own * by;
+        }
+        for (into, own) in into.b.0.iter_mut().zip(&self.b.0) {
+            *into = own * (by * by);
+        }
+    }
+}
+
 /// What moves of a group.
 #[derive(Clone, Debug)]
 pub(crate) struct Motion {

@@ -3,9 +3,7 @@
 use super::{LinkKind, MatKind, Network};
 use crate::scheme::moves;
 use crate::spectrum;
-
-/// -60 dB as a ratio of amplitudes: T60 = ln(1000)/σ.
-const LN_1000: f64 = 6.907_755_278_982_137;
+use crate::units::LN_1000;
 
 /// A mode of the continuous network.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -85,7 +85,8 @@ fn bodies(
     let strikes = timeline.strikes.iter().map(|strike| strike.mat);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
     let struck: BTreeSet<u32> = strikes.chain(ergons).collect();
-    let is_struck = |mat: usize| struck.contains(&(mat as u32));
+    // A session may strike any of it.
+    let is_struck = |mat: usize| timeline.is_open || struck.contains(&(mat as u32));
     let slow = |body: Body| {
         let slow = Slow::of(network, timeline.rate, (part, every), &body, is_struck)?;
         Ok((body, slow))
@@ -132,6 +133,9 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
         .chain(keys)
         .for_each(|mat| is_port[mat] = true);
 
+    if timeline.is_open {
+        is_port.fill(true);
+    }
     let is_held = |mat: usize| is_own(mat) && !moves(mats.kind[mat]) && !is_driven[mat];
     let mut forest = Forest::new(n);
     for (link, a, b) in ends(network) {

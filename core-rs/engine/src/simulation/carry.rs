@@ -41,6 +41,9 @@ pub struct Carry {
     outputs: Vec<Option<usize>>,
 }
 
+/// A voice of an island that is known.
+type Known<'a> = (At, &'a Island, &'a Isle, usize);
+
 /// One side of it.
 struct Side<'a> {
     network: &'a Network,
@@ -215,7 +218,7 @@ impl Carry {
 
     /// Voices by the MATs that they strike, with their gestures' reports.
     fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
-        let mut by_name: HashMap<(String, bool), Vec<(At, &Island, &Isle, usize)>> = HashMap::new();
+        let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
         for &(from, island, isle) in &there.islands {
             for (voice, own) in island.script().voices.iter().enumerate() {
                 let name = (isle.network.mat_name(own.struck), own.layer);

@@ -27,6 +27,8 @@ pub struct Change {
     pub bars: Option<Vec<u64>>,
     /// Where hands stand in at each tick, hand by hand.
     pub standins: Option<Vec<Vec<f64>>>,
+    /// See [`Simulation::damp`].
+    pub damp: Option<Option<f64>>,
 }
 
 /// A change on its way.
@@ -95,6 +97,9 @@ impl Player {
         }
         if let Some(gain) = change.gain {
             self.gain.set(gain);
+        }
+        if let Some(t60) = change.damp {
+            stage.simulation.damp(t60);
         }
         if let Some(bars) = &mut change.bars {
             std::mem::swap(bars, &mut stage.bars);
