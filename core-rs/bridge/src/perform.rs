@@ -163,7 +163,7 @@ impl Performance {
 
     /// Change what plays at frame `at`, the first of a tick; a ticket, that an event "changed" or "late" tells.
     ///
-    /// `simulation` begins there and takes over from `old`, which plays until then.
+    /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
     #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
@@ -179,11 +179,11 @@ impl Performance {
         standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
         damp: Option<f64>,
     ) -> PyResult<u64> {
-        let pair = match (simulation, old) {
-            (Some(new), Some(old)) => Some((&new.0, &old.0)),
-            (None, None) => None,
-            _ => return Err(refused("change", "a simulation takes over from an old one")),
-        };
+        if simulation.is_none() && old.is_some() {
+            return Err(refused("change", "who takes over from the old one?"));
+        }
+        let new = simulation.map(|new| &new.0);
+        let old = old.map(|old| &old.0);
         let slices = standins.as_ref().map(|all| {
             let slice = |one: &PyReadonlyArray1<'_, f64>| Ok(one.as_slice()?.to_vec());
             all.iter().map(slice).collect::<PyResult<_>>()
@@ -201,7 +201,11 @@ impl Performance {
             },
         };
         py.detach(|| {
-            change.simulation = pair.map(|(new, old)| (new.fork(), Carry::new(old, new)));
+            change.simulation = new.map(|new| {
+                // With nothing to take over it begins as it is.
+                let carry = old.map_or_else(Carry::default, |old| Carry::new(old, new));
+                (new.fork(), carry)
+            });
             self.with(|own| own.change(at, change).map_err(said))?
         })
     }
