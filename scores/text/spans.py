@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import yaml
@@ -136,10 +137,11 @@ class Layout:
         done = 0
         for splice in sorted(splices, key=lambda splice: splice.start):
             pieces += (self.text[done : splice.start], splice.text)
-            done = splice.end
+            done = max(done, splice.end)  # two that are taken away may share a comma or a break
         return "".join((*pieces, self.text[done:]))
 
 
+@lru_cache(maxsize=8)  # what was checked is what the next edit begins with
 def layout(text: str) -> Layout:
     """Lay out a text that is YAML: one document, its depth and size known to be bounded."""
     root = _root(text)

@@ -29,12 +29,13 @@ class Changes:
         """Take the layout of the text."""
         self.layout = layout
 
-    def row(self, span: Span, number: int) -> tuple[int, int]:
-        """Where a line of a block begins and ends in the text."""
-        start = self.layout.next_line(self.layout.header_end(span))
-        for _ in range(number):
+    def rows(self, span: Span) -> list[tuple[int, int]]:
+        """Where the lines of a block begin and end in the text."""
+        found, start = [], self.layout.next_line(self.layout.header_end(span))
+        while start < span.end:
+            found.append((start, self.layout.line_end(start)))
             start = self.layout.next_line(start)
-        return start, self.layout.line_end(start)
+        return found
 
     # --- setting ---------------------------------------------------------------------------------
 

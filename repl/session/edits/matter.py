@@ -83,7 +83,7 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
             if text is not None:
                 texts = texts.put((*home, field), text, spot.file)
             elif isinstance(here, dict) and field in here:
-                texts = texts.remove((*home, field), spot.file)
+                texts = texts.remove((*home, field), file=spot.file)
         return texts
     body = edit.tree(spot.said.node)
     assert isinstance(body, dict)
