@@ -152,7 +152,11 @@ def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) 
         if span.is_block:
             start, stop = places[row]
             indent = len(lay.text[start:stop]) - len(lay.text[start:stop].lstrip())
-            place = lay.rows(start, stop) if text is None else (start + indent, stop - len(comment))
+            place = (
+                lay.whole_lines(start, stop)
+                if text is None
+                else (start + indent, stop - len(comment))
+            )
             splices.append(Splice(*place, text or ""))
     left = [line for line in lines if line is not None]
     if not span.is_block:

@@ -117,7 +117,7 @@ class Layout:
         anchor = _ANCHOR.match(self.text, parent.start)
         return self.token(anchor.end() if anchor else parent.start)
 
-    def rows(self, start: int, end: int) -> tuple[int, int]:
+    def whole_lines(self, start: int, end: int) -> tuple[int, int]:
         """The whole lines from one character's to another's, with as many line breaks."""
         return self.broken(self.line_start(start), self.next_line(end))
 
