@@ -323,6 +323,37 @@ def test_a_table_of_one_row_grows():
     assert read(text).root.get("parts").get("ada").text == "A knock\nB lean"
 
 
+def is_list(node):
+    return isinstance(node, (Sequence, Mapping)) and bool(children(node))
+
+
+def children(node):
+    return [*node.entries] if isinstance(node, Mapping) else [*range(len(node.items))]
+
+
+@quiet
+@given(placed(is_list), st.data())
+def test_several_leave_as_they_would_one_by_one(found, data):
+    document, (_, path) = found.document, found.told
+    node = dict(paths(document.root))[path]
+    gone = data.draw(st.lists(st.sampled_from(children(node)), unique=True, min_size=1))
+    try:
+        changed = remove(document, *((*path, name) for name in gone))
+    except EditError:  # a comment in the way, or something that an alias needs
+        assume(False)
+    left = [name for name in children(node) if name not in gone]
+    after = dict(paths(read(changed).root))[path]
+    assert len(children(after) if is_list(after) else []) == len(left)
+    if isinstance(node, Mapping):
+        assert (children(after) if is_list(after) else []) == left
+    assert is_part_of(comments(changed), comments(document.text))
+
+
+def test_what_stands_apart_cannot_leave_together():
+    with pytest.raises(EditError, match="together"):
+        remove(read("a: {b: 1}\nc: {d: 1}\n"), ("a", "b"), ("c", "d"))
+
+
 @given(st.text(max_size=20))
 def test_any_text_can_be_quoted(text):
     assume(text.isprintable())

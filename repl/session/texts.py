@@ -13,7 +13,7 @@ from ergon.scores.text import edit
 from ergon.scores.text.document import Document
 from ergon.scores.text.edit import EditError
 from ergon.scores.text.errors import Collector
-from ergon.scores.text.files import Files
+from ergon.scores.text.files import Files, shipped
 from ergon.scores.text.syntax import decode
 
 SECTIONS = tuple(SCORE.by_name)  # where a new section goes
@@ -62,8 +62,23 @@ class Texts:
         """Every name that the score knows, with the node where it is written."""
         collector = Collector()
         uses = Uses(Files(collector, self.overlay), collector)
+        uses.files.home = Path(self.path).parent
         document = uses.files.text(self.path, self.text, Path(self.path).parent)
         return uses.read(document), uses
+
+    def files(self, folder: Path) -> Mapping[Path, str]:
+        """What stands beside the score when it is written in a folder: the files that changed.
+
+        One that ships becomes the score's own, under the name by which it is used.
+        """
+        own = Path(self.path).parent
+        found = {}
+        for file, text in self.overlay.items():
+            path, name = Path(file), shipped(Path(file))
+            if name is None and path.is_relative_to(own):
+                name = str(path.relative_to(own))
+            found[folder / name if name is not None else path] = text
+        return found
 
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:
         """Set a value. Raises EditError."""
@@ -73,6 +88,6 @@ class Texts:
         """Add an item to a list. Raises EditError."""
         return self.changed(edit.append(self.document(), path, text, SECTIONS))
 
-    def remove(self, path: edit.Path, file: str | None = None) -> Texts:
-        """Take an entry or an item away. Raises EditError."""
-        return self.changed(edit.remove(self.document(file), path), file)
+    def remove(self, *paths: edit.Path, file: str | None = None) -> Texts:
+        """Take entries or items of one parent away. Raises EditError."""
+        return self.changed(edit.remove(self.document(file), *paths), file)

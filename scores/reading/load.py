@@ -41,6 +41,7 @@ def load(
     collector = Collector()
     files = Files(collector, overlay)
     where = Path(path)
+    files.home = where.parent
     if text is not None:
         document: Document | None = files.text(str(path), text, where.parent)
     else:

@@ -8,7 +8,7 @@ A path is the names and indices (from 0) that lead to a value; what is set is on
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -88,16 +88,22 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
     return edit.checked(splices, _with(edit.tree, path, lambda old: [old, value]))
 
 
-def remove(document: Document, path: Path) -> str:
-    """Take away an entry or item, with the comment at the end of its line. Raises EditError."""
+def remove(document: Document, *paths: Path) -> str:
+    """Take away entries or items, each with the comment at the end of its line.
+
+    Raises EditError.
+    """
     edit = _Edit(document)
-    chain = edit.follow(path)
-    if not path or len(chain) <= len(path):
-        raise EditError(f"there is no {named(path)}")
-    number = chain[-2].index(path[-1])
-    assert number is not None
-    cut = edit.changes.cut_flow if chain[-2].flow else edit.changes.cut_block
-    return edit.checked(cut(chain[-2], number), _without(edit.tree, path))
+    splices: list[Splice] = []
+    for path in paths:
+        chain = edit.follow(path)
+        if not path or len(chain) <= len(path):
+            raise EditError(f"there is no {named(path)}")
+        number = chain[-2].index(path[-1])
+        assert number is not None
+        cut = edit.changes.cut_flow if chain[-2].flow else edit.changes.cut_block
+        splices += cut(chain[-2], number)
+    return edit.checked(splices, _without(edit.tree, list(paths)))
 
 
 def rows(text: str) -> list[str]:
@@ -115,11 +121,9 @@ def add_row(document: Document, path: Path, text: str) -> str:
     lay = edit.layout
     end = lay.line_end(span.end)
     indent = lay.step + edit.indent_of(path)
-    for row in range(len(lines) - 2, -1, -1):
-        if lines[row].strip():
-            start, stop = edit.changes.row(span, row)
-            line = lay.text[start:stop]
-            indent = len(line) - len(line.lstrip())
+    for start, stop in reversed(edit.changes.rows(span)):
+        if line := lay.text[start:stop].strip():
+            indent = lay.text[start:stop].index(line)
             break
     splices = [Splice(end, end, f"{lay.newline}{' ' * indent}{text}")]
     return edit.checked_rows(splices, path, lines)
@@ -130,25 +134,34 @@ def put_row(document: Document, path: Path, row: int, text: str | None) -> str:
 
     Raises EditError.
     """
+    return put_rows(document, path, {row: text})
+
+
+def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) -> str:
+    """Set lines of a table by their numbers, or take them away. Raises EditError."""
     edit = _Edit(document)
     written, span = edit.table(path)
-    lines = rows(written)
-    if not 0 <= row < len(lines):
-        raise EditError(f"{named(path)} has no line {row + 1}")
-    old = lines.pop(row)
-    if text is not None:
-        lines.insert(row, text + _comment(old))
+    lines: list[str | None] = [*rows(written)]
+    splices, lay = [], edit.layout
+    places = edit.changes.rows(span) if span.is_block else []
+    for row, text in changes.items():
+        if not 0 <= row < len(lines):
+            raise EditError(f"{named(path)} has no line {row + 1}")
+        comment = _comment(lines[row] or "")
+        lines[row] = None if text is None else text + comment
+        if span.is_block:
+            start, stop = places[row]
+            indent = len(lay.text[start:stop]) - len(lay.text[start:stop].lstrip())
+            place = (
+                lay.whole_lines(start, stop)
+                if text is None
+                else (start + indent, stop - len(comment))
+            )
+            splices.append(Splice(*place, text or ""))
+    left = [line for line in lines if line is not None]
     if not span.is_block:
-        return put(document, path, quoted("\n".join(lines)))
-    start, stop = edit.changes.row(span, row)
-    lay = edit.layout
-    if text is None:
-        splices = [Splice(*lay.rows(start, stop), "")]
-    else:
-        line = lay.text[start:stop]
-        indent = len(line) - len(line.lstrip())
-        splices = [Splice(start + indent, stop - len(_comment(old)), text)]
-    return edit.checked_rows(splices, path, lines)
+        return put(document, path, quoted("\n".join(left)))
+    return edit.checked_rows(splices, path, left)
 
 
 def quoted(text: str) -> str:
@@ -292,10 +305,16 @@ def _with(tree: Tree, path: Path, change: Callable[[Any], Tree]) -> Tree:
     return entries
 
 
-def _without(tree: Tree, path: Path) -> Tree:
+def _without(said: Tree, paths: list[Path]) -> Tree:
+    """The tree without what paths name, all of one parent, or one path alone."""
+    parents = {tuple(path[:-1]) for path in paths}
+    if len(parents) > 1:
+        raise EditError("what is taken away together stands together")
+    gone = {path[-1] for path in paths}
+
     def dropped(parent: Any) -> Tree:
         if isinstance(parent, list):
-            return [item for i, item in enumerate(parent) if i != path[-1]] or None
-        return {name: value for name, value in parent.items() if name != path[-1]} or None
+            return [item for i, item in enumerate(parent) if i not in gone] or None
+        return {name: value for name, value in parent.items() if name not in gone} or None
 
-    return _with(tree, path[:-1], dropped)
+    return _with(said, parents.pop(), dropped)

@@ -24,20 +24,35 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def shipped(path: Path) -> str | None:
+    """The name by which scores use a file that ships; None for one of their own."""
+    for prefix, root in (*_LIBRARY.items(), ("", _SHIPPED)):
+        if path.is_relative_to(root):
+            return str(PurePosixPath(prefix, path.relative_to(root).as_posix()))
+    return None
+
+
 class Files:
-    """Reads YAML files; `overlay` holds texts that stand for files (an editor's, a test's)."""
+    """Reads YAML files; `overlay` holds texts that stand for files (an editor's, a test's).
+
+    A file in `home`, the score's folder, stands for the one that ships under the same name, for
+    files of the library too: so a copy that is changed is the one that is meant.
+    """
 
     def __init__(self, collector: Collector, overlay: Mapping[str, str] | None = None) -> None:
         """Start with nothing read."""
         self.collector = collector
         self.documents: dict[str, Document] = {}
+        self.home: Path | None = None
         self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
 
     def find(self, name: str, folder: Path) -> Path | None:
-        """A file relative to a folder, or among those that ship; None when there is none."""
+        """A file relative to a folder or to `home`, or one that ships; None when there is none."""
         candidates = [folder / name]
         parts = PurePosixPath(name).parts
         if parts and ".." not in parts and not Path(name).is_absolute():
+            if self.home is not None and folder != self.home:
+                candidates.append(self.home / name)
             if parts[0] in _LIBRARY and len(parts) > 1:
                 candidates.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
             candidates.append(_SHIPPED / name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import yaml
@@ -116,7 +117,7 @@ class Layout:
         anchor = _ANCHOR.match(self.text, parent.start)
         return self.token(anchor.end() if anchor else parent.start)
 
-    def rows(self, start: int, end: int) -> tuple[int, int]:
+    def whole_lines(self, start: int, end: int) -> tuple[int, int]:
         """The whole lines from one character's to another's, with as many line breaks."""
         return self.broken(self.line_start(start), self.next_line(end))
 
@@ -136,10 +137,11 @@ class Layout:
         done = 0
         for splice in sorted(splices, key=lambda splice: splice.start):
             pieces += (self.text[done : splice.start], splice.text)
-            done = splice.end
+            done = max(done, splice.end)  # two that are taken away may share a comma or a break
         return "".join((*pieces, self.text[done:]))
 
 
+@lru_cache(maxsize=8)  # what was checked is what the next edit begins with
 def layout(text: str) -> Layout:
     """Lay out a text that is YAML: one document, its depth and size known to be bounded."""
     root = _root(text)

@@ -29,12 +29,13 @@ class Changes:
         """Take the layout of the text."""
         self.layout = layout
 
-    def row(self, span: Span, number: int) -> tuple[int, int]:
-        """Where a line of a block begins and ends in the text."""
-        start = self.layout.next_line(self.layout.header_end(span))
-        for _ in range(number):
+    def rows(self, span: Span) -> list[tuple[int, int]]:
+        """Where the lines of a block begin and end in the text."""
+        found, start = [], self.layout.next_line(self.layout.header_end(span))
+        while start < span.end:
+            found.append((start, self.layout.line_end(start)))
             start = self.layout.next_line(start)
-        return start, self.layout.line_end(start)
+        return found
 
     # --- setting ---------------------------------------------------------------------------------
 
@@ -57,14 +58,17 @@ class Changes:
             mark = lay.mark(parent, number)
             after = parent.keys[number].end if parent.kind == "mapping" else mark
             place = lay.token(after) + 1
-            return [Splice(place, place, f" {text}"), Splice(*lay.rows(child.start, child.end), "")]
+            return [
+                Splice(place, place, f" {text}"),
+                Splice(*lay.whole_lines(child.start, child.end), ""),
+            ]
         return [Splice(child.start, child.end, text)]
 
     def lines_after(self, start: int, end: int) -> list[Splice]:
         """Away with the lines after that of one character, to that of another."""
         lay = self.layout
         below = lay.next_line(start)
-        return [Splice(*lay.rows(below, end), "")] if below <= end and below > start else []
+        return [Splice(*lay.whole_lines(below, end), "")] if below <= end and below > start else []
 
     def added(
         self, chain: list[Span], path: Path, text: str, order: Sequence[str], is_item: bool
@@ -221,7 +225,7 @@ class Changes:
             before = max(before, parent.keys[number - 1].end)
         rest = lay.text[stop : lay.line_end(stop)].strip()
         if lay.begins_line(start) and (not rest or rest.startswith("#")):
-            splices = [Splice(*lay.rows(start, stop), "")]
+            splices = [Splice(*lay.whole_lines(start, stop), "")]
             if is_last and number and stop == end:  # the list had no comma at its end
                 comma = lay.token(before)
                 splices.append(Splice(comma, comma + 1, ""))

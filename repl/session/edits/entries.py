@@ -54,6 +54,7 @@ class Line:
     play: Play
     begin: float  # [beats of the piece]
     starts: Sequence[float] | None  # None: only the take's file tells
+    row: str | None = None  # of a table, as written
 
     def is_open(self, at: float, piece: Piece) -> bool:
         """Whether it began before a beat and would begin again from there on."""
@@ -77,41 +78,38 @@ def of_words(text: str, at: str) -> Entry:
 def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
     """The entries of a player's part, in the order written."""
     node = _part(texts, player)
-    numbered: list[tuple[int, Entry]] = []
+    found: list[tuple[int, Entry, str | None]] = []
     if isinstance(node, document.Sequence):
-        numbered = [(i, _of_item(item)) for i, item in enumerate(node.items)]
+        found = [(i, _of_item(item), None) for i, item in enumerate(node.items)]
     elif isinstance(node, Scalar) and not node.is_empty:
+        number = done = 0
         for row, offset in words.rows(node.text):
+            number, done = number + node.text.count("\n", done, offset), offset
             read = words.parse_row(row, offset)
-            number = node.text.count("\n", 0, offset)
-            numbered.append((number, _of_play(read.play, node.text, read.at.text)))
-    plays = [
-        pair for pair in zip(piece.parts, piece.starts, strict=True) if pair[0].player == player
-    ]
+            found.append((number, _of_play(read.play, node.text, read.at.text), row))
+    pairs = zip(piece.parts, piece.starts, strict=True)
+    plays = [pair for pair in pairs if pair[0].player == player]
     return [
-        Line(number, entry, play, piece.tempo_map.resolve(play.at), starts)
-        for (number, entry), (play, starts) in zip(numbered, plays, strict=True)
+        Line(number, entry, play, piece.tempo_map.resolve(play.at), starts, row)
+        for (number, entry, row), (play, starts) in zip(found, plays, strict=True)
     ]
 
 
-def close(texts: Texts, player: str, line: Line, until: str) -> Texts:
-    """The entry plays until a position."""
+def stop(
+    texts: Texts, player: str, until: str, closed: Sequence[Line], dropped: Sequence[Line] = ()
+) -> Texts:
+    """Some entries play until a position, others go."""
     path = ("parts", player)
     if isinstance(_part(texts, player), Scalar):
-        said = _row(texts, player, line.entry.said(until=until), line.number)
-        return texts.changed(edit.put_row(texts.document(), path, line.number, said))
-    try:
-        return texts.put((*path, line.number, "until"), until)
-    except EditError:  # an alias: this one is written out
-        return texts.put((*path, line.number), line.entry.said(until=until).flow())
-
-
-def drop(texts: Texts, player: str, line: Line) -> Texts:
-    """The entry goes."""
-    path = ("parts", player)
-    if isinstance(_part(texts, player), Scalar):
-        return texts.changed(edit.put_row(texts.document(), path, line.number, None))
-    return texts.remove((*path, line.number))
+        rows: dict[int, str | None] = {line.number: _closed(line, until) for line in closed}
+        rows |= dict.fromkeys(line.number for line in dropped)
+        return texts.changed(edit.put_rows(texts.document(), path, rows)) if rows else texts
+    for line in closed:
+        try:
+            texts = texts.put((*path, line.number, "until"), until)
+        except EditError:  # an alias: this one is written out
+            texts = texts.put((*path, line.number), line.entry.said(until=until).flow())
+    return texts.remove(*((*path, line.number) for line in dropped)) if dropped else texts
 
 
 def add(texts: Texts, player: str, entry: Entry) -> Texts:
@@ -151,19 +149,13 @@ def _of_play(play: words.PlayWords, text: str, at: str) -> Entry:
     return Entry({"at": at, "play": play.what.text, **options}, do)
 
 
-def _row(texts: Texts, player: str, entry: Entry, number: int) -> str:
-    """The row with its end changed where it stands; its spaces stay."""
-    node = _part(texts, player)
-    assert isinstance(node, Scalar)
-    for text, offset in words.rows(node.text):
-        if node.text.count("\n", 0, offset) != number:
-            continue
-        said = words.parse_row(text).play.options.get("until")
-        if said is None:
-            return f"{text.strip()} until {entry.fields['until']}"
-        end = said.offset + len(said.text)
-        return (text[: said.offset] + entry.fields["until"] + text[end:]).strip()
-    raise EditError(f"the part of {player} has no row {number + 1}")
+def _closed(line: Line, until: str) -> str:
+    """A row that ends at a position; its words and their spaces stay."""
+    row = line.row or ""
+    said = words.parse_row(row).play.options.get("until")
+    if said is None:
+        return f"{row.strip()} until {until}"
+    return (row[: said.offset] + until + row[said.offset + len(said.text) :]).strip()
 
 
 def _aligned(entry: Entry, table: str) -> str:

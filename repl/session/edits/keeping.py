@@ -30,8 +30,7 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         lines = entries.lines(texts, piece, player)
         chosen = [entry for line in lines if (entry := window.of(line)) is not None]
         found = found or bool(chosen)
-        for line in reversed(lines):
-            kept = entries.drop(kept, player, line)
+        kept = entries.stop(kept, player, "", (), lines)
         for entry in chosen:
             kept = entries.add(kept, player, entry)
     for strikes in piece.strikes:

@@ -37,11 +37,12 @@ Changes = Mapping[str, str | None]  # fields and their new texts; None: it goes
 class _Spot:
     """A module's or key's fields: as they hold, and where one may be written."""
 
-    said: Values  # the fields as `like` and `from` leave them
+    part: str  # the key or instrument, as the score calls it
     section: str
     own: Values  # the key or instrument as its own file has it
     module: str  # "" where it bears the name of its part
     kind: str  # "" for a key of M, K, Z
+    said: Values  # the fields as `like` and `from` leave them
     is_ca: bool
 
     @property
@@ -83,7 +84,7 @@ def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
             if text is not None:
                 texts = texts.put((*home, field), text, spot.file)
             elif isinstance(here, dict) and field in here:
-                texts = texts.remove((*home, field), spot.file)
+                texts = texts.remove((*home, field), file=spot.file)
         return texts
     body = edit.tree(spot.said.node)
     assert isinstance(body, dict)
@@ -128,7 +129,7 @@ def _spot(texts: Texts, target: str) -> tuple[_Spot, str]:
             module, name = ".".join(words[count:-1]), words[-1]
             said, kind = _fields(values, module, target)
             is_ca = section == "instruments" and values["units"] == "ca"
-            spot = _Spot(said, section, entry.values, module, kind, is_ca)
+            spot = _Spot(part, section, entry.values, module, kind, said, is_ca)
             known = KINDS[kind].table if kind else KEY
             if name not in known.by_name and name not in said.free:
                 fields = ", ".join([*known.by_name, *said.free])
@@ -156,7 +157,7 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
 
 def _changes(spot: _Spot, piece: Piece, target: str, name: str, value: str) -> Changes:
     """What is written for a value, and what goes because it would say something else."""
-    now = _now(spot, piece, target)
+    now = _now(spot, piece)
     changes: dict[str, str | None] = {}
     others = _OTHERS.get(name, ()) if spot.kind in ("", "CEL") else ()
     if spot.said.written(*others):
@@ -181,11 +182,9 @@ def _changes(spot: _Spot, piece: Piece, target: str, name: str, value: str) -> C
     return {**changes, name: _text(amount * factor, name, spot)}
 
 
-def _now(spot: _Spot, piece: Piece, target: str) -> Mapping[str, object]:
+def _now(spot: _Spot, piece: Piece) -> Mapping[str, object]:
     """The values that hold, in SI units, a measured key's too."""
-    part = target.removesuffix("." + target.rpartition(".")[2])
-    part = part.removesuffix(f".{spot.module}") if spot.module else part
-    made = piece.keys.get(part) or piece.instruments.get(part)
+    made = piece.keys.get(spot.part) or piece.instruments.get(spot.part)
     for module in made.modules if made is not None else ():
         if module.name == spot.module:
             return module.fields

@@ -31,7 +31,7 @@ def define(texts: Texts, name: str, notation: str) -> Texts:
         if len(node.entries) == 1:
             return texts.put(path, said, file)
         texts = texts.put((*path, "notation"), said, file)
-        return texts.remove((*path, "points"), file)
+        return texts.remove((*path, "points"), file=file)
     return texts.put((*path, "notation"), said, file)
 
 

@@ -35,14 +35,16 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
     if not playing:
         raise EditError(f"{player} plays nothing at {written(piece, at)}")
     for line in playing:
-        if line.is_open(at, piece):
-            texts = entries.close(texts, player, line, written(piece, at))
-        left = [start for start in line.starts or () if start >= at - SAME]
-        next_one = left[0] if left else at
         more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
-        more = more.said(at=written(piece, next_one))
-        if "times" in more.fields and line.starts is not None:
-            more = more.said(times=str(max(1, len(left))))
+        if not line.is_open(at, piece):
+            more = more.said(at=written(piece, at), every=None, times=None, until=None)
+            texts = entries.add(texts, player, more)
+            continue
+        texts = entries.stop(texts, player, written(piece, at), [line])
+        left = [start for start in line.starts or () if start >= at - SAME]
+        more = more.said(at=written(piece, left[0] if left else at))
+        if left and "times" in more.fields:
+            more = more.said(times=str(len(left)))
         texts = entries.add(texts, player, more)
     return texts
 
@@ -50,11 +52,10 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
 def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
     """Nothing of a player (None: of anyone) begins from a beat on. Raises EditError."""
     for name in piece.players if player is None else (_known(piece, player),):
-        for line in reversed(entries.lines(texts, piece, name)):
-            if line.begin >= at - SAME:
-                texts = entries.drop(texts, name, line)
-            elif line.is_open(at, piece):
-                texts = entries.close(texts, name, line, written(piece, at))
+        lines = entries.lines(texts, piece, name)
+        closed = [line for line in lines if line.is_open(at, piece)]
+        later = [line for line in lines if line.begin >= at - SAME]
+        texts = entries.stop(texts, name, written(piece, at), closed, later)
     return texts
 
 
@@ -87,7 +88,7 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
                 continue
             # What was to begin only later is left as a single time.
             until = written(piece, max(at, line.begin + 1.0))
-            texts = entries.close(texts, name, line, until)
+            texts = entries.stop(texts, name, until, [line])
     return texts
 
 

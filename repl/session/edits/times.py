@@ -6,9 +6,11 @@ from ergon.repl.session.edits.lists import dropped, items, place
 from ergon.repl.session.edits.positions import written
 from ergon.repl.session.texts import Texts
 from ergon.scores.clock.meter import SAME
-from ergon.scores.clock.positions import Length
+from ergon.scores.clock.positions import Length, parse_length
 from ergon.scores.reading.piece import Piece
 from ergon.scores.text import edit
+from ergon.scores.text.edit import EditError
+from ergon.scores.text.errors import TextError
 
 
 def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = None) -> Texts:
@@ -16,6 +18,7 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
 
     A ramp under way ends there; tempos that were to come go, their meters stay. Raises EditError.
     """
+    over = None if over is None else _over(piece, at, over)
     begins = [piece.tempo_map.resolve(entry.at) for entry in piece.tempo]
     here: int | None = None  # the entry that says the tempo here already
     below: int | None = None  # the first that stays and comes later
@@ -51,6 +54,17 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
 def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
     """A beat gets a name; what stands by that name already moves there. Raises EditError."""
     return texts.put(("marks", name), written(piece, at))
+
+
+def _over(piece: Piece, at: float, over: str) -> str:
+    """The length of a ramp, in beats where the meter changes on its way: bars would be two."""
+    try:
+        length = parse_length(over)
+    except TextError as error:
+        raise EditError(error.message) from None
+    end = piece.tempo_map.after(at, length)
+    changes = any(at + SAME < begin < end - SAME for begin, *_ in piece.tempo_map.bars.changes())
+    return f"{end - at:.12g}" if length.bars and changes else over
 
 
 def _without(texts: Texts, number: int, name: str) -> Texts:
