@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,6 +94,9 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
             console.warn(found.message)
         raise Findings from None
     journal.tell("session", **opening(session.commits.engine.every).fields())
+    # Nothing of what is there now goes away while it plays: no search for cycles in it.
+    gc.collect()
+    gc.freeze()
     session.run()
     if run(session, plain=wishes.plain, strict=wishes.strict, history=history()):
         raise Findings

@@ -151,13 +151,12 @@ class Steps:
         new = change.stage.simulation
         if not change.resets:
             new.take_over(self._simulation)
-        if change.stage.scene is not self._stage.scene:
+        if change.stage.network is not self._stage.network:
             self._mixer = change.stage.mixer(highpass=self._highpass)
         self._simulation, self._stage = new, change.stage
         for group, gain in change.gains.items():
             self._mixer.set_gain(group, gain)
-        if change.damp is not None:
-            new.damp(change.damp)
+        new.damp(change.damp)
 
     def look(self) -> Look:
         """Nothing is late that is done by hand."""

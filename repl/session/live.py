@@ -45,7 +45,7 @@ class Live:
     def change(self, change: Change) -> int:
         """Hand a change to the physics thread; its ticket."""
         stage = change.stage
-        is_new = stage.scene is not self._stage.scene
+        is_new = stage.network is not self._stage.network
         old, self._stage = self._stage, stage
         return self._performance.change(
             change.at,
@@ -53,7 +53,7 @@ class Live:
             old=None if change.resets else old.simulation,
             mixer=stage.mixer(highpass=self._highpass) if is_new else None,
             gains=list(change.gains.items()),
-            **({} if change.damp is None else {"damp": change.damp}),
+            damp=change.damp or 0.0,
             bars=bars(stage, change.at + int(_BARS * stage.rate)),
         )
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.uses import Names, Uses
-from ergon.scores.text import edit
-from ergon.scores.text.document import Document
+from ergon.scores.text import document, edit
+from ergon.scores.text.document import Document, Node
 from ergon.scores.text.edit import EditError
 from ergon.scores.text.errors import Collector
 from ergon.scores.text.files import Files, shipped
@@ -47,10 +49,10 @@ class Texts:
         if (text := self.overlay.get(str(Path(file)))) is not None:
             return edit.read(text, file)
         collector = Collector()
-        document = Files(collector).open(Path(file), None)
-        if document is None or collector.has_errors():
+        opened = Files(collector).open(Path(file), None)
+        if opened is None or collector.has_errors():
             raise EditError(collector.finish()[0].message)
-        return document
+        return opened
 
     def changed(self, text: str, file: str | None = None) -> Texts:
         """The same with another text of the score, or of a file."""
@@ -63,8 +65,8 @@ class Texts:
         collector = Collector()
         uses = Uses(Files(collector, self.overlay), collector)
         uses.files.home = Path(self.path).parent
-        document = uses.files.text(self.path, self.text, Path(self.path).parent)
-        return uses.read(document), uses
+        own = uses.files.text(self.path, self.text, Path(self.path).parent)
+        return uses.read(own), uses
 
     def files(self, folder: Path) -> Mapping[Path, str]:
         """What stands beside the score when it is written in a folder: the files that changed.
@@ -80,14 +82,58 @@ class Texts:
             found[folder / name if name is not None else path] = text
         return found
 
+    def edited(
+        self, section: str | int, change: Callable[[Document], str], file: str | None = None
+    ) -> Texts:
+        """An edit within a section: of its lines alone, for they are read in a tenth of the time.
+
+        Where they cannot stand alone (an alias, a section that is missing) of the whole text.
+        """
+        if file is None or file == self.path:
+            lines = _lines(self.text, str(section))
+            if lines is not None:
+                first, last = lines
+                with contextlib.suppress(EditError):
+                    own = change(edit.read(self.text[first:last], self.path))
+                    return self.changed(self.text[:first] + own + self.text[last:])
+        return self.changed(change(self.document(file)), file)
+
+    def section(self, name: str) -> Node | None:
+        """The node of a section of the score; its places count from the section's first line."""
+        lines = _lines(self.text, name)
+        root = None
+        if lines is not None:
+            with contextlib.suppress(EditError):
+                root = edit.read(self.text[lines[0] : lines[1]], self.path).root
+        if not isinstance(root, document.Mapping) or [*root.entries] != [name]:
+            root = self.document().root
+        return root.get(name) if isinstance(root, document.Mapping) else None
+
     def put(self, path: edit.Path, text: str, file: str | None = None) -> Texts:
         """Set a value. Raises EditError."""
-        return self.changed(edit.put(self.document(file), path, text, SECTIONS), file)
+        return self.edited(path[0], lambda own: edit.put(own, path, text, SECTIONS), file)
 
     def append(self, path: edit.Path, text: str) -> Texts:
         """Add an item to a list. Raises EditError."""
-        return self.changed(edit.append(self.document(), path, text, SECTIONS))
+        return self.edited(path[0], lambda own: edit.append(own, path, text, SECTIONS))
 
     def remove(self, *paths: edit.Path, file: str | None = None) -> Texts:
         """Take entries or items of one parent away. Raises EditError."""
-        return self.changed(edit.remove(self.document(file), *paths), file)
+        if min(len(path) for path in paths) == 1:  # a section leaves more than its own lines
+            return self.changed(edit.remove(self.document(file), *paths), file)
+        return self.edited(paths[0][0], lambda own: edit.remove(own, *paths), file)
+
+
+# A line that begins at the margin with a name: in a block mapping nothing else does.
+_SECTION = re.compile(r"^[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|$)", re.MULTILINE)
+
+
+def _lines(text: str, section: str) -> tuple[int, int] | None:
+    """Where a section's lines begin and end; None where it is not written at the margin."""
+    first = None
+    for match in _SECTION.finditer(text):
+        if first is not None:
+            return first, match.start()
+        if match.group()[:-1].rstrip() == section:
+            first = match.start()
+    return None if first is None else (first, len(text))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -277,10 +278,10 @@ class Piece:
 
     def scene(self) -> str:
         """SHA-256 of what its modules are and how they are heard, by whatever is played on them."""
-        return _sha([getattr(self, name) for name in _OF_SCENE])
+        return _sha(of_scene(self))
 
 
-_OF_SCENE = ("rate", "seed", "keys", "instruments", "duet", "mix")
+of_scene = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
 
 
 def _sha(value: Any) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ergon.repl.session.texts import SECTIONS, Texts
+from ergon.repl.session.texts import Texts
 from ergon.scores.clock.meter import SAME
 from ergon.scores.gesture import words
 from ergon.scores.reading.piece import Piece, Play
@@ -103,7 +103,9 @@ def stop(
     if isinstance(_part(texts, player), Scalar):
         rows: dict[int, str | None] = {line.number: _closed(line, until) for line in closed}
         rows |= dict.fromkeys(line.number for line in dropped)
-        return texts.changed(edit.put_rows(texts.document(), path, rows)) if rows else texts
+        if not rows:
+            return texts
+        return texts.edited("parts", lambda own: edit.put_rows(own, path, rows))
     for line in closed:
         try:
             texts = texts.put((*path, line.number, "until"), until)
@@ -117,13 +119,13 @@ def add(texts: Texts, player: str, entry: Entry) -> Texts:
     node = _part(texts, player)
     path = ("parts", player)
     if not isinstance(node, Scalar) or node.is_empty:
-        return texts.changed(edit.append(texts.document(), path, entry.flow(), SECTIONS))
-    return texts.changed(edit.add_row(texts.document(), path, _aligned(entry, node.text)))
+        return texts.append(path, entry.flow())
+    row = _aligned(entry, node.text)
+    return texts.edited("parts", lambda own: edit.add_row(own, path, row))
 
 
 def _part(texts: Texts, player: str) -> Node | None:
-    root = texts.document().root
-    parts = root.get("parts") if isinstance(root, document.Mapping) else None
+    parts = texts.section("parts")
     return parts.get(player) if isinstance(parts, document.Mapping) else None
 
 

@@ -29,7 +29,7 @@ def dropped(texts: Texts, section: str, number: int) -> Texts:
 
 
 def _node(texts: Texts, path: tuple[str, ...]) -> Node | None:
-    node = texts.document().root
-    for name in path:
+    node = texts.section(path[0])
+    for name in path[1:]:
         node = node.get(name) if isinstance(node, document.Mapping) else None
     return node

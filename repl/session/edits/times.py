@@ -48,7 +48,7 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
     path = place(texts, "tempo", below)
     if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
         texts = texts.put(path, f"[{edit.flow(edit.tree(items(texts, 'tempo')[0]))}]")
-    return texts.changed(edit.insert(texts.document(), ("tempo", below), text))
+    return texts.edited("tempo", lambda own: edit.insert(own, ("tempo", below), text))
 
 
 def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
