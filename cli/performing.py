@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 # What a change takes from the session to the physics thread: its tick, and a busy machine [s].
-_MARGIN = 0.015
+_MARGIN = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +75,12 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     ]
     real = {player: None for board in boards for _, player in board.axes}
     order = _order(console, piece, wishes, boards, gain)
+    told = free(wishes.journal)
+    hands = free(told.with_suffix(".take")) if real else None
+    order = replace(order, record=hands, about={"journal": told.name})
     make, opening = _engine(console, version, clock, order)
     try:
-        journal = Journal(free(wishes.journal))
+        journal = Journal(told)
         session = Session(
             version,
             make,
@@ -86,6 +89,7 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
             real=real,
             store=of_user(),
             clock=clock,
+            hands=hands,
         )
     except JournalError as error:
         raise Refused(str(error)) from None

@@ -50,7 +50,7 @@ def _stop(session: Session, command: c.Stop) -> Reply:
 
 def _panic(session: Session, command: c.Panic) -> Reply:
     session.panic()
-    return Reply(True, "panic: silent, no force; `release`, then `play`")
+    return Reply(True, "")
 
 
 def _release(session: Session, command: c.Release) -> Reply:
@@ -151,6 +151,20 @@ def _save(session: Session, command: c.Save) -> Reply:
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
+def _record(session: Session, command: c.Record) -> Reply:
+    if session.captures.path is None or command.player not in session.commits.real:
+        raise NotTakenError(f"{command.player}'s hand is not real here: --live puts one on its key")
+    beat, _ = session.commits.place(command.when, session.quant)
+    session.captures.begin(command.player, command.take, session.commits.frame(beat))
+    return Reply(True, f"ok {session.written(beat)} recording {command.player}; `record off` ends")
+
+
+def _record_off(session: Session, command: c.RecordOff) -> Reply:
+    beat, _ = session.commits.place(command.when, session.quant)
+    own = session.captures.end(session.commits.frame(beat))
+    return Reply(True, f"ok {session.written(beat)} the end of {own.name}")
+
+
 def _keep(session: Session, command: c.Keep) -> Reply:
     return Reply(True, f"ok wrote {files.keep(session, command.length, command.name)}")
 
@@ -182,6 +196,8 @@ ASIDES: Mapping[type[c.Command], Callable[[Session, Any], Reply]] = {
     c.Trace: _scope_of,
     c.Meters: _meters,
     c.Save: _save,
+    c.Record: _record,
+    c.RecordOff: _record_off,
     c.Keep: _keep,
     c.Py: _py,
     c.Quit: _quit,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 # What waits is made again shortly before it is due, on what then plays [s].
 _AHEAD = 0.3
 
+# A line that is to act now is made in twice the time that the slowest of the last ones took.
+_AGAIN, _FORGET = 2.0, 0.8
+
 # What a line is refused by, once it is read.
 REFUSALS = (NotTakenError, StageError, EditError, EngineError)
 
@@ -38,7 +42,8 @@ class Waiting:
     """A line between Enter and its boundary.
 
     `goes`: the piece begins to go, from beat `beat`, or stands from there; None: as before. One
-    that `resets` finds all masses where they are written to begin.
+    that `resets` finds all masses where they are written to begin; one that `is_now` was to act as
+    soon as it can.
     """
 
     line: str
@@ -47,6 +52,7 @@ class Waiting:
     start: int
     goes: bool | None = None
     resets: bool = False
+    is_now: bool = False
     made: Running | None = None
     on: Running | None = None  # what it was made to follow
     version: Version | None = None
@@ -68,6 +74,7 @@ class Commits:
     waiting: list[Waiting] = field(default_factory=list)
     # By ticket: what was handed over, and on what.
     handed: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
+    took: float = 0.0  # what making a version takes [s]
     lost: list[tuple[Waiting, str]] = field(default_factory=list)  # and why
 
     # --- when ------------------------------------------------------------------------------------
@@ -79,9 +86,7 @@ class Commits:
 
     def soonest(self) -> int:
         """The first frame at which a change can still be made: a multiple of the tick."""
-        every = self.engine.every
-        frame = max(self.engine.frame + self.margin, self.running.start + 1)
-        return -(-frame // every) * every
+        return self._first(_AGAIN * self.took)
 
     def now(self) -> float:
         """The beat of the piece that is computed now."""
@@ -110,6 +115,13 @@ class Commits:
         frames = (clock.seconds(tempo, beat) - lead) * self.rate
         every = self.engine.every
         return beat, max(start, math.floor(frames / every + SAME) * every)
+
+    def frame(self, beat: float) -> int:
+        """The first frame of the tick of a beat; of a piece that stands the soonest."""
+        if not self.running.clock.goes:
+            return self.soonest()
+        tempo, every = self.head.piece.tempo_map, self.engine.every
+        return int(self.running.clock.seconds(tempo, beat) * self.rate) // every * every
 
     def _resolved(self, position: Position) -> float:
         try:
@@ -170,6 +182,7 @@ class Commits:
         return found
 
     def _follow(self, on: Running, one: Waiting) -> Running:
+        began = time.perf_counter()
         version = self._version(on.version, one)
         clock, leave, enter = on.clock, one.beat, one.beat
         seconds = one.start / self.rate
@@ -178,7 +191,10 @@ class Commits:
             tempo = version.piece.tempo_map
             lead = JOIN + self.engine.every / self.rate
             clock = started(tempo, enter, seconds + lead) if one.goes else Clock(None, leave)
-        return follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+        made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+        if self.margin:  # else the engine waits
+            self.took = max(time.perf_counter() - began, _FORGET * self.took)
+        return made
 
     # --- handing over ----------------------------------------------------------------------------
 
@@ -190,8 +206,9 @@ class Commits:
         late = []
         while self.waiting and self.waiting[0].start <= self._soon():
             one = self.waiting[0]
-            if one.start < self.soonest():
-                one.beat, one.start, one.made = *self.place(None, Length(bars=1.0)), None
+            if one.start < self._first(0.0):
+                beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
+                one.beat, one.made = beat if one.goes is None else one.beat, None
                 self.waiting.sort(key=lambda other: other.start)
                 late.append(one)
                 continue
@@ -209,6 +226,12 @@ class Commits:
             self.take(again)
             late += self.tick()
         return late
+
+    def _first(self, making: float) -> int:
+        """The first tick that a change can reach, when it takes so long to make [s]."""
+        every = self.engine.every
+        ahead = self.margin + int(making * self.rate)
+        return -(-max(self.engine.frame + ahead, self.running.start + 1) // every) * every
 
     def _soon(self) -> int:
         return self.engine.frame + self.margin + int(_AHEAD * self.rate)

@@ -46,6 +46,11 @@ def _read(version: Version, texts: Texts) -> Version:
     return replace(version, texts=texts, piece=piece_of(texts))
 
 
+def taken(version: Version, name: str, file: str, channel: str) -> Version:
+    """A recording gets the name by which it is played."""
+    return _read(version, names.take(version.texts, name, file, channel))
+
+
 def rehearsed(piece: Piece, name: str) -> list[Stage]:
     """A gesture alone on each key that it is played on, or on the first. Raises StageError."""
     players = (piece.players[play.player] for play in piece.parts if play.what == name)
@@ -97,7 +102,7 @@ def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
 
 
 def _couple(command: c.Couple, version: Version, beat: float) -> Texts:
-    stiffness, viscosity = f"{command.stiffness!r}N/m", f"{command.viscosity!r}Ns/m"
+    stiffness, viscosity = f"{command.stiffness:.12g}N/m", f"{command.viscosity:.12g}Ns/m"
     ends = command.a, command.b
     return keys.couple(version.texts, version.piece, beat, *ends, stiffness, viscosity)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters: what a glance takes in
 _LINES_MAX = 40  # of a definition
-_SECTIONS = ("gestures", "takes", "keys", "instruments", "players", "parts", "marks", "strikes")
+_SECTIONS = ("parts", "gestures", "takes", "keys", "instruments", "players", "marks", "strikes")
 
 
 def drawn(version: Version, name: str) -> list[str]:

@@ -6,6 +6,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
@@ -18,8 +19,9 @@ from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import names
 from ergon.repl.session import asides, deeds
+from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
-from ergon.repl.session.commits import Commits, Deed, Waiting, faders
+from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.replay import said
 from ergon.repl.session.running import Running, begin
@@ -55,10 +57,12 @@ class Session:
         real: Real | None = None,
         store: Store | None = None,
         clock: Clock | None = None,
+        hands: Path | None = None,
     ) -> None:
         """Begin with a version whose piece stands; `make` puts its stage on an engine.
 
-        `margin` [s] is what a change takes to reach the engine.
+        `margin` [s] is what a change takes to reach the engine; `hands` is the recording that
+        the engine writes of real hands.
         """
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
@@ -71,6 +75,7 @@ class Session:
         self.commits = Commits(
             engine, running, real or {}, int(margin * running.stage.rate), version
         )
+        self.captures = Captures(hands)
         self.panicked = False
         self.taps: list[float] = []
         self.saved: set[str] = set()
@@ -112,6 +117,7 @@ class Session:
         beat = running.beat(frame)
         bar, into = tempo.bar_beat(beat)
         peak = max(look.peaks, default=0.0)
+        capture = self.captures.now
         return State(
             bar=bar,
             beat=into,
@@ -121,7 +127,7 @@ class Session:
             late=look.late,
             level=20.0 * math.log10(peak) if peak > 0 else -math.inf,
             quant=self.quant_text,
-            recording=None,
+            recording=None if capture is None else capture.seconds(frame, running.stage.rate),
             panicked=self.panicked,
         )
 
@@ -136,7 +142,7 @@ class Session:
         """Silence at once."""
         self.commits.engine.panic()
         self.panicked = True
-        self._messages.append("panic: silent, no force; `release` ends it")
+        self._messages.append("panic: silent, no force; `release`, then `play`")
         threading.Thread(target=self._reset, daemon=True).start()
 
     def release(self) -> None:
@@ -219,7 +225,8 @@ class Session:
             return Version(number, line, made.texts, made.piece, made.desk, made.cuts, made.damp)
 
         enter = place if beat is None else beat
-        waiting = Waiting(line, numbered, enter, start, goes, resets, number=number)
+        is_now = when is NOW or (when is None and self.quant is None) or goes is not None
+        waiting = Waiting(line, numbered, enter, start, goes, resets, number=number, is_now=is_now)
         made = self.commits.take(waiting)
         where = made.version.piece.tempo_map.written(waiting.beat)
         self._tell(
@@ -258,12 +265,32 @@ class Session:
                 one, why = self.commits.lost.pop(0)
                 self._messages.append(f"'{one.line}' is lost: {why}")
                 self._tell("dropped", number=one.number)
+            if (own := self.captures.ready(self.commits)) is not None:
+                self._keep_take(own)
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
 
+    def _keep_take(self, own: Capture) -> None:
+        """A take that has ended gets its file and its name."""
+        folder = Path(self.commits.head.texts.path).parent
+        try:
+            path = self.captures.write(own, folder, self.commits.engine.every)
+            file = path.relative_to(folder).as_posix()
+
+            def deed(version: Version, beat: float) -> Version:
+                return deeds.taken(version, own.name, file, own.player)
+
+            self.queue(f"# take {own.name}", deed, NOW, is_read=True)
+        except (NotTakenError, *REFUSALS) as error:
+            self._messages.append(str(error))
+            return
+        assert own.stop is not None
+        seconds = (own.stop - own.start) / self.commits.rate
+        self._messages.append(f"take {own.name}: {seconds:.1f} s -> {file}")
+
     def _late(self, lines: Sequence[Waiting]) -> None:
         for one in lines:
-            if one.line:
+            if one.line and not one.is_now:
                 self._messages.append(f"'{one.line}' came too late; it waits for the next bar")
 
     def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
@@ -288,12 +315,19 @@ class Session:
         with self._lock:
             self.commits.waiting.clear()
             self.commits.head = self.commits.running.version
-            self.queue("panic", deeds.hushed, NOW, goes=False, resets=True)
+            try:
+                self.queue("panic", deeds.hushed, NOW, goes=False, resets=True)
+            except REFUSALS as error:
+                self._messages.append(f"what played is not forgotten: {error}")
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece
         if piece is not self._scope_of:
             self._scope, self._scope_of = names(piece), piece
+
+    def written(self, beat: float) -> str:
+        """A beat of the piece as `bar|beat`."""
+        return self.commits.head.piece.tempo_map.written(beat)
 
     def _written(self, frame: int) -> str:
         running: Running = self.commits.running

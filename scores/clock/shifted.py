@@ -10,7 +10,11 @@ from ergon.scores.text.values import Time
 NEVER = 1e9
 
 
-class Shifted(TempoMap):
+class Elsewhere(TempoMap):
+    """The beats of a piece at other instants: some may be past when the engine begins."""
+
+
+class Shifted(Elsewhere):
     """The beats of a piece at instants `by` seconds later."""
 
     def __init__(self, of: TempoMap, by: float) -> None:
@@ -31,7 +35,7 @@ class Shifted(TempoMap):
         return self.seconds(start_beats + time.beats) + time.seconds
 
 
-class Standing(TempoMap):
+class Standing(Elsewhere):
     """A piece that stands at a beat: what lies before it is over, what lies after never comes."""
 
     def __init__(self, of: TempoMap, at: float, now: float) -> None:

@@ -11,6 +11,7 @@ from ergon import _core
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
 from ergon.scores.clock.positions import Position
+from ergon.scores.clock.shifted import NEVER, Elsewhere
 from ergon.scores.reading.piece import Manner, Piece, Play, Player, of_scene
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Takes, Window
 from ergon.scores.staging.listening import Listening, listen
@@ -334,7 +335,10 @@ def _play(
         ends.append(Striking(piece, timeline, strikes, mats, source).play(hands.collector))
     for coupling, link in zip(piece.duet, couplings, strict=True):
         until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
-        timeline.couple(link, tempo.seconds(tempo.resolve(coupling.at)), until)
+        at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
+        if until is not None and until <= at and isinstance(tempo, Elsewhere):
+            at, until = NEVER, None  # it is over
+        timeline.couple(link, at, until)
     return max(ends, default=0.0)
 
 
