@@ -49,8 +49,8 @@ class Terminal:
     def type(self, text: str | bytes) -> None:
         """Keys; what is shown meanwhile is read, as a terminal does, so that neither waits."""
         data = text.encode() if isinstance(text, str) else text
-        for at in range(0, len(data), 1024):
-            self.child.send(data[at : at + 1024])
+        while data:
+            data = data[self.child.send(data[:1024]) :]  # a pipe that is full takes less
             self.look(0)
 
     def paste(self, text: str) -> None:

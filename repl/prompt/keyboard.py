@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import sys
 from collections.abc import Callable
-from typing import Protocol
+from contextlib import AbstractContextManager
+from typing import Protocol, TextIO
 
 from prompt_toolkit.application.current import get_app
 from prompt_toolkit.enums import DEFAULT_BUFFER
@@ -80,19 +82,29 @@ def bindings(deeds: Deeds) -> KeyBindings:
 
 def keyboard() -> Input:
     """The terminal's keys."""
-    source = create_input()
-    if sys.platform != "win32":
-        from prompt_toolkit.input.vt100 import Vt100Input
-
-        if isinstance(source, Vt100Input):
-            source.stdin_reader = _Pastes(source.stdin_reader.stdin_fd)
-    return source
+    return create_input() if sys.platform == "win32" else _Keys(sys.stdin)
 
 
 if sys.platform != "win32":
     from prompt_toolkit.input.posix_utils import PosixStdinReader
+    from prompt_toolkit.input.vt100 import Vt100Input
 
-    class _Pastes(PosixStdinReader):
+    class _Keys(Vt100Input):
+        """Keys of a terminal that stays raw from start to end."""
+
+        def __init__(self, stdin: TextIO) -> None:
+            super().__init__(stdin)
+            self.stdin_reader = _Reader(stdin.fileno())
+
+        def cooked_mode(self) -> AbstractContextManager[None]:
+            """Raw all the same, while something is printed above the prompt.
+
+            A cooked terminal echoes what is typed meanwhile, makes signals of Ctrl-C and Ctrl-Z,
+            takes Ctrl-D away and leaves out what is beyond 4,096 characters.
+            """
+            return contextlib.nullcontext()
+
+    class _Reader(PosixStdinReader):
         """Sees to it that no paste keeps F12 from being heard.
 
         One whose end never comes is ended by F12 and Ctrl-C: all that is typed would count as
