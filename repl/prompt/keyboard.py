@@ -22,6 +22,7 @@ TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every ke
 _BEGIN, _END = "\x1b[200~", "\x1b[201~"
 _CTRL_C = "\x03"
 _RUN = re.compile("[^\x00-\x1f\x7f-\x9f]{64,}")  # no hand types so much at once
+_ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # where the cursor is
 _AS_PASTE = rf"{_BEGIN}\g<0>{_END}"
 
 
@@ -70,7 +71,8 @@ def bindings(deeds: Deeds) -> KeyBindings:
 
     @keys.add(Keys.BracketedPaste)
     def _(event: KeyPressEvent) -> None:
-        text = event.data.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
+        text = _ANSWER.sub("", event.data)  # that came in two pieces
+        text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
         buffer = event.current_buffer
         if len(buffer.text) + len(text) > TEXT_MAX:
             deeds.too_long(len(text))
@@ -113,6 +115,7 @@ if sys.platform != "win32":
         """
 
         _open = False
+        _answers = ""
         _tail = ""  # of what was read last: marks come in two pieces as well
 
         def read(self, count: int = 1024) -> str:
@@ -125,4 +128,15 @@ if sys.platform != "win32":
             begun, ended = seen.rfind(_BEGIN), seen.rfind(_END)
             if begun != ended:  # one of them is there
                 self._open = begun > ended
-            return data if self._open or "\x1b" in seen else _RUN.sub(_AS_PASTE, data)
+            if self._open or begun != ended:
+                return self._without_answers(data)
+            return data if "\x1b" in seen else _RUN.sub(_AS_PASTE, data)
+
+        def _without_answers(self, data: str) -> str:
+            """Within a paste, what the terminal answers comes in between; it is kept to the end."""
+            self._answers += "".join(_ANSWER.findall(data))
+            data = _ANSWER.sub("", data)
+            if self._open:
+                return data
+            answers, self._answers = self._answers, ""
+            return data + answers
