@@ -53,8 +53,9 @@ class Terminal:
         data = text.encode() if isinstance(text, str) else text
         for at in range(0, len(data), 1024):
             self._unsent += data[at : at + 1024]
+            self.look(0)
             while self._unsent:
-                self.look(0)
+                self.look(0.005)
 
     def paste(self, text: str) -> None:
         self.type(f"\x1b[200~{text}\x1b[201~")

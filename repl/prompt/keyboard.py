@@ -21,7 +21,7 @@ from .words import F12
 TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
 _BEGIN, _END = "\x1b[200~", "\x1b[201~"
 _CTRL_C = "\x03"
-_RUN = re.compile("[^\x00-\x1f\x7f-\x9f]{64,}")  # no hand types so much at once
+_RUN = re.compile("[^\x00-\x1f\x7f-\x9f]{16,}")  # no hand types so much at once
 _ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # where the cursor is
 _AS_PASTE = rf"{_BEGIN}\g<0>{_END}"
 
