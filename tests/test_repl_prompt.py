@@ -321,6 +321,13 @@ def test_a_terminal_that_is_closed_closes_the_session(at: Prompt):
     until(lambda: at.count("close"), "the end")
 
 
+def test_a_terminal_that_is_closed_while_something_is_printed(at: Prompt):
+    at.enter("say 100 0 different #", "different 2")
+    at.type("slow 1000" + ENTER)
+    at.child.ptyproc.fileobj.close()
+    until(lambda: at.count("close"), "the end")
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_closes_the_session_and_acts(at: Prompt, number: signal.Signals):
     at.child.kill(number)
