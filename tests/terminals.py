@@ -1,5 +1,6 @@
 """A terminal for tests: a program in a pseudo-terminal, and the screen that a person would see."""
 
+import contextlib
 import os
 import time
 from collections.abc import Callable
@@ -34,9 +35,10 @@ class Terminal:
             dimensions=(rows, columns),
             echo=True,  # as terminals are; the program turns it off
         )
-        self.child.delaybeforesend = None
+        os.set_blocking(self.child.child_fd, False)
         self.screen = Screen(columns, rows, history=10_000)
-        self.screen.answers = self.child.send
+        self._unsent = bytearray()
+        self.screen.answers = lambda text: self._unsent.extend(text.encode())
         self._stream = pyte.ByteStream(self.screen)
         self.said = b""  # all bytes that came
 
@@ -50,8 +52,10 @@ class Terminal:
         """Keys; what is shown meanwhile is read, as a terminal does, so that neither waits."""
         data = text.encode() if isinstance(text, str) else text
         for at in range(0, len(data), 1024):
-            self.child.send(data[at : at + 1024])
+            self._unsent += data[at : at + 1024]
             self.look(0)
+            while self._unsent:
+                self.look(0.005)
 
     def paste(self, text: str) -> None:
         self.type(f"\x1b[200~{text}\x1b[201~")
@@ -62,6 +66,9 @@ class Terminal:
 
     def look(self, seconds: float = 0.05) -> bool:
         """Show what comes within some time; False when the program has closed its terminal."""
+        # Neither waits for the other: what is full takes less, or nothing.
+        with contextlib.suppress(BlockingIOError):
+            del self._unsent[: os.write(self.child.child_fd, self._unsent)]
         try:
             said = self.child.read_nonblocking(65536, timeout=seconds)
         except pexpect.TIMEOUT:

@@ -14,6 +14,7 @@ from terminals import CTRL_C, CTRL_D, CTRL_S, CTRL_Z, ENTER, F12, Terminal
 from ergon.repl.face import Reply, State
 from ergon.repl.prompt import past
 from ergon.repl.prompt.folded import HELD, PER_SECOND, Folded
+from ergon.repl.prompt.run import history_of_user
 from ergon.repl.prompt.status import status
 from ergon.repl.prompt.words import clean, echo, lines_of, typed
 
@@ -233,9 +234,9 @@ def test_what_is_typed_can_be_written():
 
 
 def test_where_the_history_lies(tmp_path: Path):
-    assert past.of_user({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "ergon" / "history"
+    assert history_of_user({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "ergon" / "history"
     ours = Path.home() / ".local" / "state" / "ergon" / "history"
-    assert past.of_user({"XDG_STATE_HOME": "not/absolute"}) == past.of_user({}) == ours
+    assert history_of_user({"XDG_STATE_HOME": "not/absolute"}) == history_of_user({}) == ours
 
 
 def test_a_history_is_its_owners_and_holds_no_pastes(tmp_path: Path):

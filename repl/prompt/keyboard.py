@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import sys
 from collections.abc import Callable
-from typing import Protocol
+from contextlib import AbstractContextManager
+from typing import Protocol, TextIO
 
 from prompt_toolkit.application.current import get_app
 from prompt_toolkit.enums import DEFAULT_BUFFER
@@ -19,7 +21,8 @@ from .words import F12
 TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
 _BEGIN, _END = "\x1b[200~", "\x1b[201~"
 _CTRL_C = "\x03"
-_RUN = re.compile("[^\x00-\x1f\x7f-\x9f]{64,}")  # no hand types so much at once
+_RUN = re.compile("[^\x00-\x1f\x7f-\x9f]{16,}")  # no hand types so much at once
+_ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # where the cursor is
 _AS_PASTE = rf"{_BEGIN}\g<0>{_END}"
 
 
@@ -68,7 +71,8 @@ def bindings(deeds: Deeds) -> KeyBindings:
 
     @keys.add(Keys.BracketedPaste)
     def _(event: KeyPressEvent) -> None:
-        text = event.data.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
+        text = _ANSWER.sub("", event.data)  # that came in two pieces
+        text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
         buffer = event.current_buffer
         if len(buffer.text) + len(text) > TEXT_MAX:
             deeds.too_long(len(text))
@@ -80,19 +84,29 @@ def bindings(deeds: Deeds) -> KeyBindings:
 
 def keyboard() -> Input:
     """The terminal's keys."""
-    source = create_input()
-    if sys.platform != "win32":
-        from prompt_toolkit.input.vt100 import Vt100Input
-
-        if isinstance(source, Vt100Input):
-            source.stdin_reader = _Pastes(source.stdin_reader.stdin_fd)
-    return source
+    return create_input() if sys.platform == "win32" else _Keys(sys.stdin)
 
 
 if sys.platform != "win32":
     from prompt_toolkit.input.posix_utils import PosixStdinReader
+    from prompt_toolkit.input.vt100 import Vt100Input
 
-    class _Pastes(PosixStdinReader):
+    class _Keys(Vt100Input):
+        """Keys of a terminal that stays raw from start to end."""
+
+        def __init__(self, stdin: TextIO) -> None:
+            super().__init__(stdin)
+            self.stdin_reader = _Reader(stdin.fileno())
+
+        def cooked_mode(self) -> AbstractContextManager[None]:
+            """Raw all the same, while something is printed above the prompt.
+
+            A cooked terminal echoes what is typed meanwhile, makes signals of Ctrl-C and Ctrl-Z,
+            takes Ctrl-D away and leaves out what is beyond 4,096 characters.
+            """
+            return contextlib.nullcontext()
+
+    class _Reader(PosixStdinReader):
         """Sees to it that no paste keeps F12 from being heard.
 
         One whose end never comes is ended by F12 and Ctrl-C: all that is typed would count as
@@ -101,6 +115,7 @@ if sys.platform != "win32":
         """
 
         _open = False
+        _answers = ""
         _tail = ""  # of what was read last: marks come in two pieces as well
 
         def read(self, count: int = 1024) -> str:
@@ -113,4 +128,15 @@ if sys.platform != "win32":
             begun, ended = seen.rfind(_BEGIN), seen.rfind(_END)
             if begun != ended:  # one of them is there
                 self._open = begun > ended
-            return data if self._open or "\x1b" in seen else _RUN.sub(_AS_PASTE, data)
+            if self._open or begun != ended:
+                return self._without_answers(data)
+            return data if "\x1b" in seen else _RUN.sub(_AS_PASTE, data)
+
+        def _without_answers(self, data: str) -> str:
+            """Within a paste, what the terminal answers comes in between; it is kept to the end."""
+            self._answers += "".join(_ANSWER.findall(data))
+            data = _ANSWER.sub("", data)
+            if self._open:
+                return data
+            answers, self._answers = self._answers, ""
+            return data + answers

@@ -4,23 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 from prompt_toolkit.history import FileHistory
 
 LINE_MAX = 10_000  # characters; a longer one is a paste that nobody looks for again
-
-
-def of_user(environment: Mapping[str, str] = os.environ) -> Path | None:
-    """$XDG_STATE_HOME/ergon/history, or ~/.local/state/ergon/history."""
-    base = environment.get("XDG_STATE_HOME", "")
-    if Path(base).is_absolute():  # others are to be ignored, says the specification
-        return Path(base) / "ergon" / "history"
-    try:
-        return Path.home() / ".local" / "state" / "ergon" / "history"
-    except RuntimeError:  # nobody's
-        return None
 
 
 class Past(FileHistory):

@@ -12,8 +12,6 @@ from collections.abc import Iterator, Sequence
 from types import FrameType
 from typing import TextIO
 
-from ergon.repl.face import Face
-
 from .calm import Calm
 from .folded import Folded
 from .signals import Ended, handled
@@ -25,9 +23,9 @@ _LISTENED = 0.1  # s between two looks at what happened
 class Plain:
     """A session by lines that come in and lines that go out."""
 
-    def __init__(self, face: Face, source: TextIO, sink: TextIO) -> None:
+    def __init__(self, face: Calm, source: TextIO, sink: TextIO) -> None:
         """Over a face; what a file or a pipe says is repeated, so that a log tells it too."""
-        self._face = Calm(face)
+        self._face = face
         self._source, self._sink = source, sink
         self._by_hand = source.isatty()
         self._folded = Folded()

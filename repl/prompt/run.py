@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.repl.face import Face
 
+from .calm import Calm
 from .plain import Plain
 from .signals import put_off, unstopped
 from .words import clean
@@ -23,22 +25,23 @@ def run(face: Face, *, plain: bool = False, strict: bool = False, history: Path 
     """Serve a session until somebody leaves, and close it; the exit code.
 
     `plain` draws nothing and prints lines, as it does where there is no terminal, or a dumb one.
-    `history` is the file of lines typed before (`past.of_user()`), None for none. SIGTERM, SIGHUP
-    and, in a script, Ctrl-C close the session and then act as they would have.
+    `history` is the file of lines typed before (`history_of_user()`), None for none. SIGTERM,
+    SIGHUP and, in a script, Ctrl-C close the session and then act as they would have.
     """
     refused = 0
-    server = _server(face, plain or not drawable(), history)
+    calm = Calm(face)
+    server = _server(calm, plain or not drawable(), history)
     with put_off(server.end), unstopped():
         try:
             refused = server.run()
         finally:
-            face.close()
-    for message in face.messages():
+            calm.close()
+    for message in calm.messages():
         print(clean(message))
     return REFUSED if strict and refused else 0
 
 
-def _server(face: Face, plain: bool, history: Path | None) -> Plain | Screen:
+def _server(face: Calm, plain: bool, history: Path | None) -> Plain | Screen:
     if plain:
         return Plain(face, sys.stdin, sys.stdout)
     from .screen import Screen
@@ -50,3 +53,14 @@ def drawable() -> bool:
     """Whether there is a terminal in which a line can be drawn anew."""
     dumb = os.environ.get("TERM", "").lower() in ("dumb", "unknown")
     return sys.stdin.isatty() and sys.stdout.isatty() and not dumb
+
+
+def history_of_user(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """$XDG_STATE_HOME/ergon/history, or ~/.local/state/ergon/history."""
+    base = environment.get("XDG_STATE_HOME", "")
+    if Path(base).is_absolute():  # others are to be ignored, says the specification
+        return Path(base) / "ergon" / "history"
+    try:
+        return Path.home() / ".local" / "state" / "ergon" / "history"
+    except RuntimeError:  # nobody's
+        return None

@@ -13,7 +13,6 @@ import errno
 import threading
 import time
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -24,7 +23,7 @@ from prompt_toolkit.document import Document
 from prompt_toolkit.history import InMemoryHistory
 from prompt_toolkit.patch_stdout import StdoutProxy
 
-from ergon.repl.face import Face, Reply
+from ergon.repl.face import Reply
 
 from .assist import STYLE, Colours, Completions
 from .calm import Calm
@@ -36,21 +35,23 @@ from .words import INDENT, clean, continuation, echo, lines_of, typed
 
 _REDRAWN = 0.25  # s between two drawings while nobody types
 _LISTENED = 0.05  # s between two looks at what happened
+_PATIENCE = 2.0  # s; a terminal may take one of them to answer where its cursor is
 _BUNDLED = 0.005  # s in which what is printed is printed at once: each time the prompt is redrawn
 
 
 class Screen:
     """A session in a terminal."""
 
-    def __init__(self, face: Face, history: Path | None) -> None:
+    def __init__(self, face: Calm, history: Path | None) -> None:
         """Over a face, with the lines of earlier sessions from a file."""
-        self._face = Calm(face)
+        self._face = face
         self._lines: SimpleQueue[str | None] = SimpleQueue()
         self._folded = Folded()
         self._refused = ("", "")  # the line, and what to type instead
         self._refusals = 0
         self._leaving = False
         self._where = ""
+        self._drawn = 0.0
         self._prompt: PromptSession[None] = PromptSession(
             self._before,
             multiline=True,
@@ -71,6 +72,8 @@ class Screen:
     def run(self) -> int:
         """Serve until somebody leaves; the number of lines that were refused."""
         asyncio.run(self._run())
+        for line in self._folded.rest():
+            print(clean(line))
         return self._refusals
 
     def end(self) -> None:
@@ -87,29 +90,30 @@ class Screen:
             contextlib.redirect_stdout(proxy),
             contextlib.redirect_stderr(proxy),
         ):
-            # Begun by the application, so after its first drawing: what is printed before is lost.
-            begin = partial(self._begin, worker)
-            with contextlib.suppress(EOFError), _hung_up():
-                await self._app.run_async(pre_run=begin, set_exception_handler=False)
+            worker.start()
+            serving = loop.create_task(self._app.run_async(set_exception_handler=False))
+            while not serving.done():
+                await asyncio.wait({serving}, timeout=_LISTENED)
+                self._listen()
+                if self._app.is_done:
+                    # It waits for ever for a terminal that was closed while something was printed.
+                    await asyncio.wait({serving}, timeout=_PATIENCE)
+                    serving.cancel()
             proxy.close()
             # What was printed last is still on its way through the loop.
-            await asyncio.gather(*asyncio.all_tasks() - {asyncio.current_task()})
+            if under_way := asyncio.all_tasks() - {asyncio.current_task()}:
+                await asyncio.wait(under_way, timeout=_PATIENCE)
+            with contextlib.suppress(EOFError, asyncio.CancelledError), _hung_up():
+                await serving
 
-    def _begin(self, worker: threading.Thread) -> None:
-        worker.start()
-        self._app.create_background_task(self._listen())
-        self._app.create_background_task(self._redraw())
-
-    async def _listen(self) -> None:
-        while True:
-            await asyncio.sleep(_LISTENED)
-            self._folded.take(self._face.messages())
-            for line in self._folded.due(time.monotonic()):
-                print(clean(line))
-
-    async def _redraw(self) -> None:
-        while True:
-            await asyncio.sleep(_REDRAWN)
+    def _listen(self) -> None:
+        """Tell what happened, and now and then how things are."""
+        self._folded.take(self._face.messages())
+        now = time.monotonic()
+        for line in self._folded.due(now):
+            print(clean(line))
+        if now - self._drawn >= _REDRAWN:
+            self._drawn = now
             self._app.invalidate()
 
     # --- what keys do ---------------------------------------------------------------------------
@@ -117,7 +121,6 @@ class Screen:
     def panic(self) -> None:
         """Silence at once."""
         self._face.panic()
-        print(f"{INDENT}panic")
 
     def clear(self) -> None:
         """Forget what is typed."""
