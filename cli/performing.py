@@ -61,8 +61,7 @@ class Wishes:
 def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     """Serve a session until somebody leaves."""
     from ergon.exchange.plan_store import of_user
-    from ergon.repl.prompt.past import of_user as history
-    from ergon.repl.prompt.run import run
+    from ergon.repl.prompt.run import history_of_user, run
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
     from ergon.scores.staging.stage import StageError
@@ -102,7 +101,7 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     gc.collect()
     gc.freeze()
     session.run()
-    if run(session, plain=wishes.plain, strict=wishes.strict, history=history()):
+    if run(session, plain=wishes.plain, strict=wishes.strict, history=history_of_user()):
         raise Findings
 
 
@@ -145,8 +144,11 @@ def _order(
     score.whole_rate(piece.rate)
     audio = wishes.audio if wishes.block is None else f"{wishes.audio},block={wishes.block}"
     if gain is None or wishes.gain is not None:
-        whole = stage(piece, planned=True, store=of_user(), on_fault="mute")
-        gain = playing.gain(console, piece, whole, wishes.playing, ())
+        from ergon.repl.session.running import rehearsal
+
+        played = piece if piece.parts or piece.strikes else rehearsal(piece)
+        whole = stage(played, planned=True, store=of_user(), on_fault="mute")
+        gain = playing.gain(console, played, whole, wishes.playing, ())
     return Order(
         audio=audio,
         gain=gain,

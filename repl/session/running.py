@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from ergon.scores.clock.positions import Length, Position
+from ergon.scores.reading.piece import UNSAID, Play
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.stage import Going, Span, stage
 
 if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version
+    from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
@@ -46,6 +49,20 @@ class Running:
         at = frame / self.stage.rate
         gestures = self.stage.gestures
         return tuple((g.player, g.name) for g in gestures if g.start <= at < g.stop)
+
+
+def rehearsal(piece: Piece) -> Piece:
+    """A piece that plays nothing, with every gesture once on every player's key: how loud it is."""
+    plays, starts, beat = [], [], 0.0
+    for player in piece.players.values():
+        for gesture in piece.gestures.values():
+            at, place = Position(plus=Length(beats=beat)), gesture.place
+            plays.append(
+                Play(player.name, gesture.name, at, None, 1, None, (), UNSAID, place, place, None)
+            )
+            starts.append((beat,))
+            beat += max(1.0, gesture.points[-1].at.beats + gesture.points[-1].at.seconds)
+    return replace(piece, parts=tuple(plays), starts=tuple(starts))
 
 
 def begin(version: Version, clock: Clock, real: Real, store: Store | None) -> Running:

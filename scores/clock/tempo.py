@@ -163,7 +163,9 @@ class TempoMap:
     def written(self, beats: float) -> str:
         """A beat of the piece as `bar|beat`, with as many digits of the beat as a reader wants."""
         bar, beat = self.bars.bar_beat(beats)
-        return f"{bar}|{round(beat, 3):g}"
+        _, per_bar = self.bars.bar(bar)
+        rounded = round(beat, 3)
+        return f"{bar + 1}|1" if rounded >= per_bar + 1 else f"{bar}|{rounded:g}"
 
     def _place(self, i: int, entry: Entry, at: float) -> None:
         inside = at < self._ramp_end - SAME
