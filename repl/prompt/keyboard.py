@@ -21,9 +21,11 @@ from .words import F12
 TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
 _BEGIN, _END = "\x1b[200~", "\x1b[201~"
 _CTRL_C = "\x03"
-_RUN = re.compile("[^\x00-\x1f\x7f-\x9f]{16,}")  # no hand types so much at once
+# What is one key, and what no hand types at once.
+_KEY_OR_RUN = re.compile(
+    "(?P<key>\x1b\\[[0-9;]*[@-~]|\x1bO?.)|([^\x00-\x1f\x7f-\x9f]{16,})", re.DOTALL
+)
 _ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # where the cursor is
-_AS_PASTE = rf"{_BEGIN}\g<0>{_END}"
 
 
 class Deeds(Protocol):
@@ -82,6 +84,10 @@ def bindings(deeds: Deeds) -> KeyBindings:
     return keys
 
 
+def _marked(found: re.Match[str]) -> str:
+    return found[0] if found["key"] else f"{_BEGIN}{found[0]}{_END}"
+
+
 def keyboard() -> Input:
     """The terminal's keys."""
     return create_input() if sys.platform == "win32" else _Keys(sys.stdin)
@@ -123,14 +129,14 @@ if sys.platform != "win32":
             data = super().read(count)
             if self._open and (data == _CTRL_C or data.startswith(F12)):
                 data = _END + data
-            seen = self._tail + data
+            seen, in_two = self._tail + data, "\x1b" in self._tail
             self._tail = seen[1 - len(_BEGIN) :]
             begun, ended = seen.rfind(_BEGIN), seen.rfind(_END)
             if begun != ended:  # one of them is there
                 self._open = begun > ended
             if self._open or begun != ended:
                 return self._without_answers(data)
-            return data if "\x1b" in seen else _RUN.sub(_AS_PASTE, data)
+            return data if in_two else _KEY_OR_RUN.sub(_marked, data)
 
         def _without_answers(self, data: str) -> str:
             """Within a paste, what the terminal answers comes in between; it is kept to the end."""

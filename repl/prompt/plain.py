@@ -86,14 +86,13 @@ class Plain:
     def _line(self) -> str:
         """One line with its end; empty at the end of input."""
         where = f"{self._face.state().where} > "
-        with self._writing:
-            self._prompt = where
-            self._write(where)
         line = ""
         try:
-            self._reading = True
+            self._reading = True  # before anybody sees that it does
+            with self._writing:
+                self._prompt = where
+                self._write(where)
             line = self._source.readline()
-            self._reading = False
         finally:
             self._reading = False
             with self._writing:
