@@ -143,6 +143,8 @@ def _order(
     master = piece.mix.master
     score.whole_rate(piece.rate)
     audio = wishes.audio if wishes.block is None else f"{wishes.audio},block={wishes.block}"
+    if audio.startswith("file:"):  # whoever types does so by the clock
+        audio = audio.replace("file:", "clock:", 1)
     if gain is None or wishes.gain is not None:
         from ergon.repl.session.running import rehearsal
 

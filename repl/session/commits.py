@@ -285,6 +285,6 @@ def faders(running: Running) -> dict[int, float]:
 
 
 def _moved(before: Running, after: Running) -> dict[int, float]:
-    """Groups of routes whose faders stand elsewhere than before; of a new mixer, than at 1."""
+    """Groups of routes whose faders stand elsewhere than before; all of a new mixer."""
     old = faders(before) if after.stage.network is before.stage.network else {}
-    return {group: to for group, to in faders(after).items() if to != old.get(group, 1.0)}
+    return {group: to for group, to in faders(after).items() if to != old.get(group)}

@@ -149,10 +149,11 @@ class Steps:
 
     def _do(self, change: Change) -> None:
         new = change.stage.simulation
-        if not change.resets:
-            new.take_over(self._simulation)
+        outputs = [] if change.resets else new.take_over(self._simulation)
         if change.stage.network is not self._stage.network:
-            self._mixer = change.stage.mixer(highpass=self._highpass)
+            mixer = change.stage.mixer(highpass=self._highpass)
+            mixer.take_over(self._mixer, outputs)
+            self._mixer = mixer
         self._simulation, self._stage = new, change.stage
         for group, gain in change.gains.items():
             self._mixer.set_gain(group, gain)

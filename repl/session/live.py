@@ -31,6 +31,9 @@ class Live:
         self._players = [hand.player for hand in stage.live]
         self._boards = [board.url for board in order.boards]
         self._sound = 0
+        # Once it is closed: how it was, and what had not been told.
+        self._last: _core.Status | None = None
+        self._left: list[tuple[int, str, float]] = []
 
     @property
     def performance(self) -> _core.Performance:
@@ -40,7 +43,7 @@ class Live:
     @property
     def frame(self) -> int:
         """Frames computed so far."""
-        return self._performance.status().frame
+        return self._status().frame
 
     def change(self, change: Change) -> int:
         """Hand a change to the physics thread; its ticket."""
@@ -64,22 +67,27 @@ class Live:
 
     def look(self) -> Look:
         """How it goes."""
-        status = self._performance.status()
+        status = self._status()
         return Look(status.load, status.late, status.peaks[: self._stage.n_channels])
 
     def told(self) -> Sequence[Told]:
         """What happened since the last call."""
         found = []
-        for event in self._performance.events():
+        for event in self._left if self._last else self._performance.events():
             frame, what, number = event
             if what in ("changed", "late"):
                 found.append(Told(frame, int(number), is_late=what == "late"))
             elif sentence := said(event, self._players, self._boards):
                 found.append(Told(frame, sentence=sentence))
-        sound = self._performance.sound_events()
-        found += [Told(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]]
-        self._sound = len(sound)
+        self._left = []
+        if self._last is None:
+            sound = self._performance.sound_events()
+            found += [Told(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]]
+            self._sound = len(sound)
         return found
+
+    def _status(self) -> _core.Status:
+        return self._last or self._performance.status()
 
     def panic(self) -> None:
         """Silence within 5 ms, no force."""
@@ -91,5 +99,6 @@ class Live:
 
     def close(self) -> None:
         """Let what is in the ring be heard, and end."""
+        self._last = self._performance.status()
         self._performance.stop()
-        self._performance.close(_PATIENCE)
+        self._left = self._performance.close(_PATIENCE)

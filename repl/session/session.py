@@ -161,6 +161,7 @@ class Session:
         with self._lock:
             self._tell("end", frame=self.commits.engine.frame)
             self.commits.engine.close()
+            self._hear()
             if self.journal is not None:
                 self.journal.close()
 
@@ -252,14 +253,7 @@ class Session:
     def pump(self) -> None:
         """Hand over what is due, and hear what the engine tells."""
         with self._lock:
-            for told in self.commits.engine.told():
-                if told.sentence:
-                    where = self._written(told.frame)
-                    self._messages.append(f"{where} {told.sentence}")
-                elif told.ticket is not None and told.is_late:
-                    self._late(self.commits.late(told.ticket))
-                elif told.ticket is not None:
-                    self._committed(self.commits.done(told.ticket), told.frame)
+            self._hear()
             self._late(self.commits.tick())
             while self.commits.lost:
                 one, why = self.commits.lost.pop(0)
@@ -269,6 +263,15 @@ class Session:
                 self._keep_take(own)
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
+
+    def _hear(self) -> None:
+        for told in self.commits.engine.told():
+            if told.sentence:
+                self._messages.append(f"{self._written(told.frame)} {told.sentence}")
+            elif told.ticket is not None and told.is_late:
+                self._late(self.commits.late(told.ticket))
+            elif told.ticket is not None:
+                self._committed(self.commits.done(told.ticket), told.frame)
 
     def _keep_take(self, own: Capture) -> None:
         """A take that has ended gets its file and its name."""

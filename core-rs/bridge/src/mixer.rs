@@ -39,6 +39,13 @@ impl Mixer {
         self.0.set_gain(group, gain);
     }
 
+    /// Go on as `old` stands, with its gains and filters; `outputs`: which output here each of its outputs has become,
+    /// where they are not the same.
+    #[pyo3(signature = (old, outputs = None))]
+    fn take_over(&mut self, old: &Self, outputs: Option<Vec<Option<usize>>>) {
+        self.0.take_over(&old.0, outputs.as_deref());
+    }
+
     /// (n_frames, n_out) -> (n_frames, n_channels).
     fn process(
         &mut self,

@@ -138,14 +138,16 @@ impl Simulation {
         Ok(())
     }
 
-    /// Go on where `old` stands, which must be at the same frame; `old` is of no use afterwards.
-    fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<()> {
+    /// Go on where `old` stands, which must be at the same frame; `old` is of no use afterwards. Which output here each
+    /// of its outputs has become.
+    fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<Vec<Option<usize>>> {
         let done = py.detach(|| {
             let carry = simulation::Carry::new(&old.0, &self.0);
-            self.0.take_over(&mut old.0, &carry)
+            let done = self.0.take_over(&mut old.0, &carry);
+            done.then(|| carry.outputs().to_vec())
         });
-        if done {
-            return Ok(());
+        if let Some(outputs) = done {
+            return Ok(outputs);
         }
         let (own, old) = (self.0.frame(), old.0.frame());
         let message = format!("one is at frame {own}, the other at {old}");

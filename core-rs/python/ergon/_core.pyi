@@ -575,9 +575,10 @@ class Simulation:
     def damp(self, t60: float | None) -> None:
         """From this frame on let everything fade within t60 [s] where nothing else damps it (1/T60
         add up); None: no longer. Free copies of keys do not feel it."""
-    def take_over(self, old: Simulation) -> None:
+    def take_over(self, old: Simulation) -> list[int | None]:
         """Go on where `old` stands, which is of no use afterwards: what both have, by name, goes on,
-        to the last bit where its network is the same. EngineError unless both are at one frame."""
+        to the last bit where its network is the same. Which output here each of its outputs has
+        become. EngineError unless both are at one frame."""
     def snapshot(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
     def energy(self) -> Energy:
@@ -610,6 +611,9 @@ class Mixer:
         """
     def set_gain(self, group: int, gain: float) -> None:
         """Let the gain of a group glide to another, 20 ms from the next multiple of 64 frames on."""
+    def take_over(self, old: Mixer, outputs: Sequence[int | None] | None = None) -> None:
+        """Go on as `old` stands, with its gains and filters; `outputs`: which output here each of
+        its outputs has become, where they are not the same."""
     def process(self, frames: _Floats, mixed: _Floats) -> None:
         """(n_frames, n_out) -> (n_frames, n_channels)."""
 

@@ -21,7 +21,8 @@ pub(super) fn connect(
         Backend::Jack => jack::open(spec, channels, shared)?,
         Backend::Pulse => pulse::open(spec, channels)?,
         Backend::System => system::open(spec, rate, channels)?,
-        Backend::File(path) => file::open(path, rate, channels)?,
+        Backend::File(path) => file::open(path, rate, channels, None)?,
+        Backend::Clock(path) => file::open(path, rate, channels, Some(spec.block))?,
         Backend::Null => null::open(rate, spec.block),
         Backend::Fast => null::fast(rate, spec.block),
     };
@@ -75,7 +76,10 @@ pub fn survey() -> Vec<(String, Result<String, String>)> {
     }
     found.extend([
         ("null".into(), Ok("the clock alone, no sound".into())),
-        ("file".into(), Ok("file:PATH writes a WAVE file".into())),
+        (
+            "file".into(),
+            Ok("file:PATH writes a WAVE file, clock:PATH one by the clock".into()),
+        ),
     ]);
     found
 }

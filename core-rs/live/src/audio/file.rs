@@ -1,4 +1,4 @@
-//! A WAVE file, written as fast as the frames come; it appears under its name when it is whole.
+//! A WAVE file, written as fast as the frames come or by the clock; it appears under its name when it is whole.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -8,14 +8,22 @@ use std::time::Duration;
 
 use super::AudioError;
 use super::ring::Drain;
-use super::sink::{Opened, Pump, Sink};
-use super::wave;
+use super::sink::{Opened, PRIORITY, Pump, Sink};
+use super::{null, wave};
+use crate::realtime;
 
 const BLOCK: u32 = 1024;
 const NAP: Duration = Duration::from_micros(200);
 
 /// A new file; the frames wait under another name beside it until it is closed.
-pub(super) fn open(path: &Path, rate: u32, channels: usize) -> Result<Opened, AudioError> {
+///
+/// `clock`: as a card would take them, so many at a time.
+pub(super) fn open(
+    path: &Path,
+    rate: u32,
+    channels: usize,
+    clock: Option<Option<u32>>,
+) -> Result<Opened, AudioError> {
     let failed = |error| AudioError::File {
         path: path.to_owned(),
         error,
@@ -24,19 +32,22 @@ pub(super) fn open(path: &Path, rate: u32, channels: usize) -> Result<Opened, Au
         return Err(failed(io::ErrorKind::AlreadyExists.into()));
     }
     let mut recording = Recording::begin(path, rate, channels).map_err(failed)?;
+    let block = clock.map_or(BLOCK, |block| block.unwrap_or(null::BLOCK));
     Ok(Opened {
         backend: "file",
         device: path.display().to_string(),
         rate,
-        block: BLOCK,
-        paced: false,
+        block,
+        paced: clock.is_some(),
         remarks: Vec::new(),
         start: Box::new(move |drain| {
-            drain.shared().set_timing(BLOCK, 0);
+            drain.shared().set_timing(block, 0);
             let pump = Pump::start("ergon file", drain, move |drain, stop| {
-                recording
-                    .run(drain, stop)
-                    .and_then(|()| recording.end())
+                let run = match clock {
+                    Some(_) => recording.run_by_the_clock(drain, stop, block),
+                    None => recording.run(drain, stop),
+                };
+                run.and_then(|()| recording.end())
                     .map_err(|error| recording.told(&error))
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
@@ -85,6 +96,21 @@ impl Recording {
                 frames => self.write(&out[..frames * self.channels], frames)?,
             }
         }
+    }
+
+    fn run_by_the_clock(
+        &mut self,
+        drain: &mut Drain,
+        stop: &AtomicBool,
+        block: u32,
+    ) -> io::Result<()> {
+        drain
+            .shared()
+            .set_priority(realtime::scheduled_at(PRIORITY));
+        let rate = self.rate;
+        null::by_the_clock(drain, stop, rate, block, |out| {
+            self.write(out, block as usize)
+        })
     }
 
     fn write(&mut self, samples: &[f32], frames: usize) -> io::Result<()> {

@@ -7,7 +7,7 @@ use super::ring::Drain;
 use super::sink::{Opened, PRIORITY, Pump, Sink};
 use crate::realtime;
 
-const BLOCK: u32 = 256;
+pub(super) const BLOCK: u32 = 256;
 /// Later than this the clock is set anew: a suspended machine does not catch up by playing faster.
 const LOST: Duration = Duration::from_millis(200);
 const NAP: Duration = Duration::from_micros(200);
@@ -28,8 +28,7 @@ pub(super) fn open(rate: u32, block: Option<u32>) -> Opened {
                 drain
                     .shared()
                     .set_priority(realtime::scheduled_at(PRIORITY));
-                by_the_clock(drain, stop, rate, block);
-                Ok(())
+                by_the_clock(drain, stop, rate, block, |_| Ok(()))
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
         }),
@@ -62,7 +61,14 @@ pub(super) fn fast(rate: u32, block: Option<u32>) -> Opened {
     }
 }
 
-fn by_the_clock(drain: &mut Drain, stop: &AtomicBool, rate: u32, block: u32) {
+/// Take frames as a card would, and have something done with each block.
+pub(super) fn by_the_clock<E>(
+    drain: &mut Drain,
+    stop: &AtomicBool,
+    rate: u32,
+    block: u32,
+    mut with: impl FnMut(&[f32]) -> Result<(), E>,
+) -> Result<(), E> {
     let mut out = vec![0.0; block as usize * drain.channels()];
     let mut began = Instant::now();
     let mut frames = 0;
@@ -74,7 +80,9 @@ fn by_the_clock(drain: &mut Drain, stop: &AtomicBool, rate: u32, block: u32) {
             (began, frames) = (Instant::now(), 0);
         }
         drain.fill(&mut out);
+        with(&out)?;
     }
+    Ok(())
 }
 
 /// How long frames last.

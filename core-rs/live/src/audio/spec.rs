@@ -19,6 +19,8 @@ pub enum Backend {
     System,
     /// A WAVE file, as fast as the frames come.
     File(PathBuf),
+    /// A WAVE file by the clock, as a card would take the frames.
+    Clock(PathBuf),
     /// Nowhere, by the clock.
     Null,
     /// Nowhere, as fast as the frames come.
@@ -39,7 +41,8 @@ pub struct Spec {
 }
 
 /// How the text is written.
-pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macOS, Windows), file:PATH, null or null:fast; \
+pub const USAGE: &str = "auto, jack[:PORTS], pulse[:SINK], system[:DEVICE] (macOS, Windows), file:PATH, clock:PATH (a \
+    file by the clock), null or null:fast; \
     then ,block=FRAMES and ,channels=N where wanted";
 
 impl Spec {
@@ -93,6 +96,7 @@ impl FromStr for Spec {
             ("null", None) => Backend::Null,
             ("null", Some("fast")) => Backend::Fast,
             ("file", Some(path)) => Backend::File(path.into()),
+            ("clock", Some(path)) => Backend::Clock(path.into()),
             ("file", None) => return Err(refused(text, "a file needs its path: file:PATH".into())),
             _ => return Err(refused(text, "no such output".into())),
         };
@@ -121,6 +125,7 @@ impl fmt::Display for Spec {
             Backend::Pulse => "pulse",
             Backend::System => "system",
             Backend::File(path) => return write!(to, "file:{}", path.display()),
+            Backend::Clock(path) => return write!(to, "clock:{}", path.display()),
             Backend::Null => "null",
             Backend::Fast => "null:fast",
         };
@@ -159,6 +164,7 @@ mod tests {
             "",
             "alsa",
             "file:",
+            "clock",
             "auto:x",
             "null:slow",
             "jack,block=0",
