@@ -41,6 +41,7 @@ class Wishes:
     gain: str | None = None
     journal: Path = Path("session.jsonl")
     resume: Path | None = None
+    watch: bool = False
     plain: bool = False
     strict: bool = False
 
@@ -89,6 +90,7 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
             store=of_user(),
             clock=clock,
             hands=hands,
+            watches=wishes.watch,
         )
     except JournalError as error:
         raise Refused(str(error)) from None

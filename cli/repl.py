@@ -42,6 +42,7 @@ from .console import Console
     metavar="FILE",
     help="Go on where a journal ends.",
 )
+@click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
 @click.option("--plain", is_flag=True, help="Lines only, no redrawing: for screen readers, pipes.")
 @click.option("--strict", is_flag=True, help="Exit 1 when a line was not taken.")
 @options.speaking

@@ -26,7 +26,7 @@ from ergon.repl.session.version import Version, piece_of
 ERGON = [sys.executable, "-m", "ergon.cli"]
 
 
-def session_on(folder: Path, audio: str) -> Session:
+def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:
     """A session on a performance whose journal stands beside its score."""
     path = folder / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
@@ -38,6 +38,7 @@ def session_on(folder: Path, audio: str) -> Session:
         lambda stage: Live(stage, Order(audio=audio, gain=300.0)),
         margin=0.006,
         journal=journal,
+        watches=watches,
     )
     every = session.commits.engine.every
     opening = Opening(texts, 0.0, version.desk, every, 300.0, 1.0, None)
@@ -109,6 +110,20 @@ def test_a_panic_is_silent_and_forgets(tmp_path: Path):
         ok(session, "leo plays knock every 1/2 now")
         until(lambda: ("leo", "knock") in session.state().playing, "leo plays")
         assert "ada" not in dict(session.state().playing)
+
+
+def test_a_score_that_is_saved_in_an_editor_takes_over(tmp_path: Path):
+    with closing(session_on(tmp_path, "null", watches=True)) as session:
+        ok(session, "play")
+        path = tmp_path / "score.yaml"
+        path.write_text(SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: kock}]"))
+        found: list[str] = []
+        until(lambda: found.extend(session.messages()) or found, "a refusal")
+        assert found[0].startswith("not taken: ")
+        path.write_text(
+            SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1/4, times: 999}]")
+        )
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
 
 
 def test_a_journal_restores_what_was_accepted(tmp_path: Path):

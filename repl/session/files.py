@@ -11,7 +11,33 @@ from ergon.repl.session.version import NotTakenError, piece_of
 
 if TYPE_CHECKING:
     from ergon.repl.session.session import Session
+    from ergon.repl.session.texts import Texts
     from ergon.scores.clock.positions import Length
+
+
+class Watch:
+    """Whether the score, or a file that it uses, was saved by somebody else."""
+
+    def __init__(self, texts: Texts) -> None:
+        """From now on."""
+        self._files = [Path(name) for name in texts.load().files]
+        self._seen = self._stamps()
+
+    def has_changed(self) -> bool:
+        """Whether one was saved since the last look."""
+        now = self._stamps()
+        changed, self._seen = now != self._seen, now
+        return changed
+
+    def _stamps(self) -> list[int]:
+        return [_stamp(path) for path in self._files]
+
+
+def _stamp(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:  # an editor puts a new file in its place
+        return 0
 
 
 def keep(session: Session, length: Length, name: str) -> str:
@@ -57,4 +83,6 @@ def save(session: Session, target: Path | None) -> list[str]:
             raise NotTakenError(str(error).removesuffix(" (-f overwrites it)")) from None
         session.saved.add(file)
         written.append(file)
+    if session.watch is not None:
+        session.watch.has_changed()  # it was we
     return written

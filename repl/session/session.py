@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 from collections import deque
@@ -18,7 +19,7 @@ from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import names
-from ergon.repl.session import asides, deeds
+from ergon.repl.session import asides, deeds, files
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _LOOK = 0.02  # [s] between two looks at the engine
+_WATCH = 15  # looks between two at the score's files
 _BAR = Length(bars=1.0)
 
 
@@ -58,11 +60,12 @@ class Session:
         store: Store | None = None,
         clock: Clock | None = None,
         hands: Path | None = None,
+        watches: bool = False,
     ) -> None:
         """Begin with a version whose piece stands; `make` puts its stage on an engine.
 
         `margin` [s] is what a change takes to reach the engine; `hands` is the recording that
-        the engine writes of real hands.
+        the engine writes of real hands. One that `watches` reloads a score that was saved.
         """
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
@@ -76,6 +79,7 @@ class Session:
             engine, running, real or {}, int(margin * running.stage.rate), version
         )
         self.captures = Captures(hands)
+        self.watch = files.Watch(version.texts) if watches else None
         self.panicked = False
         self.taps: list[float] = []
         self.saved: set[str] = set()
@@ -307,9 +311,13 @@ class Session:
         self._thread.start()
 
     def _look_on(self) -> None:
+        looks = itertools.count()
         while not self._over.wait(_LOOK):
             try:
                 self.pump()
+                if next(looks) % _WATCH == 0 and self.watch and self.watch.has_changed():
+                    reply = self.submit("reload")
+                    self._messages.append(reply.text if reply.taken else f"not taken: {reply.text}")
             except BaseException as error:  # whatever it was, the next look may succeed
                 self._messages.append(f"{type(error).__name__}: {error}")
 
