@@ -141,8 +141,8 @@ impl Simulation {
     /// Go on where `old` stands, which must be at the same frame; `old` is of no use afterwards.
     fn take_over(&mut self, py: Python<'_>, old: &mut Self) -> PyResult<()> {
         let done = py.detach(|| {
-            let carry = simulation::Carry::new(&old.0, &self.0);
-            self.0.take_over(&mut old.0, &carry)
+            let mut carry = simulation::Carry::new(&old.0, &self.0);
+            self.0.take_over(&mut old.0, &mut carry)
         });
         if done {
             return Ok(());

@@ -45,7 +45,8 @@ pub(super) struct Player {
     slots: Vec<Slot>,
     pub(super) links: Links,
     /// Changes that are not due yet, by rising frame.
-    #[allow(clippy::vec_box)] // each goes back in the box that it came in: to open it would free that
+    #[allow(clippy::vec_box)]
+    // each goes back in the box that it came in: to open it would free that
     pub(super) waiting: Vec<Box<Due>>,
     clock: Clock,
     movers: Vec<Mover>,
