@@ -114,3 +114,54 @@ def test_damping_is_a_time() -> None:
     simulation.damp(0.1)
     heard(simulation, 8_820)
     assert np.abs(heard(simulation, 13_230)).max() < 2e-3 * loud
+
+
+def test_parameters_glide() -> None:
+    """A spring and a mass that come from other numbers: nothing jumps, and refusals say why."""
+    at, over = 6_400, 64
+    span = (at / RATE, (at + over) / RATE)
+
+    def pair(k: float, tie: float) -> _core.Network:
+        net = _core.Network()
+        net.part("pair")
+        for name in ("a", "b"):
+            mat = net.cel(name, M=2e-3, K=tie, Z=1e-3, X0=1e-3 if name == "a" else 0.0)
+            net.listen(name, positions=[(mat, 1, 1.0)])
+        net.ref("l", 0, 1, K=k, Z=1e-6 * k)
+        return net
+
+    def joined(new: _core.Network, timeline: _core.Timeline) -> NDArray[np.float64]:
+        old = pair(3e3, 900.0)
+        quiet = _core.Timeline(old, RATE)
+        quiet.open()
+        before = _core.Simulation(old, quiet, plan=_core.Plan(old, quiet))
+        after = _core.Simulation(new, timeline, plan=_core.Plan(new, timeline), start=at)
+        sound = heard(before, at)
+        after.take_over(before)
+        return np.concatenate([sound, heard(after, 2 * at)])
+
+    def roughness(sound: NDArray[np.float64]) -> float:
+        third = np.abs(np.diff(sound, 3, axis=0)).max(axis=1)
+        around = max(third[at - 1_500 : at - 4].max(), third[at + over + 4 :][:1_500].max())
+        return float(third[at - 4 : at + over + 4].max() / around)
+
+    new = pair(4.5e3, 1_350.0)
+    jumping, gliding = (_core.Timeline(new, RATE) for _ in range(2))
+    jumping.open()
+    gliding.open()
+    gliding.fade(0, 1 / 1.5, 1.0, *span)
+    for mat in (0, 1):
+        gliding.glide(mat, 900.0, 1e-3, 2e-3, *span)
+    assert roughness(joined(new, jumping)) > 2.0
+    assert roughness(joined(new, gliding)) < 1.5
+    for refused in (
+        lambda: gliding.fade(0, 0.5, 1.0, *span),
+        lambda: gliding.fade(7, 0.5, 1.0, *span),
+        lambda: gliding.fade(0, -1.0, 1.0, *span, n=2),
+        lambda: gliding.glide(0, 1.0, 1.0, 1.0, *span),
+        lambda: jumping.glide(0, 1.0, 1.0, 0.0, *span),
+        lambda: jumping.glide(0, 1.0, 1.0, 1.0, span[1], span[0]),
+        lambda: jumping.couple(0, 0.0, fade=0.0),
+    ):
+        with pytest.raises(EngineError):
+            refused()

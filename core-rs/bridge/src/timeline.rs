@@ -174,10 +174,35 @@ impl Timeline {
     }
 
     /// The LIA acts only from `start` to `stop`.
-    #[pyo3(signature = (link, start, stop=None))]
-    fn couple(&mut self, link: usize, start: f64, stop: Option<f64>) -> PyResult<()> {
+    #[pyo3(signature = (link, start, stop=None, fade=0.02))]
+    fn couple(&mut self, link: usize, start: f64, stop: Option<f64>, fade: f64) -> PyResult<()> {
         self.inner
-            .couple(&self.network, link, start, stop)
+            .couple_over(&self.network, link, start, stop, fade)
+            .map_err(from_engine)
+    }
+
+    /// The force of n LIAs, whole runs, is `before` times what it is until `start`, `after` times from `stop` on.
+    #[pyo3(signature = (link, before, after, start, stop, *, n=1))]
+    fn fade(
+        &mut self,
+        link: usize,
+        before: f64,
+        after: f64,
+        start: f64,
+        stop: f64,
+        n: usize,
+    ) -> PyResult<()> {
+        self.inner
+            .fade(&self.network, (link, n), (before, after), (start, stop))
+            .map_err(from_engine)
+    }
+
+    /// A MAT has other K, Z and M until `start`, the network's own from `stop` on.
+    #[pyo3(name = "glide", signature = (mat, k, z, m, start, stop))]
+    fn glide(&mut self, mat: usize, k: f64, z: f64, m: f64, start: f64, stop: f64) -> PyResult<()> {
+        self.there("glide", mat)?;
+        self.inner
+            .glide(&self.network, mat, [k, z, m], (start, stop))
             .map_err(from_engine)
     }
 

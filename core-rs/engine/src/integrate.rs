@@ -40,6 +40,12 @@ trait Method {
     fn velocity(&self, mat: usize) -> f64;
     /// Velocities or last steps, whichever carry its motion on            (n_mat)
     fn pace(&mut self) -> &mut [f64];
+    /// The last step of a MAT, x − x⁻ [m], as well as the method knows it.
+    fn last_step(&self, mat: usize) -> f64;
+    /// Set a MAT going: where it is, and by what last step it came there [m]; once all are set, `settle`.
+    fn put(&mut self, mat: usize, x: f64, step: f64);
+    /// Find anew what follows from where all MATs are.
+    fn settle(&mut self);
     /// The energy that the method keeps [J]: half a step before now where it lives between frames.
     fn energy(&self) -> f64;
 }
@@ -121,6 +127,26 @@ impl Integrator {
             .pace()
             .iter_mut()
             .for_each(|v| *v *= by);
+    }
+
+    /// Where a MAT is, and its step in a frame [m].
+    pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
+        let method = self.motion.method();
+        (
+            method.x()[mat],
+            method.last_step(mat) * f64::from(self.substeps),
+        )
+    }
+
+    /// Set a MAT going as it goes elsewhere; once all are, [`Integrator::settle`].
+    pub(crate) fn put(&mut self, mat: usize, (x, step): (f64, f64)) {
+        let step = step / f64::from(self.substeps);
+        self.motion.method_mut().put(mat, x, step);
+    }
+
+    /// All MATs are set.
+    pub(crate) fn settle(&mut self) {
+        self.motion.method_mut().settle();
     }
 
     /// Positions at the frame [m], (n_mat).

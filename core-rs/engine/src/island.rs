@@ -6,6 +6,7 @@ mod build;
 mod carry;
 mod fault;
 pub(crate) mod fine;
+mod glide;
 pub(crate) mod hands;
 pub(crate) mod inside;
 mod ledger;
@@ -46,6 +47,7 @@ pub(crate) struct Script {
     ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
+    glides: Vec<glide::Glide>,
     pub(crate) grips: Vec<hands::Grip>,
     n_keys: usize,
     on_fault: OnFault,
@@ -80,6 +82,8 @@ struct State {
     mutes: Mutes,
     /// By how much every step is less than it would be: an extra viscosity.
     damped: f64,
+    /// The scheme as it is now, where MATs in it glide.
+    scheme: Option<Box<Scheme>>,
 }
 
 /// A network that plays.
@@ -121,7 +125,12 @@ impl Island {
     /// One frame: forces, outputs, hands, contacts, masses.
     fn step(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
-        let (scheme, n) = (&script.scheme, state.frame);
+        let n = state.frame;
+        let mut gliding = state.scheme.take();
+        if let Some(scheme) = &mut gliding {
+            glide::turn(&script.glides, &script.scheme, scheme, n);
+        }
+        let scheme = gliding.as_deref().unwrap_or(&script.scheme);
         for ((open, gate), lean) in state.gates.iter_mut().zip(&script.gates).zip(&state.leans) {
             *open = Lean::open(lean.as_ref(), gate, n);
         }
@@ -141,8 +150,8 @@ impl Island {
             fine.carry(&mut state.body);
         }
         layers(script, state);
-        voices(script, state, n, Voice::step);
-        strike(script, state, n);
+        voices(script, scheme, state, n, Voice::step);
+        strike(script, scheme, state, n);
         for body in &mut state.bodies {
             body.strike(n, &mut state.body);
         }
@@ -157,7 +166,7 @@ impl Island {
             } = state;
             fine.step(scheme, gates, targets, bodies, body);
         }
-        voices(script, state, n, Voice::settle);
+        voices(script, scheme, state, n, Voice::settle);
         hands::feel(&script.grips, &mut state.touches, n, &state.body);
         kernel::tap(scheme, &state.body, out);
         state.bodies.iter().for_each(|body| body.tap(out));
@@ -186,6 +195,7 @@ impl Island {
                 &state.body,
             );
         }
+        state.scheme = gliding;
         state.frame += 1;
         if sound && bodies_sound {
             Ok(())
@@ -262,10 +272,12 @@ impl Island {
     /// The ledger, if it is kept.
     pub(crate) fn energy(&self) -> Option<Energy> {
         let state = &self.state;
-        state
-            .ledger
-            .as_ref()
-            .map(|ledger| ledger.energy(&self.script.scheme, &state.body))
+        state.ledger.as_ref().map(|ledger| {
+            ledger.energy(
+                state.scheme.as_deref().unwrap_or(&self.script.scheme),
+                &state.body,
+            )
+        })
     }
 
     /// Parts put to silence, with the frame of each.
@@ -311,12 +323,13 @@ fn layers(script: &Script, state: &mut State) {
 /// Let every voice do its part of frame `n`.
 fn voices(
     script: &Script,
+    scheme: &Scheme,
     state: &mut State,
     n: u64,
     act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64),
 ) {
     let mut scene = Scene {
-        scheme: &script.scheme,
+        scheme,
         gestures: &script.gestures,
         body: &mut state.body,
         targets: &mut state.targets,
@@ -333,8 +346,7 @@ fn voices(
 }
 
 /// Strikes that fall on frame `n`.
-fn strike(script: &Script, state: &mut State, n: u64) {
-    let scheme = &script.scheme;
+fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
     let t = 1.0 / scheme.rate;
     let (body, bodies) = (&mut state.body, &mut state.bodies);
     while let Some(push) = script

@@ -20,6 +20,7 @@ pub use modes::Tone;
 pub use output::{Output, Term};
 pub(crate) use subset::Subset;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::law::Law;
@@ -179,11 +180,12 @@ impl Network {
     }
 
     /// The network of one part alone: its MATs, and the links between them, whichever part declared
-    /// these.
-    pub(crate) fn alone(&self, part: usize) -> Subset {
+    /// these, but for some.
+    pub(crate) fn alone(&self, part: usize, without: &[Range<usize>]) -> Subset {
         let inside = |&i: &u32| self.mats.part[i as usize] as usize == part;
         let mats: Vec<u32> = (0..self.n_mat() as u32).filter(inside).collect();
-        let links: Vec<u32> = (0..self.n_lia as u32).collect();
+        let stays = |link: &u32| without.iter().all(|gone| !gone.contains(&(*link as usize)));
+        let links: Vec<u32> = (0..self.n_lia as u32).filter(stays).collect();
         self.subset(&mats, &[], &links)
     }
 }

@@ -27,12 +27,14 @@ mod search;
 mod slow;
 mod split;
 mod truncate;
+mod whole;
 mod wiring;
 
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
 pub use kept::{Told, key};
 pub use row::{Reason, Row, What};
+pub(crate) use whole::Seen;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -80,6 +82,8 @@ pub(crate) struct BankPlan {
     pub(crate) mats: Vec<(u32, f64)>,
     /// The body whose modes they are; none where they are MATs.
     pub(crate) of: Option<Arc<Network>>,
+    /// Which of its modes they are.
+    pub(crate) kept: Vec<u32>,
     /// What else may strike them is not known.
     pub(crate) is_open: bool,
 }

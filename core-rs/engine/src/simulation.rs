@@ -3,6 +3,7 @@
 //! While it steps in one thread it does not allocate (but for a recorded stream of ergons), lock, fail or
 //! panic. The bytes depend on neither the number of threads nor the size of blocks.
 
+mod bodies;
 mod carry;
 
 use std::sync::{Arc, Mutex};

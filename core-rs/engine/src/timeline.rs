@@ -2,6 +2,7 @@
 
 mod drive;
 mod gate;
+mod glide;
 mod hand;
 mod push;
 
@@ -16,7 +17,8 @@ use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
-pub(crate) use gate::{Gate, Lean};
+pub(crate) use gate::{Gate, Lean, Ramp};
+pub(crate) use glide::Glide;
 pub use hand::{Hand, HandWay};
 pub(crate) use push::{Push, pushes};
 
@@ -101,6 +103,7 @@ pub struct Timeline {
     pub(crate) ergons: Vec<Ergon>,
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
+    pub(crate) glides: Vec<Glide>,
     /// What else may come is not known: a session.
     pub(crate) is_open: bool,
 }
@@ -126,6 +129,7 @@ impl Timeline {
             ergons: Vec::new(),
             gates: Vec::new(),
             drives: Vec::new(),
+            glides: Vec::new(),
             is_open: false,
         }
     }
@@ -141,10 +145,12 @@ impl Timeline {
         let gestures = self.gestures.iter();
         let gestures = gestures.map(|gesture| gesture.at_rate(rate.hertz()).ok().map(Arc::new));
         let gates = self.gates.iter();
+        let glides = self.glides.iter();
         Some(Self {
             rate,
             gestures: gestures.collect::<Option<_>>()?,
             gates: gates.map(|gate| gate.faster(u64::from(times))).collect(),
+            glides: glides.map(|glide| glide.faster(u64::from(times))).collect(),
             drives: self
                 .drives
                 .iter()

@@ -12,7 +12,7 @@ use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
 use ergon_engine::gesture::written::{Manner, Way, Written};
 use ergon_engine::network::{Network, Term, Tie};
-use ergon_engine::plan::{Budget, Plan, What};
+use ergon_engine::plan::{Budget, Method, Plan, What};
 use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -134,10 +134,63 @@ fn a_take_over_does_not_allocate() {
         let mut out = vec![0.0; at * old.n_out()];
         assert_eq!(allocations(&mut old, &mut out), 0, "{seed}");
         let mut new = Simulation::planned_from(plan, options, at as u64).unwrap();
-        let carry = Carry::new(&old, &new);
+        let mut carry = Carry::new(&old, &new);
         reset_violation_count();
-        assert!(assert_no_alloc(|| new.take_over(&mut old, &carry)));
+        assert!(assert_no_alloc(|| new.take_over(&mut old, &mut carry)));
         assert_eq!(violation_count(), 0, "{seed}");
         assert_eq!(allocations(&mut new, &mut out), 0, "{seed}");
+    }
+}
+
+/// The same where a body becomes another: modes that go over into modes, into masses, and back.
+#[test]
+fn a_body_that_changes_does_not_allocate() {
+    let string = |k: f64| {
+        let mut network = Network::new();
+        network.part("string", None);
+        for i in 0..24 {
+            let k = if i % 23 == 0 { 2e4 * k } else { 0.0 };
+            let tie = Tie::Physical { k, z: 2e-7 * k };
+            let name = format!("s{i}");
+            network.cel(&name, 2e-3, tie, 0.0, 1e-4, 0.0).unwrap();
+        }
+        for i in 1..24 {
+            let name = format!("l{i}");
+            let k = 2e4 * k;
+            network.spring(&name, i - 1, i, k, 2e-7 * k, 0.0).unwrap();
+        }
+        let (first, len, weight) = (7, 3, 1.0);
+        let term = Term::Position { first, len, weight };
+        network.listen("s", vec![term]).unwrap();
+        Arc::new(network)
+    };
+    let options = Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    };
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    timeline.open();
+    let budgets = [
+        Budget::default(),
+        Budget::Method(Method::Ca),
+        Budget::Method(Method::Ca2p),
+        Budget::Method(Method::Ieq),
+        Budget::Method(Method::Bm4),
+    ];
+    let plan = |k: f64, budget: &Budget| Plan::new(string(k), &timeline, budget, None).unwrap();
+    for before in &budgets {
+        for after in &budgets {
+            let mut old = Simulation::planned(Arc::new(plan(1.0, before)), options).unwrap();
+            old.skip(1_000).unwrap();
+            let new = Arc::new(plan(1.1, after));
+            let mut new = Simulation::planned_from(new, options, 1_000).unwrap();
+            let mut carry = Carry::new(&old, &new);
+            reset_violation_count();
+            assert!(assert_no_alloc(|| new.take_over(&mut old, &mut carry)));
+            assert_eq!(violation_count(), 0, "{before:?} {after:?}");
+            let mut out = [0.0; 500];
+            assert_eq!(allocations(&mut new, &mut out), 0, "{before:?} {after:?}");
+            assert!(out.iter().any(|x| *x != 0.0));
+        }
     }
 }

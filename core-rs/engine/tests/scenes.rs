@@ -6,6 +6,8 @@ mod blocks;
 mod carry;
 #[path = "scenes/faults.rs"]
 mod faults;
+#[path = "scenes/glides.rs"]
+mod glides;
 #[path = "scenes/hands.rs"]
 mod hands;
 #[path = "scenes/ledger.rs"]

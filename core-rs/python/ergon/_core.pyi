@@ -392,8 +392,20 @@ class Timeline:
     ) -> int:
         """Each MAT struck by a Poisson process of its own (rate [Hz], impulses drawn uniformly);
         member i draws from Chance(seed, "strikes", name, i, 0). Returns the number of strikes."""
-    def couple(self, link: int, start: float, stop: float | None = None) -> None:
-        """The LIA acts only from `start` to `stop` [s]: it fades in and out over 20 ms."""
+    def couple(
+        self, link: int, start: float, stop: float | None = None, fade: float = 0.02
+    ) -> None:
+        """The LIA acts only from `start` to `stop` [s]: it fades in and out over `fade` [s]."""
+    def fade(
+        self, link: int, before: float, after: float, start: float, stop: float, *, n: int = 1
+    ) -> None:
+        """The force of `n` LIAs from `link` on, whole runs of them, is `before` times what it is
+        until `start` [s] and `after` times from `stop` on, evenly between (on the grid of 64). For a
+        spring that comes from another K and Z in one ratio: fade(link, K_old / K, 1, ...). What ends
+        at 0 is no part of the key that gestures are written for. EngineError."""
+    def glide(self, mat: int, k: float, z: float, m: float, start: float, stop: float) -> None:
+        """A MAT has these K, Z and M until `start` [s] and the network's own from `stop` on,
+        evenly between (on the grid of 64); it is stepped. EngineError."""
     def drive(
         self,
         mat: int,

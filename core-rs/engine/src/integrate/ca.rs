@@ -56,6 +56,18 @@ impl Method for Ca {
         kernel::centred(&self.mesh.scheme, &self.body, mat)
     }
 
+    fn last_step(&self, mat: usize) -> f64 {
+        self.body.d[mat]
+    }
+
+    fn put(&mut self, mat: usize, x: f64, step: f64) {
+        (self.body.x[mat], self.body.d[mat]) = (x, step);
+    }
+
+    fn settle(&mut self) {
+        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws);
+    }
+
     fn pace(&mut self) -> &mut [f64] {
         &mut self.body.d
     }

@@ -148,6 +148,23 @@ impl Method for Ca2p {
         (self.d[mat] + 0.5 * a - (ahead - behind) / 6.0) * self.mesh.scheme.rate
     }
 
+    fn last_step(&self, mat: usize) -> f64 {
+        self.d[mat]
+    }
+
+    fn put(&mut self, mat: usize, x: f64, step: f64) {
+        (self.x[mat], self.d[mat]) = (x, step);
+    }
+
+    fn settle(&mut self) {
+        for (there, (x, d)) in self.there.iter_mut().zip(self.x.iter().zip(&self.d)) {
+            *there = x - d;
+        }
+        self.mesh
+            .elastic(&self.there, &mut self.room, &mut self.elastic);
+        self.look();
+    }
+
     fn pace(&mut self) -> &mut [f64] {
         &mut self.d
     }

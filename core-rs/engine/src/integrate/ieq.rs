@@ -154,6 +154,22 @@ impl Method for Ieq {
         (self.d[mat] + 0.5 * self.mesh.acceleration(mat, &x, &d)) * self.mesh.scheme.rate
     }
 
+    fn last_step(&self, mat: usize) -> f64 {
+        self.d[mat]
+    }
+
+    fn put(&mut self, mat: usize, x: f64, step: f64) {
+        (self.x[mat], self.d[mat]) = (x, step);
+    }
+
+    fn settle(&mut self) {
+        self.links
+            .begin(&self.mesh, &self.x, &self.d, &mut self.state);
+        for (s, d) in self.s.iter_mut().zip(&self.d) {
+            *s = 2.0 * d;
+        }
+    }
+
     fn pace(&mut self) -> &mut [f64] {
         &mut self.d
     }

@@ -152,6 +152,26 @@ impl Method for Trapezoid {
         self.v[mat] * self.mesh.scheme.rate
     }
 
+    fn last_step(&self, mat: usize) -> f64 {
+        let (x, v) = (|i: usize| self.x[i], |i: usize| self.v[i]);
+        self.v[mat] - 0.5 * self.mesh.acceleration(mat, &x, &v)
+    }
+
+    fn put(&mut self, mat: usize, x: f64, step: f64) {
+        (self.x[mat], self.v[mat]) = (x, step);
+    }
+
+    fn settle(&mut self) {
+        // From the last step to the velocity now is half a step's acceleration; `force` keeps it meanwhile.
+        for mat in 0..self.x.len() {
+            let (x, v) = (|i: usize| self.x[i], |i: usize| self.v[i]);
+            self.force[mat] = 0.5 * self.mesh.acceleration(mat, &x, &v);
+        }
+        for (v, half) in self.v.iter_mut().zip(&self.force) {
+            *v += half;
+        }
+    }
+
     fn pace(&mut self) -> &mut [f64] {
         &mut self.v
     }

@@ -57,6 +57,7 @@ impl Island {
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts);
         }
+        let glides = super::glide::glides(&network, timeline, &scheme)?;
         let laws = scheme.laws();
         // What contacts do within a frame is added to a motion that is a CEL's own.
         let touches = |mat| fine.as_ref().map_or(0, |fine| fine.touches(mat));
@@ -89,6 +90,7 @@ impl Island {
             ledger,
             mutes: Mutes::new(&scheme),
             damped: 1.0,
+            scheme: (!glides.is_empty()).then(|| Box::new(scheme.clone())),
             body,
         };
         let script = Script {
@@ -99,6 +101,7 @@ impl Island {
             ergons,
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
+            glides,
             grips,
             n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
@@ -114,11 +117,11 @@ impl Island {
     }
 }
 
-/// Runs that a gate opens: single links cut out of their runs are not needed, couplings are single.
+/// Runs that a gate opens: it has whole runs, whatever they were cut into.
 fn gate(scheme: &mut Scheme, timeline: &Timeline) {
     for (index, gate) in timeline.gates.iter().enumerate() {
-        let mut runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
-        if let Some(run) = runs.find(|run| run.first == gate.link) {
+        let runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
+        for run in runs.filter(|run| gate.links().contains(&run.first)) {
             run.gate = Some(index);
         }
     }
@@ -285,9 +288,12 @@ fn free_key(
         });
     }
     let part = mats.part[key.struck] as usize;
-    let own = network.alone(part);
+    // A gesture is written for the key as it will be.
+    let closing = timeline.gates.iter().filter(|gate| gate.closes());
+    let own = network.alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
     let inside = |mat: usize| own.mat(mat);
-    for link in timeline.gates.iter().map(|gate| gate.link) {
+    let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
+    for link in couplings.map(|gate| gate.link) {
         let run = network.run_of(link);
         if run.is_some_and(|run| inside(run.a).is_some() && inside(run.b).is_some()) {
             return Err(Error::Refused {

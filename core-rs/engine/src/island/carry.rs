@@ -93,10 +93,12 @@ impl Island {
                 let gate = &self.script.gates[to];
                 let then = old.state.frame;
                 self.state.leans[to] = match from {
+                    // A glide says itself where it comes from.
+                    _ if gate.glides() => None,
                     None => Lean::new(gate, 1.0, n),
                     Some(from) => {
                         let (before, lean) = (&old.script.gates[from], &old.state.leans[from]);
-                        if before.on(gate.link) == *gate {
+                        if before.on(gate.link, gate.len) == *gate {
                             *lean
                         } else {
                             Lean::new(gate, Lean::open(lean.as_ref(), before, then), n)
@@ -138,6 +140,14 @@ impl Island {
             self.state.body.x[mat] = x;
             self.state.body.d[mat] = step / f64::from(self.times);
         }
+    }
+
+    /// One of its bodies, as long as none of its parts is mute.
+    pub(crate) fn body(&mut self, body: usize) -> Option<&mut super::inside::Playing> {
+        if self.n_muted() > 0 {
+            return None;
+        }
+        self.state.bodies.get_mut(body)
     }
 
     /// Ports where their bodies have them.

@@ -159,6 +159,9 @@ impl Island {
         let meets = |spring: &Spring| lets_go(spring.a, spring.b, spring.len);
         scheme.fused.retain(|spring| !meets(spring));
         scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
+        if state.scheme.is_some() {
+            state.scheme = Some(Box::new(scheme.clone()));
+        }
         for body in state.bodies.iter().filter(|body| body.is_of(&ours, part)) {
             for output in body.outputs() {
                 state.mutes.outputs[output as usize].get_or_insert(n);

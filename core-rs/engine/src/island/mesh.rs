@@ -78,6 +78,28 @@ impl Playing {
         self.damped = by * by;
     }
 
+    /// Where a MAT of it is, and its step in a frame [m].
+    pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
+        self.integrator.motion(mat)
+    }
+
+    /// Set MATs of it going as they go elsewhere (mat; x, step).
+    pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
+        for &(mat, motion) in all {
+            self.integrator.put(mat, motion);
+        }
+        self.integrator.settle();
+        let ports = self
+            .plan
+            .ports
+            .iter()
+            .zip(self.was.iter_mut().zip(&mut self.own));
+        for (&(port, _), (was, own)) in ports {
+            let (x, step) = self.integrator.motion(port);
+            (*was, *own) = (x - step, step);
+        }
+    }
+
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
         self.next = self.plan.strikes.partition_point(|strike| strike.0 < n);

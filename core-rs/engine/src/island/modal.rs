@@ -217,6 +217,59 @@ impl Playing {
         }
     }
 
+    /// Amplitudes of its modes at this frame and the one before   (n_modes each)
+    pub(crate) fn amplitudes(&mut self, now: &mut [f64], before: &mut [f64]) {
+        let script = self.script.clone();
+        self.back(&script);
+        let rates = if self.is_damped {
+            &self.damped
+        } else {
+            &script.rates
+        };
+        for mode in 0..script.plan.modes.len() {
+            let (group, lane) = (mode / LANES, mode % LANES);
+            let motion = &self.motions[group];
+            // The motions are those of the next frame, but for what impulses between frames have still to add.
+            let next = motion.now.0[lane] + self.pending[group].0[lane];
+            let (a, b) = (rates[group].a.0[lane], rates[group].b.0[lane]);
+            now[mode] = motion.before.0[lane];
+            before[mode] = (a * now[mode] - next) / b;
+        }
+    }
+
+    /// Set its modes going by their amplitudes at this frame and the one before   (n_modes each)
+    pub(crate) fn set_amplitudes(&mut self, now: &[f64], before: &[f64]) {
+        let script = self.script.clone();
+        let rates = if self.is_damped {
+            &self.damped
+        } else {
+            &script.rates
+        };
+        for mode in 0..script.plan.modes.len() {
+            let (group, lane) = (mode / LANES, mode % LANES);
+            let (a, b) = (rates[group].a.0[lane], rates[group].b.0[lane]);
+            let next = a * now[mode] - b * before[mode];
+            let (motion, saved) = (&mut self.motions[group], &mut self.saved[group]);
+            (motion.now.0[lane], motion.before.0[lane]) = (next, now[mode]);
+            (saved.now.0[lane], saved.before.0[lane]) = (now[mode], before[mode]);
+        }
+        (self.at, self.until, self.quiet, self.has_pending) = (0, 1, 0, false);
+        self.pending.fill(Lanes::ZERO);
+        for (row, seen) in self.seen.chunks_mut(ROOM).enumerate() {
+            (seen[0], seen[1]) = (0.0, 0.0);
+            for (motion, rows) in self.motions.iter().zip(&script.rows) {
+                seen[0] += ports::see(&rows[row], &motion.before);
+                seen[1] += ports::see(&rows[row], &motion.now);
+            }
+        }
+        for (row, was) in self.was.iter_mut().enumerate() {
+            let each = self.saved.iter().zip(&script.rows);
+            *was = each
+                .map(|(saved, rows)| ports::see(&rows[row], &saved.before))
+                .sum();
+        }
+    }
+
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
         self.next = self.script.blows.partition_point(|blow| blow.0 < n);

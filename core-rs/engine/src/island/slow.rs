@@ -146,6 +146,30 @@ impl Playing {
         self.since = other.since;
     }
 
+    /// Where one of its MATs is, and its step in a frame [m].
+    pub(crate) fn motion(&self, own: usize) -> (f64, f64) {
+        let port = self.plan.ports.iter().position(|port| port.0 == own);
+        match port {
+            Some(port) => (self.x[own], self.x[own] - self.was[port]),
+            None => (
+                self.x[own] + f64::from(self.since) * self.v[own],
+                self.v[own],
+            ),
+        }
+    }
+
+    /// Set all of it going as it goes elsewhere (own; x, step), as if its springs had just pulled.
+    pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
+        for &(own, (x, step)) in all {
+            (self.x[own], self.v[own]) = (x, step);
+        }
+        for (&(own, _), was) in self.plan.ports.iter().zip(&mut self.was) {
+            *was = self.x[own] - self.v[own];
+        }
+        self.kick.fill(0.0);
+        self.since = 0;
+    }
+
     /// Let its motion fade by a factor more a frame.
     pub(crate) fn damp(&mut self, by: f64) {
         self.damped = (0..2 * self.plan.flow.every).fold(1.0, |all, _| all * by);

@@ -19,7 +19,7 @@ impl Network {
     /// at rest. Damping is taken mode by mode, φᵀZφ, which is exact where it is proportional and good
     /// to second order where it is light.
     pub fn tones(&self, part: usize, n_tones: usize) -> Vec<Tone> {
-        let alone = self.alone(part).network;
+        let alone = self.alone(part, &[]).network;
         let mats = alone.mats();
         let moving: Vec<usize> = (0..alone.n_mat())
             .filter(|&i| moves(mats.kind[i]))

@@ -70,6 +70,12 @@ impl Network {
         (mats.m[mat], mats.k[mat], mats.z[mat], mats.rest[mat]) = (m, 0.0, 0.0, 0.0);
     }
 
+    /// Give a MAT another K, Z and M.
+    pub(crate) fn retie(&mut self, mat: usize, [k, z, m]: [f64; 3]) {
+        let mats = &mut self.mats;
+        (mats.k[mat], mats.z[mat], mats.m[mat]) = (k, z, m);
+    }
+
     /// The same with other rates of its slow parts: what `of` makes of a part's name, and of its frames from
     /// kick to kick.
     pub(crate) fn with_every(&self, of: impl Fn(&str, u32) -> Option<u32>) -> Self {

@@ -37,7 +37,8 @@ pub(super) fn bank(
     memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
-    if !timeline.keys.is_empty() || !timeline.drives.is_empty() || !timeline.ergons.is_empty() {
+    let is_handled = !timeline.keys.is_empty() || !timeline.drives.is_empty();
+    if is_handled || !timeline.ergons.is_empty() || !timeline.glides.is_empty() {
         return Err(NoModes::Handled);
     }
     if !timeline.gates.is_empty() {

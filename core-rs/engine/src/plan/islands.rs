@@ -19,7 +19,7 @@ pub(super) struct Island {
     pub(super) is_heard: bool,
     /// Something can set it in motion.
     pub(super) is_moved: bool,
-    /// A hand, a path or a force is at it: not strikes alone.
+    /// A hand, a path, a force or a glide is at it: not strikes alone.
     pub(super) is_handled: bool,
 }
 
@@ -61,7 +61,11 @@ pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
         island.links.push(link as u32);
         island.is_heard |= heard.links[link];
         // Its force comes and goes, even between two points that never move.
-        island.is_moved |= heard.links[link] && timeline.gates.iter().any(|gate| gate.link == link);
+        island.is_moved |= heard.links[link]
+            && timeline
+                .gates
+                .iter()
+                .any(|gate| gate.links().contains(&link));
         if is_free[own] && !is_free[other] {
             island.guests.push(other as u32);
             island.is_moved |= moved[other];
@@ -69,7 +73,9 @@ pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
         }
     }
     let keys = timeline.keys.iter().map(|key| key.struck);
-    for mat in keys.chain(timeline.drives.iter().map(|drive| drive.mat)) {
+    let glides = timeline.glides.iter().map(|glide| glide.mat);
+    let drives = timeline.drives.iter().map(|drive| drive.mat);
+    for mat in keys.chain(drives).chain(glides) {
         found[index[forest.root(mat)] as usize].is_handled = true;
     }
     for island in &mut found {

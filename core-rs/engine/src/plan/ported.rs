@@ -1,5 +1,7 @@
 //! Linear bodies inside an island: cut out, computed by their modes or at a slow rate, touched at their ports.
 
+use std::sync::Arc;
+
 use super::body::{blows, heard};
 use super::budget::Budget;
 use super::choice::Choice;
@@ -155,7 +157,11 @@ fn modal(
             .sum()
     };
     let (n_ports, n_out) = (body.ports.len(), subset.outputs.len());
+    let still = (0..n_out)
+        .map(|row| rest(n_ports + row) + outputs.held[row])
+        .collect();
     Ok(Modal {
+        kept: (0..n as u32).collect(),
         modes: (0..n).map(|mode| own(&modes, mode, rate)).collect(),
         ports: body
             .ports
@@ -173,9 +179,7 @@ fn modal(
             .enumerate()
             .map(|(row, &output)| (output, modes.shapes[n_ports + row].clone()))
             .collect(),
-        still: (0..n_out)
-            .map(|row| rest(n_ports + row) + outputs.held[row])
-            .collect(),
+        still,
         struck: strikes
             .into_values()
             .enumerate()
@@ -185,6 +189,7 @@ fn modal(
             })
             .collect(),
         rate,
+        of: Arc::new(subset.network),
     })
 }
 

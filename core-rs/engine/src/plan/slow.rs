@@ -109,7 +109,7 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     timeline
         .gates
         .iter()
-        .for_each(|gate| is_inner[gate.link] = false);
+        .for_each(|gate| is_inner[gate.links()].fill(false));
     for term in network.outputs().iter().flat_map(|output| &output.terms) {
         match *term {
             Term::Force { first, len, .. } => is_inner[first..first + len].fill(false),
@@ -125,6 +125,10 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
             DriveKind::Force => is_port[drive.mat] = true,
         }
     }
+    timeline
+        .glides
+        .iter()
+        .for_each(|glide| may[glide.mat] = false);
     let strikes = timeline.strikes.iter().map(|strike| strike.mat as usize);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat as usize);
     let keys = timeline.keys.iter().map(|key| key.struck);

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use crate::network::Subset;
-use crate::timeline::{Drive, Ergon, Strike, Timeline};
+use crate::timeline::{Drive, Ergon, Glide, Strike, Timeline};
 
 /// An island's own timeline, and what its keys and gestures are in the whole.
 pub(super) struct Own {
@@ -49,6 +49,11 @@ pub(super) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, O
             own[at].timeline.drives.push(Drive { mat, ..drive });
         }
     }
+    for glide in &timeline.glides {
+        for &(at, mat) in home(glide.mat as u32) {
+            own[at].timeline.glides.push(Glide { mat, ..*glide });
+        }
+    }
     for (index, key) in timeline.keys.iter().enumerate() {
         for &(at, struck) in home(key.struck as u32) {
             own[at].keys.push(index as u32);
@@ -72,8 +77,15 @@ pub(super) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, O
     }
     for gate in &timeline.gates {
         for (at, subset) in subsets.iter().enumerate() {
-            if let Ok(link) = subset.links.binary_search(&(gate.link as u32)) {
-                own[at].timeline.gates.push(gate.on(link));
+            // Links rise, so those of a range lie together.
+            let local = |whole: usize| {
+                subset
+                    .links
+                    .partition_point(|&link| (link as usize) < whole)
+            };
+            let (first, stop) = (local(gate.links().start), local(gate.links().end));
+            if stop > first {
+                own[at].timeline.gates.push(gate.on(first, stop - first));
             }
         }
     }
@@ -86,7 +98,12 @@ fn homes(subsets: &[Subset], timeline: &Timeline) -> HashMap<u32, Vec<Home>> {
     let ergons = timeline.ergons.iter().map(|ergon| ergon.mat);
     let drives = timeline.drives.iter().map(|drive| drive.mat as u32);
     let keys = timeline.keys.iter().map(|key| key.struck as u32);
-    let all = strikes.chain(ergons).chain(drives).chain(keys);
+    let glides = timeline.glides.iter().map(|glide| glide.mat as u32);
+    let all = strikes
+        .chain(ergons)
+        .chain(drives)
+        .chain(keys)
+        .chain(glides);
     let mut homes: HashMap<u32, Vec<Home>> = all.map(|mat| (mat, Vec::new())).collect();
     for (at, subset) in subsets.iter().enumerate() {
         for (local, mat) in subset.mats.iter().enumerate() {

@@ -54,6 +54,10 @@ impl Wiring {
             .ergons
             .iter()
             .for_each(|ergon| may[ergon.mat as usize] = false);
+        timeline
+            .glides
+            .iter()
+            .for_each(|glide| may[glide.mat] = false);
         let (mut is_spring, mut is_law) =
             (vec![false; network.n_lia()], vec![false; network.n_lia()]);
         for run in network.runs() {
@@ -62,7 +66,8 @@ impl Wiring {
             is_law[links].fill(matches!(run.kind, LinkKind::Lnl(_)));
         }
         let mut outer = |link: usize| (is_spring[link], is_law[link]) = (false, false);
-        timeline.gates.iter().for_each(|gate| outer(gate.link));
+        let gated = timeline.gates.iter().flat_map(|gate| gate.links());
+        gated.for_each(&mut outer);
         for term in network.outputs().iter().flat_map(|output| &output.terms) {
             match *term {
                 Term::Force { first, len, .. } => (first..first + len).for_each(&mut outer),

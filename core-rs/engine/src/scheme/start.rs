@@ -59,7 +59,7 @@ pub(crate) fn forces(
         timeline
             .gates
             .iter()
-            .any(|gate| gate.link == first && gate.open(0) == 0.0)
+            .any(|gate| gate.links().contains(&first) && gate.open(0) == 0.0)
     };
     for run in network.runs().iter().filter(|run| !closed(run.first)) {
         let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);

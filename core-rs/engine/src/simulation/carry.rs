@@ -2,8 +2,9 @@
 //!
 //! What passes from which to which is found beforehand, from the two plans; then it is passed on without allocating.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
+use super::bodies::{Body, Room, bodies, names};
 use super::{Playing, Simulation};
 use crate::bank::are_same;
 use crate::gesture::voice::{Heir, shared};
@@ -14,15 +15,17 @@ use crate::scheme::moves;
 use crate::timeline::DriveKind;
 
 /// Group of a simulation, and unit in it.
-type At = (usize, usize);
+pub(super) type At = (usize, usize);
 
 /// Where a MAT is computed.
 #[derive(Clone, Copy, Debug)]
-enum Spot {
+pub(super) enum Spot {
     /// MAT of an island.
     Island(At, usize),
     /// Oscillator of a bank, and where its MAT rests [m].
     Bank(At, usize, f64),
+    /// A mass of a body seen whole.
+    Room(usize),
 }
 
 /// What a simulation takes over from another, piece by piece.
@@ -34,7 +37,11 @@ pub struct Carry {
     modes: Vec<(At, At, usize)>,
     /// MATs of all others.
     mats: Vec<(Spot, Spot)>,
-    /// Islands whose bodies came with other islands: their ports are to be placed.
+    /// Bodies there whose masses go on, and bodies here that do.
+    from: Vec<Body>,
+    to: Vec<Body>,
+    room: Room,
+    /// Islands whose bodies came from elsewhere: their ports are to be placed.
     placed: Vec<At>,
     through: Vec<(At, At, Through)>,
     /// Here, an output of there.
@@ -45,10 +52,11 @@ pub struct Carry {
 type Known<'a> = (At, &'a Island, &'a Isle, usize);
 
 /// One side of it.
-struct Side<'a> {
+pub(super) struct Side<'a> {
     network: &'a Network,
-    islands: Vec<(At, &'a Island, &'a Isle)>,
-    banks: Vec<(At, &'a crate::plan::BankPlan)>,
+    pub(super) rate: crate::units::Rate,
+    pub(super) islands: Vec<(At, &'a Island, &'a Isle)>,
+    pub(super) banks: Vec<(At, &'a crate::plan::BankPlan)>,
 }
 
 impl<'a> Side<'a> {
@@ -56,6 +64,7 @@ impl<'a> Side<'a> {
         let plan = &*simulation.plan;
         let mut side = Self {
             network: &plan.network,
+            rate: plan.timeline_rate,
             islands: Vec::new(),
             banks: Vec::new(),
         };
@@ -203,17 +212,47 @@ impl Carry {
         islands: &[Vec<bool>; 2],
         banks: &[Vec<bool>; 2],
     ) {
-        let here_spots = spots(here, &islands[1], &banks[1]);
-        if here_spots.is_empty() {
-            return;
-        }
-        let by_name: HashMap<String, Spot> =
-            spots(there, &islands[0], &banks[0]).into_iter().collect();
-        for (name, to) in here_spots {
-            if let Some(&from) = by_name.get(&name) {
-                self.mats.push((from, to));
+        let taken = |here: bool| -> HashSet<(At, usize)> {
+            let bodies = self
+                .through
+                .iter()
+                .filter_map(|(from, to, through)| match through {
+                    Through::Body(_, own) if here => Some((*to, *own)),
+                    Through::Body(there, _) => Some((*from, *there)),
+                    _ => None,
+                });
+            bodies.collect()
+        };
+        let (gone, come) = (taken(false), taken(true));
+        let before: [&[bool]; 2] = [&islands[0], &banks[0]];
+        let after: [&[bool]; 2] = [&islands[1], &banks[1]];
+        let singles = spots(there, before);
+        let known: HashSet<String> = {
+            let bodies = names(there, before, &gone).into_iter();
+            bodies
+                .chain(singles.iter().map(|(name, _)| name.clone()))
+                .collect()
+        };
+        let mut here_spots = spots(here, after);
+        let (more, to) = bodies(
+            here,
+            after,
+            &come,
+            |name| known.contains(name),
+            &mut self.room,
+        );
+        here_spots.extend(more);
+        let wanted: HashSet<&str> = here_spots.iter().map(|(name, _)| name.as_str()).collect();
+        let is_wanted = |name: &str| wanted.contains(name);
+        let (more, from) = bodies(there, before, &gone, is_wanted, &mut self.room);
+        let by_name: HashMap<String, Spot> = singles.into_iter().chain(more).collect();
+        for (name, to) in &here_spots {
+            if let Some(&from) = by_name.get(name) {
+                self.mats.push((from, *to));
             }
         }
+        self.placed.extend(to.iter().map(|body| body.place.at));
+        (self.from, self.to) = (from, to);
     }
 
     /// Voices by the MATs that they strike, with their gestures' reports.
@@ -338,7 +377,10 @@ impl Carry {
 }
 
 /// Those of a list that are not marked.
-fn others<'a, T>(all: &'a [T], is_same: &'a [bool]) -> impl Iterator<Item = (&'a T, usize)> {
+pub(super) fn others<'a, T>(
+    all: &'a [T],
+    is_same: &'a [bool],
+) -> impl Iterator<Item = (&'a T, usize)> {
     let pairs = all.iter().zip(is_same).zip(0..);
     pairs.filter_map(|((one, is_same), at)| (!is_same).then_some((one, at)))
 }
@@ -366,7 +408,7 @@ fn are_alike(own: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator])
 }
 
 /// The MATs of units that are not the same, by name: those that move, and no port, which goes where its body has it.
-fn spots(side: &Side<'_>, islands: &[bool], banks: &[bool]) -> Vec<(String, Spot)> {
+fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)> {
     let mut found = Vec::new();
     for (&(at, _, isle), _) in others(&side.islands, islands) {
         let mut ports: Vec<usize> = isle.bodies.iter().flat_map(|body| body.ports()).collect();
@@ -390,7 +432,7 @@ fn spots(side: &Side<'_>, islands: &[bool], banks: &[bool]) -> Vec<(String, Spot
 impl Simulation {
     /// Go on where `old` stands, by what was found of the two; `old` is of no use afterwards. False where they stand at
     /// different frames: nothing is taken over then. Allocates nothing.
-    pub fn take_over(&mut self, old: &mut Self, carry: &Carry) -> bool {
+    pub fn take_over(&mut self, old: &mut Self, carry: &mut Carry) -> bool {
         if self.frame != old.frame {
             return false;
         }
@@ -407,9 +449,18 @@ impl Simulation {
                 (0..n).for_each(|mode| own.copy_motion(mode, old, mode));
             }
         }
-        for &(from, to) in &carry.mats {
-            self.pass(old, from, to);
+        let Carry {
+            mats,
+            from,
+            to,
+            room,
+            ..
+        } = carry;
+        from.iter().for_each(|body| body.look(old, room));
+        for &(from, to) in &*mats {
+            self.pass(old, room, from, to);
         }
+        to.iter_mut().for_each(|body| body.put(self, room));
         for (from, to, through) in &carry.through {
             if let (Playing::Island(own), Playing::Island(old)) =
                 (self.playing(*to), old.playing(*from))
@@ -425,13 +476,14 @@ impl Simulation {
         true
     }
 
-    fn playing(&mut self, (group, unit): At) -> &mut Playing {
+    pub(super) fn playing(&mut self, (group, unit): At) -> &mut Playing {
         &mut self.groups[group].units[unit]
     }
 
     /// One MAT goes on.
-    fn pass(&mut self, old: &mut Self, from: Spot, to: Spot) {
+    fn pass(&mut self, old: &mut Self, room: &mut Room, from: Spot, to: Spot) {
         let motion = match from {
+            Spot::Room(slot) => room.mats[slot],
             Spot::Island(at, mat) => match old.playing(at) {
                 Playing::Island(island) => island.motion(mat),
                 Playing::Bank(_) => return,
@@ -452,6 +504,7 @@ impl Simulation {
             },
         };
         match to {
+            Spot::Room(slot) => room.mats[slot] = motion,
             Spot::Island(at, mat) => {
                 if let Playing::Island(island) = self.playing(at) {
                     island.set_motion(mat, motion);

@@ -11,11 +11,44 @@ pub const GRID: u64 = 64;
 /// A link that acts only for a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Gate {
+    /// The first of its links, and how many there are: whole runs.
     pub(crate) link: usize,
+    pub(crate) len: usize,
     /// `None`: open from the beginning.
     pub(super) start: Option<u64>,
     pub(super) stop: Option<u64>,
     pub(super) fade: u64,
+    /// A factor of its force that glides.
+    pub(super) ramp: Option<Ramp>,
+}
+
+/// A factor that goes from one to another, evenly between two frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ramp {
+    pub(crate) from: f64,
+    pub(crate) to: f64,
+    pub(crate) start: u64,
+    pub(crate) stop: u64,
+}
+
+impl Ramp {
+    /// The factor at frame `n`.
+    pub(crate) fn at(&self, n: u64) -> f64 {
+        if n >= self.stop {
+            return self.to;
+        }
+        let into = n.saturating_sub(self.start) as f64;
+        self.from + (self.to - self.from) * (into / (self.stop - self.start) as f64)
+    }
+
+    /// The same at `times` the rate.
+    pub(crate) fn faster(self, times: u64) -> Self {
+        Self {
+            start: self.start * times,
+            stop: self.stop * times,
+            ..self
+        }
+    }
 }
 
 impl Gate {
@@ -25,20 +58,42 @@ impl Gate {
             start: self.start.map(|start| start * times),
             stop: self.stop.map(|stop| stop * times),
             fade: self.fade * times,
+            ramp: self.ramp.map(|ramp| ramp.faster(times)),
             ..self
         }
     }
 
-    /// The same on another link.
-    pub(crate) fn on(self, link: usize) -> Self {
-        Self { link, ..self }
+    /// The same on other links.
+    pub(crate) fn on(self, link: usize, len: usize) -> Self {
+        Self { link, len, ..self }
     }
 
-    /// How far the gate is open at frame `n`: 0 to 1, by 3u² − 2u³ so that no force jumps.
+    /// Its links.
+    pub(crate) fn links(&self) -> std::ops::Range<usize> {
+        self.link..self.link + self.len
+    }
+
+    /// Whether it only glides: its links are there all the time.
+    pub(crate) fn is_ramp(&self) -> bool {
+        (self.start, self.stop) == (None, None)
+    }
+
+    /// Whether its links glide.
+    pub(crate) fn glides(&self) -> bool {
+        self.ramp.is_some()
+    }
+
+    /// Whether its links are gone once it has come to its end.
+    pub(crate) fn closes(&self) -> bool {
+        self.ramp.is_some_and(|ramp| ramp.to == 0.0)
+    }
+
+    /// How far the gate is open at frame `n`: 0 to 1, by 3u² − 2u³ so that no force jumps; times what glides.
     pub(crate) fn open(&self, n: u64) -> f64 {
         let risen = self.start.map_or(1.0, |start| self.ramp(n, start));
         let fallen = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
-        risen - fallen
+        let open = risen - fallen;
+        self.ramp.map_or(open, |ramp| open * ramp.at(n))
     }
 
     fn ramp(&self, n: u64, start: u64) -> f64 {
@@ -74,7 +129,7 @@ impl Lean {
 }
 
 impl Timeline {
-    /// Let a LIA act only from `start` to `stop` [s], with fades that begin on the grid.
+    /// Let a LIA act only from `start` to `stop` [s], with fades that begin on the grid and take 20 ms.
     ///
     /// # Errors
     /// Unless the LIA is a single link without times yet, and `stop` comes after `start`.
@@ -84,6 +139,21 @@ impl Timeline {
         link: usize,
         start: f64,
         stop: Option<f64>,
+    ) -> Result<(), Error> {
+        self.couple_over(network, link, start, stop, FADE)
+    }
+
+    /// The same with fades of another length [s], rounded up to the grid.
+    ///
+    /// # Errors
+    /// As [`Timeline::couple`]; and where a fade takes no time.
+    pub fn couple_over(
+        &mut self,
+        network: &Network,
+        link: usize,
+        start: f64,
+        stop: Option<f64>,
+        fade: f64,
     ) -> Result<(), Error> {
         let refuse = |message: &str| {
             Err(Error::Refused {
@@ -98,8 +168,12 @@ impl Timeline {
             }
             Some(_) => {}
         }
-        if self.gates.iter().any(|gate| gate.link == link) {
+        let known = self.gates.iter().position(|gate| gate.link == link);
+        if known.is_some_and(|at| !self.gates[at].is_ramp()) {
             return refuse("the link has its times already");
+        }
+        if !(fade > 0.0 && fade.is_finite()) {
+            return refuse("a fade takes a time above 0 s");
         }
         if !start.is_finite() || stop.is_some_and(|stop| !stop.is_finite()) {
             return refuse("a coupling begins and ends at finite instants");
@@ -107,20 +181,94 @@ impl Timeline {
         if stop.is_some_and(|stop| stop <= start.max(0.0)) {
             return refuse("a coupling ends after it begins, and after 0 s");
         }
-        let on_grid = |t: f64| frame(t, self.rate.hertz()).div_ceil(GRID) * GRID;
+        let on_grid = |t: f64| self.on_grid(t);
         // A coupling that is there from the beginning does not fade in.
         let start = if start <= 0.0 {
             None
         } else {
             Some(on_grid(start))
         };
-        let fade = ((FADE * self.rate.hertz()) as u64).div_ceil(GRID).max(1) * GRID;
-        self.gates.push(Gate {
+        let gate = Gate {
             link,
+            len: 1,
             start,
             stop: stop.map(on_grid),
-            fade,
-        });
+            fade: ((fade * self.rate.hertz()) as u64).div_ceil(GRID).max(1) * GRID,
+            ramp: known.and_then(|at| self.gates[at].ramp),
+        };
+        match known {
+            Some(at) => self.gates[at] = gate,
+            None => self.gates.push(gate),
+        }
         Ok(())
+    }
+
+    /// Let the force of `n` LIAs, whole runs of them, be `from` times what it is until `start` and `to` times from `stop`
+    /// on [s], evenly between, on the grid. For springs that is a glide of K and Z; of two links in one place, one that
+    /// goes to 0 while the other comes from there makes any other.
+    ///
+    /// # Errors
+    /// Unless they are whole runs that do not glide yet, and `stop` comes after `start`.
+    pub fn fade(
+        &mut self,
+        network: &Network,
+        (link, n): (usize, usize),
+        (from, to): (f64, f64),
+        (start, stop): (f64, f64),
+    ) -> Result<(), Error> {
+        let refuse = |message: &str| {
+            Err(Error::Refused {
+                module: network.link_name(link),
+                message: message.to_owned(),
+            })
+        };
+        let begins = |link: usize| network.run_of(link).is_some_and(|run| run.first == link);
+        let end = link.saturating_add(n);
+        let is_end = end == network.n_lia() || begins(end);
+        if n == 0 || !begins(link) || !is_end {
+            return refuse("links glide together with all of their run");
+        }
+        if ![from, to]
+            .iter()
+            .all(|factor| factor.is_finite() && *factor >= 0.0)
+        {
+            return refuse("a glide goes from one factor of 0 or more to another");
+        }
+        if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
+            return refuse("a glide begins and ends at finite instants, at 0 s or later");
+        }
+        let (start, stop) = (self.on_grid(start), self.on_grid(stop));
+        if stop <= start {
+            return refuse("a glide takes 64 samples at least");
+        }
+        let ours = link..end;
+        let known = self
+            .gates
+            .iter_mut()
+            .find(|gate| gate.links().any(|own| ours.contains(&own)));
+        let ramp = Some(Ramp {
+            from,
+            to,
+            start,
+            stop,
+        });
+        match known {
+            Some(gate) if gate.ramp.is_none() && gate.links() == ours => gate.ramp = ramp,
+            Some(_) => return refuse("the link glides already"),
+            None => self.gates.push(Gate {
+                link,
+                len: n,
+                start: None,
+                stop: None,
+                fade: GRID,
+                ramp,
+            }),
+        }
+        Ok(())
+    }
+
+    /// The first frame of the grid at or after an instant [s].
+    pub(super) fn on_grid(&self, t: f64) -> u64 {
+        frame(t, self.rate.hertz()).div_ceil(GRID) * GRID
     }
 }

@@ -237,8 +237,8 @@ fn versions(
     for (plan, from) in &plans[1..] {
         play(&mut now, *from, block, &mut sound);
         let mut next = Simulation::planned_from(plan.clone(), options, *from).unwrap();
-        let carry = Carry::new(&now, &next);
-        assert!(next.take_over(&mut now, &carry));
+        let mut carry = Carry::new(&now, &next);
+        assert!(next.take_over(&mut now, &mut carry));
         now = next;
     }
     play(&mut now, until, block, &mut sound);
@@ -451,8 +451,8 @@ fn an_extra_viscosity_adds_up() {
             );
             let from = simulation.frame();
             let mut next = Simulation::planned_from(plan.clone(), plain(), from).unwrap();
-            let carry = Carry::new(&simulation, &next);
-            assert!(next.take_over(&mut simulation, &carry));
+            let mut carry = Carry::new(&simulation, &next);
+            assert!(next.take_over(&mut simulation, &mut carry));
             let found = t60(&mut next, output, 0.5);
             assert!(
                 (found / own - 1.0).abs() < 0.02,
@@ -565,8 +565,8 @@ fn masses_go_on_by_name() {
             old.skip(at).unwrap();
             let (x, d) = (old.positions(), old.steps());
             let mut new = Simulation::planned_from(pair[1].clone(), plain(), at).unwrap();
-            let carry = Carry::new(&old, &new);
-            assert!(new.take_over(&mut old, &carry));
+            let mut carry = Carry::new(&old, &new);
+            assert!(new.take_over(&mut old, &mut carry));
             let (now, steps) = (new.positions(), new.steps());
             let n = x.len().min(now.len());
             for i in 1..=2.min(n) {

@@ -207,8 +207,8 @@ fn changes_are_done_at_their_frames() {
         for (at, part) in [(0, 0.9), (1, 0.4)] {
             if tick * every == frames[at] {
                 let mut next = versions[at].fork();
-                let carry = Carry::new(&offline, &next);
-                assert!(next.take_over(&mut offline, &carry));
+                let mut carry = Carry::new(&offline, &next);
+                assert!(next.take_over(&mut offline, &mut carry));
                 offline = next;
                 let mut other = mixer(part);
                 other.take_over(&mix, None);

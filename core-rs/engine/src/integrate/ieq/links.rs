@@ -110,6 +110,12 @@ impl Links {
             g: vec![0.0; n],
             c: vec![0.0; n],
         };
+        self.begin(mesh, x, d, &mut state);
+        state
+    }
+
+    /// Begin where the MATs are.
+    pub(super) fn begin(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut State) {
         let mut first = 0;
         for (at, run) in self.runs.iter().enumerate() {
             for i in 0..run.len {
@@ -123,7 +129,6 @@ impl Links {
             }
             first += run.len;
         }
-        state
     }
 
     /// What the links' elastic parts add to the system at the start (n_links), and onto its diagonal.

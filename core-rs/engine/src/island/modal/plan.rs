@@ -1,6 +1,9 @@
 //! What a plan says of a body that goes by its modes.
 
+use std::sync::Arc;
+
 use crate::cell::Cell;
+use crate::network::Network;
 use crate::units::Rate;
 
 /// A point of a body that other modules touch.
@@ -40,6 +43,9 @@ pub(crate) struct Mode {
 /// What a plan says of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Modal {
+    /// The body by itself, and which of its modes these are.
+    pub(crate) of: Arc<Network>,
+    pub(crate) kept: Vec<u32>,
     pub(crate) modes: Vec<Mode>,
     pub(crate) ports: Vec<Port>,
     /// Outputs that hear it, and how much of each mode   (n_modes)
@@ -109,6 +115,8 @@ impl Modal {
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let some = |shape: &[f64]| kept.iter().map(|&mode| shape[mode]).collect();
         Self {
+            of: self.of.clone(),
+            kept: kept.iter().map(|&mode| self.kept[mode]).collect(),
             modes: kept.iter().map(|&mode| self.modes[mode]).collect(),
             ports: self
                 .ports

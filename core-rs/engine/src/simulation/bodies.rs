@@ -1,0 +1,259 @@
+//! Bodies that go by modes or by methods of their own, seen mass by mass: what is another body now goes on from where
+//! its masses are.
+
+use std::collections::HashSet;
+
+use super::carry::{At, Side, Spot, others};
+use super::{Playing, Simulation};
+use crate::island::inside::{self, Inside};
+use crate::network::Network;
+use crate::plan::Seen;
+
+/// Where a body is computed: a bank of its modes, or which body of an island.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub(super) at: At,
+    body: Option<usize>,
+}
+
+/// A body as its masses.
+#[derive(Clone, Debug)]
+pub(super) struct Body {
+    pub(super) place: Place,
+    /// Where its masses stand in the room.
+    first: usize,
+    how: How,
+}
+
+#[derive(Clone, Debug)]
+enum How {
+    /// By its modes.
+    Modes(Box<Seen>),
+    /// By another method: its own index of each mass, and its motion.
+    Masses(Vec<(usize, (f64, f64))>),
+}
+
+/// A body that may be asked for its masses: names, where each begins [m] and by what step.
+struct Known<'a> {
+    place: Place,
+    names: Vec<String>,
+    start: Vec<(f64, f64)>,
+    what: What<'a>,
+}
+
+enum What<'a> {
+    Modes(&'a Network, &'a [u32]),
+    Masses(Vec<usize>),
+}
+
+/// Room for masses and modes on their way.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Room {
+    pub(super) mats: Vec<(f64, f64)>,
+    now: Vec<f64>,
+    before: Vec<f64>,
+}
+
+impl<'a> Known<'a> {
+    /// Bodies of units that are not the same, but for some.
+    fn all(
+        side: &'a Side<'a>,
+        [islands, banks]: [&[bool]; 2],
+        without: &HashSet<(At, usize)>,
+    ) -> Vec<Self> {
+        let step = side.rate.step();
+        let mut found = Vec::new();
+        for (&(at, _, isle), _) in others(&side.islands, islands) {
+            let bodies = isle.bodies.iter().enumerate();
+            for (index, body) in bodies.filter(|(index, _)| !without.contains(&(at, *index))) {
+                let place = Place {
+                    at,
+                    body: Some(index),
+                };
+                let (network, kept, own): (&Network, Option<&[u32]>, Vec<usize>) = match body {
+                    Inside::Modal(modal) => (&modal.of, Some(&modal.kept), Vec::new()),
+                    Inside::Mesh(mesh) => {
+                        (&mesh.network, None, (0..mesh.network.n_mat()).collect())
+                    }
+                    Inside::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
+                };
+                let mats: Vec<usize> = match body {
+                    Inside::Slow(slow) => slow.free.clone(),
+                    Inside::Mesh(_) => own.clone(),
+                    Inside::Modal(_) => moving(network),
+                };
+                let what = kept.map_or(What::Masses(own), |kept| What::Modes(network, kept));
+                found.push(Self::new(place, network, &mats, what, step));
+            }
+        }
+        for (&(at, bank), _) in others(&side.banks, banks) {
+            let Some(network) = &bank.of else { continue };
+            let place = Place { at, body: None };
+            let what = What::Modes(network, &bank.kept);
+            found.push(Self::new(place, network, &moving(network), what, step));
+        }
+        found
+    }
+
+    fn new(place: Place, network: &Network, mats: &[usize], what: What<'a>, step: f64) -> Self {
+        let own = network.mats();
+        Self {
+            place,
+            names: mats.iter().map(|&mat| network.mat_name(mat)).collect(),
+            start: mats
+                .iter()
+                .map(|&mat| (own.x0[mat], own.v0[mat] * step))
+                .collect(),
+            what,
+        }
+    }
+
+    /// Given a place in the room.
+    fn body(self, side: &Side<'_>, room: &mut Room) -> Option<Body> {
+        let first = room.mats.len();
+        let how = match self.what {
+            What::Modes(network, kept) => {
+                let seen = Seen::new(network, kept, side.rate)?;
+                let n = room.now.len().max(seen.n_modes());
+                room.now.resize(n, 0.0);
+                room.before.resize(n, 0.0);
+                How::Modes(Box::new(seen))
+            }
+            What::Masses(own) => {
+                How::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect())
+            }
+        };
+        room.mats.extend(self.start);
+        Some(Body {
+            place: self.place,
+            first,
+            how,
+        })
+    }
+}
+
+fn moving(network: &Network) -> Vec<usize> {
+    let kinds = network.mats().kind.iter().enumerate();
+    let moving = kinds.filter(|(_, kind)| crate::scheme::moves(**kind));
+    moving.map(|(mat, _)| mat).collect()
+}
+
+/// The masses of bodies on one side whose names are among some: by name, their places in the room, and the bodies.
+pub(super) fn bodies(
+    side: &Side<'_>,
+    same: [&[bool]; 2],
+    without: &HashSet<(At, usize)>,
+    wanted: impl Fn(&str) -> bool,
+    room: &mut Room,
+) -> (Vec<(String, Spot)>, Vec<Body>) {
+    let (mut spots, mut found) = (Vec::new(), Vec::new());
+    for known in Known::all(side, same, without) {
+        if !known.names.iter().any(|name| wanted(name)) {
+            continue;
+        }
+        let names = known.names.clone();
+        let Some(body) = known.body(side, room) else {
+            continue;
+        };
+        let slots = names.into_iter().zip(body.first..);
+        spots.extend(slots.map(|(name, slot)| (name, Spot::Room(slot))));
+        found.push(body);
+    }
+    (spots, found)
+}
+
+/// Names of the masses of all bodies of a side that are not the same.
+pub(super) fn names(
+    side: &Side<'_>,
+    same: [&[bool]; 2],
+    without: &HashSet<(At, usize)>,
+) -> HashSet<String> {
+    let all = Known::all(side, same, without).into_iter();
+    all.flat_map(|known| known.names).collect()
+}
+
+impl Body {
+    /// Where its masses are, into the room.
+    pub(super) fn look(&self, simulation: &mut Simulation, room: &mut Room) {
+        let playing = simulation.playing(self.place.at);
+        match &self.how {
+            How::Modes(seen) => {
+                let n = seen.n_modes();
+                let (now, before) = (&mut room.now[..n], &mut room.before[..n]);
+                match (playing, self.place.body) {
+                    (Playing::Bank(bank), _) => {
+                        for mode in 0..n {
+                            (now[mode], before[mode]) = bank.motion(mode);
+                        }
+                    }
+                    (Playing::Island(island), Some(body)) => {
+                        let Some(inside::Playing::Modal(modal)) = island.body(body) else {
+                            return;
+                        };
+                        modal.amplitudes(now, before);
+                    }
+                    (Playing::Island(_), None) => return,
+                }
+                let mats = &mut room.mats[self.first..self.first + seen.mats.len()];
+                seen.positions(now, before, mats);
+            }
+            How::Masses(all) => {
+                let (Playing::Island(island), Some(body)) = (playing, self.place.body) else {
+                    return;
+                };
+                let mats = room.mats[self.first..].iter_mut().zip(all);
+                match island.body(body) {
+                    Some(inside::Playing::Mesh(mesh)) => {
+                        mats.for_each(|(mat, &(own, _))| *mat = mesh.motion(own));
+                    }
+                    Some(inside::Playing::Slow(slow)) => {
+                        mats.for_each(|(mat, &(own, _))| *mat = slow.motion(own));
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    /// Its masses go on from where the room has them.
+    pub(super) fn put(&mut self, simulation: &mut Simulation, room: &mut Room) {
+        let playing = simulation.playing(self.place.at);
+        match &mut self.how {
+            How::Modes(seen) => {
+                let n = seen.n_modes();
+                let (now, before) = (&mut room.now[..n], &mut room.before[..n]);
+                seen.amplitudes(
+                    &room.mats[self.first..self.first + seen.mats.len()],
+                    now,
+                    before,
+                );
+                match (playing, self.place.body) {
+                    (Playing::Bank(bank), _) => {
+                        for mode in 0..n {
+                            bank.set_motion(mode, (now[mode], before[mode]));
+                        }
+                    }
+                    (Playing::Island(island), Some(body)) => {
+                        if let Some(inside::Playing::Modal(modal)) = island.body(body) {
+                            modal.set_amplitudes(now, before);
+                        }
+                    }
+                    (Playing::Island(_), None) => {}
+                }
+            }
+            How::Masses(all) => {
+                let (Playing::Island(island), Some(body)) = (playing, self.place.body) else {
+                    return;
+                };
+                for ((_, motion), mat) in all.iter_mut().zip(&room.mats[self.first..]) {
+                    *motion = *mat;
+                }
+                match island.body(body) {
+                    Some(inside::Playing::Mesh(mesh)) => mesh.put(all),
+                    Some(inside::Playing::Slow(slow)) => slow.put(all),
+                    _ => {}
+                }
+            }
+        }
+    }
+}

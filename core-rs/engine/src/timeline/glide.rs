@@ -1,0 +1,75 @@
+//! Masses and ties that come from other numbers: M, K and Z of a MAT that glide to what the network says.
+
+use super::Timeline;
+use super::gate::Ramp;
+use crate::network::{Error, Network};
+
+/// A MAT that comes from other numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Glide {
+    pub(crate) mat: usize,
+    /// K [N/m], Z [N·s/m] and M [kg] that it comes from, or algorithmic ones.
+    pub(crate) from: [f64; 3],
+    /// How much of the network's own numbers it has.
+    pub(crate) ramp: Ramp,
+}
+
+impl Glide {
+    /// The same at `times` the rate.
+    pub(super) fn faster(self, times: u64) -> Self {
+        Self {
+            ramp: self.ramp.faster(times),
+            ..self
+        }
+    }
+}
+
+impl Timeline {
+    /// Let a MAT have other K, Z and M up to `start`, and the network's own from `stop` on [s], evenly between (of what a
+    /// frame takes of them), on the grid.
+    ///
+    /// # Errors
+    /// Unless the MAT moves and does not glide yet, the numbers are numbers, and `stop` comes after `start`.
+    pub fn glide(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        [k, z, m]: [f64; 3],
+        (start, stop): (f64, f64),
+    ) -> Result<(), Error> {
+        let refuse = |message: &str| {
+            Err(Error::Refused {
+                module: network.mat_name(mat),
+                message: message.to_owned(),
+            })
+        };
+        if !crate::scheme::moves(network.mats().kind[mat]) {
+            return refuse("what does not move has nothing that glides");
+        }
+        if self.glides.iter().any(|glide| glide.mat == mat) {
+            return refuse("it glides already");
+        }
+        let is_good = |x: f64| x.is_finite() && x >= 0.0;
+        if !([k, z, m].into_iter().all(is_good) && m > 0.0) {
+            return refuse("it comes from K and Z of 0 or more, and an M above 0");
+        }
+        if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
+            return refuse("a glide begins and ends at finite instants, at 0 s or later");
+        }
+        let (start, stop) = (self.on_grid(start), self.on_grid(stop));
+        if stop <= start {
+            return refuse("a glide takes 64 samples at least");
+        }
+        self.glides.push(Glide {
+            mat,
+            from: [k, z, m],
+            ramp: Ramp {
+                from: 0.0,
+                to: 1.0,
+                start,
+                stop,
+            },
+        });
+        Ok(())
+    }
+}

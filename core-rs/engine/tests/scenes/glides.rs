@@ -1,0 +1,305 @@
+//! Parameters that change while they are heard: nothing jumps, whatever computes the body before and after.
+
+use std::sync::Arc;
+
+use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+use super::scene::options;
+
+const RATE: f64 = 44_100.0;
+/// The change comes here, and takes so long [frames].
+const AT: u64 = 6_400;
+const OVER: u64 = 64;
+
+fn plain() -> Options {
+    Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    }
+}
+
+fn begin() -> Timeline {
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    timeline.open();
+    timeline
+}
+
+fn instant(frame: u64) -> f64 {
+    frame as f64 / RATE
+}
+
+fn span() -> (f64, f64) {
+    (instant(AT), instant(AT + OVER))
+}
+
+fn point(first: usize) -> Vec<Term> {
+    let (len, weight) = (1, 1.0);
+    vec![Term::Position { first, len, weight }]
+}
+
+fn listen_to_all(network: &mut Network) {
+    for mat in 0..network.n_mat() {
+        network.listen(&format!("o{mat}"), point(mat)).unwrap();
+    }
+}
+
+/// One version up to the change, the other from it on: (n_frames · n_out).
+fn joined(old: &Arc<Plan>, new: &Arc<Plan>, at: u64, n_frames: u64) -> Vec<f64> {
+    let mut old = Simulation::planned(old.clone(), plain()).unwrap();
+    let n_out = old.n_out();
+    let mut sound = vec![0.0; n_frames as usize * n_out];
+    let (before, after) = sound.split_at_mut(at as usize * n_out);
+    old.process(before).unwrap();
+    let mut new = Simulation::planned_from(new.clone(), plain(), at).unwrap();
+    let mut carry = Carry::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut carry));
+    new.process(after).unwrap();
+    sound
+}
+
+/// The largest third difference of every output together over some frames.
+fn third(sound: &[f64], n_out: usize, frames: std::ops::Range<usize>) -> f64 {
+    let x = |frame: usize, output: usize| sound[frame * n_out + output];
+    let of =
+        |n: usize, o: usize| (x(n + 3, o) - 3.0 * x(n + 2, o) + 3.0 * x(n + 1, o) - x(n, o)).abs();
+    let all = frames.flat_map(|n| (0..n_out).map(move |o| (n, o)));
+    all.map(|(n, o)| of(n, o)).fold(0.0, f64::max)
+}
+
+/// How much rougher the change is than what comes before and after it.
+fn roughness(sound: &[f64], n_out: usize) -> f64 {
+    let (at, over, long) = (AT as usize, OVER as usize, 1_500);
+    let before = third(sound, n_out, at - long..at - 4);
+    let after = third(sound, n_out, at + over + 4..at + over + long);
+    third(sound, n_out, at - 4..at + over + 4) / before.max(after)
+}
+
+fn plan(network: Network, timeline: &Timeline, budget: &Budget) -> Arc<Plan> {
+    Arc::new(Plan::new(Arc::new(network), timeline, budget, None).unwrap())
+}
+
+/// A cell of 2 g at 220 Hz, K times 1.5: from a bank into an island where it glides, and back into a bank.
+#[test]
+fn a_cell_glides_to_another_stiffness() {
+    let omega = std::f64::consts::TAU * 220.0;
+    let (m, k) = (2e-3, 2e-3 * omega * omega);
+    let network = |k: f64| {
+        let mut network = Network::new();
+        network.part("bell", None);
+        let tie = Tie::Physical { k, z: 1e-3 };
+        network.cel("m", m, tie, 0.0, 1e-3, 0.0).unwrap();
+        listen_to_all(&mut network);
+        network
+    };
+    let (old, new) = (network(k), network(1.5 * k));
+    let mut gliding = begin();
+    gliding.glide(&new, 0, [k, 1e-3, m], span()).unwrap();
+    let budget = Budget::default();
+    let old = plan(old, &begin(), &budget);
+    let jumps = joined(&old, &plan(new.clone(), &begin(), &budget), AT, 12_800);
+    let gliding = plan(new.clone(), &gliding, &budget);
+    let glides = joined(&old, &gliding, AT, 12_800);
+    assert!(roughness(&jumps, 1) > 4.0, "{}", roughness(&jumps, 1));
+    assert!(roughness(&glides, 1) < 1.5, "{}", roughness(&glides, 1));
+    // Once it has glided it goes on as the new cell: also in a bank.
+    let after = plan(new, &begin(), &budget);
+    let mut simulation = Simulation::planned_from(gliding, plain(), AT).unwrap();
+    let end = AT + OVER;
+    simulation.skip(end - AT).unwrap();
+    let mut kept = simulation.fork();
+    let mut next = Simulation::planned_from(after, plain(), end).unwrap();
+    let mut carry = Carry::new(&simulation, &next);
+    assert!(next.take_over(&mut simulation, &mut carry));
+    let (mut a, mut b) = (vec![0.0; 5_000], vec![0.0; 5_000]);
+    kept.process(&mut a).unwrap();
+    next.process(&mut b).unwrap();
+    let apart = a
+        .iter()
+        .zip(&b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
+    assert!(apart < 1e-12, "{apart}");
+}
+
+/// A spring between two stepped masses that are hit by turns: by a factor, and by two links one of which opens as the
+/// other closes; both are one glide.
+#[test]
+fn a_spring_glides_to_another_stiffness() {
+    let network = |springs: &[f64]| {
+        let mut network = Network::new();
+        network.part("pair", None);
+        for i in 0..2 {
+            let tie = Tie::Physical { k: 900.0, z: 1e-3 };
+            let x0 = 1e-3 * f64::from(1 - 2 * i);
+            network
+                .cel(&format!("m{i}"), 2e-3, tie, 0.0, x0, 0.0)
+                .unwrap();
+        }
+        for (i, &k) in springs.iter().enumerate() {
+            network
+                .spring(&format!("l{i}"), 0, 1, k, 1e-6 * k, 0.0)
+                .unwrap();
+        }
+        listen_to_all(&mut network);
+        network
+    };
+    let budget = Budget::Method(Method::Ca);
+    let old = plan(network(&[3e3]), &begin(), &budget);
+    let by_factor = network(&[4.5e3]);
+    let mut factor = begin();
+    factor
+        .fade(&by_factor, (0, 1), (1.0 / 1.5, 1.0), span())
+        .unwrap();
+    let twice = network(&[4.5e3, 3e3]);
+    let mut cross = begin();
+    cross.fade(&twice, (0, 1), (0.0, 1.0), span()).unwrap();
+    cross.fade(&twice, (1, 1), (1.0, 0.0), span()).unwrap();
+    let jumps = joined(
+        &old,
+        &plan(by_factor.clone(), &begin(), &budget),
+        AT,
+        12_800,
+    );
+    let factor = joined(&old, &plan(by_factor, &factor, &budget), AT, 12_800);
+    let cross = joined(&old, &plan(twice, &cross, &budget), AT, 12_800);
+    assert!(roughness(&jumps, 2) > 2.0, "{}", roughness(&jumps, 2));
+    assert!(roughness(&factor, 2) < 1.5, "{}", roughness(&factor, 2));
+    let apart = factor
+        .iter()
+        .zip(&cross)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
+    assert!(apart < 1e-12, "{apart}");
+}
+
+/// A string of `n` masses with a key at one of them, or without; its K in times of what it is, each mass heard.
+fn string_with(k: f64, n: usize, has_key: bool) -> Network {
+    let mut network = Network::new();
+    network.part("string", None);
+    for i in 0..n {
+        let ends = if i == 0 || i + 1 == n { 1.0 } else { 0.0 };
+        let tie = Tie::Physical {
+            k: 2e4 * k * ends,
+            z: 4e-3 * k * ends,
+        };
+        network
+            .cel(&format!("s{i}"), 2e-3, tie, 0.0, 0.0, 0.0)
+            .unwrap();
+    }
+    for i in 1..n {
+        let name = format!("l{i}");
+        network
+            .spring(&name, i - 1, i, 2e4 * k, 4e-3 * k, 0.0)
+            .unwrap();
+    }
+    if has_key {
+        network.part("key", None);
+        let tie = Tie::Physical { k: 200.0, z: 0.4 };
+        let key = network.cel("m", 0.08, tie, 0.0, 0.0, 0.0).unwrap();
+        network.spring("felt", key, 5, 500.0, 0.01, 0.0).unwrap();
+    }
+    listen_to_all(&mut network);
+    network
+}
+
+fn string(k: f64, n: usize) -> Network {
+    string_with(k, n, false)
+}
+
+fn struck(network: &Network) -> Timeline {
+    let mut timeline = begin();
+    timeline.strike(network, 3, 0.01, 1e-3, 0).unwrap();
+    timeline
+}
+
+/// A string of modes goes over into a stepped one whose pitch glides by 1 %.
+#[test]
+fn a_string_glides_to_another_pitch() {
+    let n = 12;
+    let ratio = 1.01 * 1.01;
+    let (old, new) = (string(1.0, n), string(ratio, n));
+    let budget = Budget::default();
+    let mut gliding = struck(&new);
+    for link in 0..n - 1 {
+        gliding
+            .fade(&new, (link, 1), (1.0 / ratio, 1.0), span())
+            .unwrap();
+    }
+    for end in [0, n - 1] {
+        gliding.glide(&new, end, [2e4, 4e-3, 2e-3], span()).unwrap();
+    }
+    let timeline = struck(&old);
+    let old = plan(old, &timeline, &budget);
+    let sound = joined(&old, &plan(new, &gliding, &budget), AT, 12_800);
+    assert!(roughness(&sound, n) < 1.5, "{}", roughness(&sound, n));
+}
+
+/// Whatever computes a body before and after, all of its masses are where they were and come there by the same step.
+#[test]
+fn a_body_goes_on_mass_by_mass() {
+    mass_by_mass(false);
+    mass_by_mass(true);
+}
+
+fn mass_by_mass(has_key: bool) {
+    // So little that no ear or number notices, and enough to be another network.
+    let (old, new) = (
+        string_with(1.0, 12, has_key),
+        string_with(1.0 + 1e-13, 12, has_key),
+    );
+    let n = old.n_mat();
+    let budgets = [
+        Budget::default(),
+        Budget::Method(Method::Ca),
+        Budget::Method(Method::Ca2p),
+        Budget::Method(Method::Bm4),
+        Budget::Method(Method::Ieq),
+        Budget::Method(Method::Trapezoid),
+    ];
+    let timeline = struck(&old);
+    let plans = |network: &Network| -> Vec<Arc<Plan>> {
+        budgets
+            .iter()
+            .map(|budget| plan(network.clone(), &timeline, budget))
+            .collect()
+    };
+    let (before, after) = (plans(&old), plans(&new));
+    let n_frames = AT + 500;
+    for (i, old) in before.iter().enumerate() {
+        let mut alone = Simulation::planned(old.clone(), plain()).unwrap();
+        let mut unchanged = vec![0.0; n_frames as usize * n];
+        alone.process(&mut unchanged).unwrap();
+        let peak = unchanged.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
+        for (j, new) in after.iter().enumerate() {
+            let sound = joined(old, new, AT, n_frames);
+            let now = AT as usize * n..(AT as usize + 1) * n;
+            let apart = |range: std::ops::Range<usize>| {
+                let pairs = sound[range.clone()].iter().zip(&unchanged[range]);
+                pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / peak
+            };
+            assert!(
+                apart(now.clone()) < 1e-9,
+                "{has_key} {i} {j}: {}",
+                apart(now.clone())
+            );
+            let next = (AT as usize + 1) * n..(AT as usize + 2) * n;
+            // One frame on, methods differ by what each makes of a frame.
+            assert!(
+                apart(next.clone()) < 2e-2,
+                "{has_key} {i} {j}: {}",
+                apart(next)
+            );
+            if i == j {
+                assert!(
+                    apart(0..sound.len()) < 1e-6,
+                    "{has_key} {i}: {}",
+                    apart(0..sound.len())
+                );
+            }
+        }
+    }
+}
