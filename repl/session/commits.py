@@ -13,7 +13,7 @@ from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, started
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import HORIZON, JOIN, Running, follow
-from ergon.repl.session.version import NotTakenError, Version
+from ergon.repl.session.version import GLIDE, NotTakenError, Version
 from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.positions import Length, Position
 from ergon.scores.staging.stage import StageError
@@ -170,7 +170,7 @@ class Commits:
 
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
-        return one.deed(replace(before, cuts=False, damp=None), one.beat)
+        return one.deed(replace(before, cuts=False, damp=None, glide=GLIDE), one.beat)
 
     def _made(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
         on, found = self.running, []

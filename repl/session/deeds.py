@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ergon.repl.language import commands as c
 from ergon.repl.session.edits import keys, matter, names, parts, times
 from ergon.repl.session.texts import Texts
-from ergon.repl.session.version import Desk, NotTakenError, Version, piece_of
+from ergon.repl.session.version import GLIDE, Desk, NotTakenError, Version, piece_of
 from ergon.scores.staging.stage import solo
 
 if TYPE_CHECKING:
@@ -116,6 +116,20 @@ def _set(command: c.Set, version: Version, beat: float) -> Texts:
     return matter.set_value(version.texts, version.piece, command.target, value)
 
 
+def _glided(command: c.Set) -> Deed:
+    """A parameter is set, and takes its time."""
+
+    def deed(version: Version, beat: float) -> Version:
+        made = _read(version, _set(command, version, beat))
+        if command.over is None:
+            return made
+        tempo = version.piece.tempo_map
+        seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
+        return replace(made, glide=max(GLIDE, seconds))
+
+    return deed
+
+
 def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
     return names.seed(version.texts, command.seed)
 
@@ -129,7 +143,6 @@ _EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
     c.Nudge: _nudge,
     c.Couple: _couple,
     c.Uncouple: _uncouple,
-    c.Set: _set,
     c.Seed: _seed,
 }
 
@@ -234,6 +247,7 @@ def _damp(command: c.Damp) -> Deed:
 DEEDS: Mapping[type[c.Command], Callable[[Any], Deed]] = {
     **dict.fromkeys(_EDITS, _edit),
     **dict.fromkeys(_FADES, _fade),
+    c.Set: _glided,
     c.Hush: _hush,
     c.Damp: _damp,
     c.Load: _load,

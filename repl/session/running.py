@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ergon.scores.clock.positions import Length, Position
 from ergon.scores.reading.piece import UNSAID, Play
+from ergon.scores.staging.gliding import Glide, glides
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.stage import Going, Span, stage
 
@@ -39,6 +40,7 @@ class Running:
     stage: Stage
     start: int
     until: float
+    glides: tuple[Glide, ...] = ()
 
     def beat(self, frame: int) -> float:
         """Where the piece is at a frame."""
@@ -91,8 +93,10 @@ def follow(
     until = bars.start(bars.bar_beat(enter)[0] + HORIZON)
     piece = replace(version.piece, tempo_map=clock.tempo(version.piece.tempo_map, after))
     new = (Span(piece, Window(enter, until, after)),) if clock.goes else ()
-    staged = _staged(version, clock, (*old, *new), before.stage, start, real, None)
-    return Running(version, clock, (*old, *new), staged, start, until)
+    pieces = before.version.piece, version.piece
+    moving = glides(*pieces, before.glides, after, version.glide)
+    staged = _staged(version, clock, (*old, *new), before.stage, start, real, None, moving)
+    return Running(version, clock, (*old, *new), staged, start, until, moving)
 
 
 def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
@@ -116,6 +120,7 @@ def _staged(
     start: int,
     real: Real,
     store: Store | None,
+    moving: tuple[Glide, ...] = (),
 ) -> Stage:
     piece = version.piece
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
@@ -126,5 +131,5 @@ def _staged(
         store=store,
         real=real,
         on_fault="mute",
-        going=Going(spans, like, start),
+        going=Going(spans, like, start, moving),
     )

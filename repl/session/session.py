@@ -7,6 +7,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -227,7 +228,7 @@ class Session:
 
         def numbered(version: Version, at: float) -> Version:
             made = deed(version, at)
-            return Version(number, line, made.texts, made.piece, made.desk, made.cuts, made.damp)
+            return replace(made, number=number, line=line)
 
         enter = place if beat is None else beat
         is_now = when is NOW or (when is None and self.quant is None) or goes is not None

@@ -11,6 +11,11 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
+# A jump of K by a half raises the third difference of a sound twelvefold, a glide over 64 frames by
+# a fifth; lower modes need longer [s].
+GLIDE = 0.02
+
+
 class NotTakenError(Exception):
     """A line changes nothing: one sentence why, and the line to type instead."""
 
@@ -44,7 +49,7 @@ class Version:
     """What one accepted line (or block of lines) made of the version before it.
 
     One that `cuts` lets nothing go on that was in flight; `damp` [s] is the T60 that it gives to
-    all that sounds.
+    all that sounds; parameters that differ from those before glide for `glide` [s].
     """
 
     number: int
@@ -54,6 +59,7 @@ class Version:
     desk: Desk = Desk()
     cuts: bool = False
     damp: float | None = None
+    glide: float = GLIDE
 
 
 def piece_of(texts: Texts) -> Piece:

@@ -13,6 +13,7 @@ from ergon.instruments.assemble import Assembly
 from ergon.scores.clock.positions import Position
 from ergon.scores.clock.shifted import NEVER, Elsewhere
 from ergon.scores.reading.piece import Manner, Piece, Play, Player, of_scene
+from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Takes, Window
 from ergon.scores.staging.listening import Listening, listen
 from ergon.scores.staging.live import LiveHand, join, stand_ins
@@ -126,11 +127,13 @@ class Going:
     """A stage that takes over while another sounds: at frame `start`, where it is `like` it.
 
     `spans` is what is played, by parts of this piece and of those before it; None: all of it.
+    `glides` are parameters that are still on their way.
     """
 
     spans: Sequence[Span] | None = None
     like: Stage | None = None
     start: int = 0
+    glides: Sequence[Glide] = ()
 
 
 @dataclass(slots=True)
@@ -223,6 +226,7 @@ def stage(
     native.speed_up(ready.network, ready.n_frames)
     if going.spans is not None:
         ready.timeline.open()
+    _glide(piece, ready, going)
     plan, is_kept = None, False
     try:
         if planned:
@@ -256,6 +260,14 @@ def stage(
         is_kept,
         ready.live,
     )
+
+
+def _glide(piece: Piece, ready: Ready, going: Going) -> None:
+    try:
+        for glide in going.glides:
+            glide.put(ready.timeline, ready.scene.assembly)
+    except _core.EngineError as error:
+        raise _refused(piece, ready.collector, error) from error
 
 
 def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:

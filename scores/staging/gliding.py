@@ -1,0 +1,95 @@
+"""Parameters on their way from one version of a piece to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ergon import _core
+from ergon.instruments.kinds import LINKS
+
+if TYPE_CHECKING:
+    from ergon.instruments.assemble import Assembly
+    from ergon.instruments.model import Module
+    from ergon.scores.reading.piece import Piece
+
+_Values = tuple[float, ...]  # of a CEL k, z, m; of a link K, where its force goes by it
+_TWO_PI = 6.283185307179586
+_LN_1000 = 6.907755278982137  # a decay by 60 dB
+
+
+@dataclass(frozen=True, slots=True)
+class Glide:
+    """A module's parameters go evenly from `before` to `after` between two instants [s]."""
+
+    part: str
+    module: str
+    before: _Values
+    after: _Values
+    start: float
+    stop: float
+
+    def at(self, instant: float) -> _Values:
+        """Where they are."""
+        share = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
+        pairs = zip(self.before, self.after, strict=True)
+        return tuple(before + (after - before) * share for before, after in pairs)
+
+    def put(self, timeline: _core.Timeline, assembly: Assembly) -> None:
+        """Let it happen on a timeline. Raises EngineError."""
+        where = self.part, self.module
+        if len(self.before) == 3:
+            k, z, m = self.before
+            timeline.glide(assembly.mats[where], k, z, m, self.start, self.stop)
+        else:
+            ratio = self.before[0] / self.after[0]
+            timeline.fade(assembly.links[where], ratio, 1.0, self.start, self.stop)
+
+
+def glides(
+    before: Piece, after: Piece, running: Iterable[Glide], start: float, seconds: float
+) -> tuple[Glide, ...]:
+    """What glides from `start` [s] on, when a piece takes over from another: for so many seconds
+    what differs, and what is `running` already to its end."""
+    old, new = dict(_values(before)), dict(_values(after))
+    under_way = {(g.part, g.module): g for g in running if g.stop > start}
+    found = {}
+    for where, values in new.items():
+        known = under_way.get(where)
+        if where not in old or len(old[where]) != len(values):
+            continue
+        if known is not None and known.after == values:
+            found[where] = known
+        elif old[where] != values:
+            now = old[where] if known is None else known.at(start)
+            found[where] = Glide(*where, now, values, start, start + seconds)
+    return tuple(found.values())
+
+
+def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
+    """The parameters that can glide, by (part, module), as the scene sees them."""
+    for key in piece.keys.values():
+        for module in key.modules:
+            if (values := _of(module)) is not None:
+                scale = 1.0 / (key.reach * key.reach)
+                yield (key.name, module.name), tuple(value * scale for value in values)
+    for instrument in piece.instruments.values():
+        for module in instrument.modules:
+            # Algorithmic parameters are what they are at their rate: they are set at once.
+            if instrument.ca_rate is None and (values := _of(module)) is not None:
+                yield (instrument.name, module.name), values
+
+
+def _of(module: Module) -> _Values | None:
+    fields: Mapping[str, Any] = module.fields
+    if module.kind == "CEL":
+        mass = float(fields["M"])
+        if fields.get("f") is None:
+            return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), mass
+        omega, t60 = _TWO_PI * float(fields["f"]), fields.get("t60")
+        sigma = _LN_1000 / float(t60) if t60 else 0.0
+        return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
+    if module.kind in LINKS and fields.get("K"):
+        return (float(fields["K"]),)
+    return None
