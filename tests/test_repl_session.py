@@ -111,9 +111,9 @@ def test_a_hostile_line_changes_no_sample(tmp_path):
         _hurt(plain, hurt)
 
 
-def _at(folder: Path) -> Stepped:
+def _at(folder: Path, score: str = SCORE) -> Stepped:
     folder.mkdir()
-    return Stepped(SCORE, folder)
+    return Stepped(score, folder)
 
 
 def _hurt(plain: Stepped, hurt: Stepped) -> None:
@@ -327,3 +327,27 @@ def test_every_tick_is_a_boundary(session):
     session.run(0.1)
     session.ok("ada plays knock now")
     assert session.session.commits.running.start % EVERY == 0
+
+
+def test_strikes_end_at_the_boundary_and_begin_there(tmp_path):
+    score = SCORE.replace(
+        "parts:\n",
+        "strikes: {rain: {to: bell.m, at: 1|1, for: 99bar, rate: 20Hz, impulse: 1uNs}}\nparts:\n",
+    )
+    with closing(_at(tmp_path / "a", score)) as stepped:
+        stepped.ok("play from 3|1")
+        stepped.run(1.0)
+        assert onset(stepped.sound) < 0.5 * stepped.rate
+        stepped.ok("hush at 4|1")
+        stepped.run(5.0)
+        by = stepped.session.commits.running.clock.by
+        last = len(stepped.sound) - 1 - onset(stepped.sound[::-1])
+        tempo = stepped.session.commits.head.piece.tempo_map
+        end = (tempo.seconds(tempo.bars.start(4)) + by) * stepped.rate
+        ringing = stepped.sound[: int(end), 0]
+        assert np.max(np.abs(stepped.sound[int(end) + 22_050 :, 0])) < 2e-3 * np.max(
+            np.abs(ringing)
+        )
+        assert last > end
+        stepped.close()
+        assert np.array_equal(stepped.again(), stepped.sound)

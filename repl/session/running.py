@@ -107,7 +107,9 @@ def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
         is_last = index == len(before.spans) - 1 and before.clock.goes
         until = min(window.until, leave) if is_last else window.until
         first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, until))
-        if any(first - JOIN <= start <= last and stop > after for start, stop in on):
+        if last > after or any(
+            first - JOIN <= start <= last and stop > after for start, stop in on
+        ):
             kept.append(Span(piece, Window(window.since, until, after)))
     return kept
 
@@ -124,7 +126,7 @@ def _staged(
 ) -> Stage:
     piece = version.piece
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
-    piece = replace(piece, tempo_map=tempo, strikes=piece.strikes if clock.goes else ())
+    piece = replace(piece, tempo_map=tempo)
     return stage(
         piece,
         planned=True,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +20,7 @@ from ergon.scores.staging.listening import Listening, listen
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
-from ergon.scores.staging.striking import Striking
+from ergon.scores.staging.striking import ANY, Striking
 from ergon.scores.staging.travel import check_travel
 from ergon.scores.text.errors import Collector, Diagnostic, quote
 from ergon.scores.text.lasting import lasting
@@ -341,10 +342,14 @@ def _play(
         if player.hand == "live" and player.standin and player.name not in written:
             hands.standin(player)
     ends = [gesture.stop for gesture in hands.gestures]
-    for strikes in piece.strikes:
-        mats = [mat for target in strikes.to for mat in assembly.members(target)]
-        source = hands.sources.add(partial(_itself, strikes.place))
-        ends.append(Striking(piece, timeline, strikes, mats, source).play(hands.collector))
+    for played, window in spans:
+        within = _within(played, window)
+        for strikes in played.strikes:
+            known = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
+            mats = [mat for target in known for mat in assembly.members(target)]
+            source = hands.sources.add(partial(_itself, strikes.place))
+            striking = Striking(played, timeline, strikes, mats, source, within)
+            ends.append(striking.play(hands.collector))
     for coupling, link in zip(piece.duet, couplings, strict=True):
         until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
         at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
@@ -352,6 +357,16 @@ def _play(
             at, until = NEVER, None  # it is over
         timeline.couple(link, at, until)
     return max(ends, default=0.0)
+
+
+def _within(piece: Piece, window: Window) -> tuple[float, float]:
+    """The instants of a window [s], in the engine's time."""
+    if window is ALL:
+        return ANY
+    tempo = piece.tempo_map
+    first = tempo.seconds(window.since) if window.since > -math.inf else 0.0
+    last = tempo.seconds(window.until) if window.until < math.inf else math.inf
+    return max(0.0, first), last
 
 
 def _drives(piece: Piece, assembly: Assembly, hands: Hands) -> None:

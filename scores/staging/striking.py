@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,8 @@ from ergon.scores.clock.occurrences import starts
 from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.text.errors import Collector, TextError
 from ergon.scores.text.values import Time
+
+ANY = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +24,7 @@ class Striking:
     strikes: Strikes
     mats: Sequence[int]
     source: int
+    within: tuple[float, float] = ANY  # instants [s] at which there may be any
 
     def play(self, collector: Collector) -> float:
         """Put the strikes on the timeline; returns when they end [s]."""
@@ -43,6 +47,7 @@ class Striking:
                     seed=piece.seed,
                     name=strikes.name,
                     source=self.source,
+                    within=self.within,
                 )
                 return end
             return self._each(at, stop)
@@ -60,6 +65,8 @@ class Striking:
             beats = starts(tempo, at, Time(), every=strikes.every, times=strikes.times, until=stop)
         instants = [tempo.seconds(beat) for beat in beats]
         for occurrence, instant in enumerate(instants):
+            if not self.within[0] <= instant < self.within[1]:
+                continue
             for member, mat in enumerate(self.mats):
                 self._strike(mat, instant, member, occurrence)
         return instants[-1] if instants else 0.0

@@ -144,7 +144,7 @@ impl Timeline {
     }
 
     /// Each MAT struck by a Poisson process of its own; returns the number of strikes.
-    #[pyo3(signature = (mats, *, start, stop, rate, impulse, seed, name, source=0))]
+    #[pyo3(signature = (mats, *, start, stop, rate, impulse, seed, name, source=0, within=(f64::NEG_INFINITY, f64::INFINITY)))]
     #[allow(clippy::too_many_arguments)]
     fn rain(
         &mut self,
@@ -157,6 +157,7 @@ impl Timeline {
         seed: i128,
         name: &str,
         source: u32,
+        within: (f64, f64),
     ) -> PyResult<u64> {
         mats.iter().try_for_each(|&mat| self.there(name, mat))?;
         py.detach(|| {
@@ -166,6 +167,7 @@ impl Timeline {
                 start,
                 stop,
                 impulse,
+                within,
                 source,
             };
             self.inner.rain(&self.network, &mats, &rain, chance)

@@ -38,6 +38,8 @@ pub struct Rain {
     pub stop: f64,
     /// Weakest and strongest impulse [N·s].
     pub impulse: (f64, f64),
+    /// Those before the first instant or from the second on [s] are drawn and do not strike.
+    pub within: (f64, f64),
     /// Place in the score.
     pub source: u32,
 }
@@ -234,8 +236,10 @@ impl Timeline {
             let mut times = chance.poisson_times(rain.rate, rain.start, rain.stop);
             while let Some(at) = times.next() {
                 let impulse = times.chance().uniform(rain.impulse.0, rain.impulse.1);
-                self.strike(network, mat, at, impulse, rain.source)?;
-                n_strikes += 1;
+                if (rain.within.0..rain.within.1).contains(&at) {
+                    self.strike(network, mat, at, impulse, rain.source)?;
+                    n_strikes += 1;
+                }
             }
         }
         Ok(n_strikes)

@@ -389,9 +389,11 @@ class Timeline:
         seed: int,
         name: str,
         source: int = 0,
+        within: tuple[float, float] = ...,
     ) -> int:
         """Each MAT struck by a Poisson process of its own (rate [Hz], impulses drawn uniformly);
-        member i draws from Chance(seed, "strikes", name, i, 0). Returns the number of strikes."""
+        member i draws from Chance(seed, "strikes", name, i, 0). What falls outside `within` [s] is
+        drawn and does not strike. Returns the number of strikes."""
     def couple(
         self, link: int, start: float, stop: float | None = None, fade: float = 0.02
     ) -> None:

@@ -202,6 +202,7 @@ fn an_endless_rain_is_refused_at_once() {
         start: 0.0,
         stop: 1.0,
         impulse: (0.0, 0.0),
+        within: (0.0, f64::INFINITY),
         source: 0,
     };
     let chance = |member| Chance::new(1, "strikes", "r", member, 0);

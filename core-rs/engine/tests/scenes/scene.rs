@@ -262,6 +262,7 @@ impl Scene {
             start: 0.0,
             stop: 0.15,
             impulse: (-1e-5, 1e-5),
+            within: (0.0, f64::INFINITY),
             source: 7,
         };
         let chance = |member| Chance::new(3, "strikes", "rain", member, 0);
