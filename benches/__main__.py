@@ -21,6 +21,7 @@ from benches.measure import Row
 from benches.mesh import mesh
 from benches.native import Loops, compiler
 from benches.quetzalcoatl import quetzalcoatl
+from benches.repl import repl
 from benches.string import string
 
 
@@ -39,6 +40,7 @@ def main(arguments: list[str]) -> int:
         "gesture": hands.gesture,
         "check": reading.check,
         "start": reading.start,
+        "repl": repl,
         "duet": partial(duet, asked.minutes),
     }
     if unknown := [name for name in wanted if name not in scenes]:

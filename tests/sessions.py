@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,16 @@ from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of
 
 EVERY = 64
+_BLOCK = 1 << 16  # frames
 _LOOK = 40  # ticks between two looks of the session at its engine
 
 
 class Stepped:
     """A session on a score's text; `sound` (n_frames, n_channels) is what it has played."""
 
-    def __init__(self, text: str, folder: Path, journal: bool = True) -> None:
+    def __init__(
+        self, text: str, folder: Path, *, journal: bool = True, keeps: bool = True
+    ) -> None:
         path = folder / "score.yaml"
         path.write_text(text, encoding="utf-8")
         texts = Texts.read(path)
@@ -33,6 +37,8 @@ class Stepped:
             written.tell("session", **opening.fields())
         self.session = Session(version, self._begin, margin=0.0, journal=written)
         self._sound: list[np.ndarray] = []
+        self._keeps = keeps
+        self.hash = hashlib.sha256()
 
     def _begin(self, stage):
         self.engine = Steps(stage, every=EVERY, highpass=None)
@@ -64,7 +70,10 @@ class Stepped:
         while left > 0:
             n = min(left, _LOOK * EVERY)
             self.session.pump()
-            self._sound.append(self.engine.process(n))
+            block = self.engine.process(n)
+            self.hash.update(block)
+            if self._keeps:
+                self._sound.append(block)
             left -= n
         self.session.pump()
 
@@ -73,7 +82,18 @@ class Stepped:
 
     def again(self) -> np.ndarray:
         """The journal, computed anew."""
+        return np.concatenate(list(self._blocks()))
+
+    def hash_again(self) -> str:
+        """The hash of all samples of the journal, computed anew."""
+        hashed = hashlib.sha256()
+        for block in self._blocks():
+            hashed.update(block)
+        return hashed.hexdigest()
+
+    def _blocks(self):
         again = Again(opened(self.journal))
-        out = np.zeros((again.n_frames, again.n_channels))
-        again.process(out)
-        return out
+        for at in range(0, again.n_frames, _BLOCK):
+            out = np.zeros((min(_BLOCK, again.n_frames - at), again.n_channels))
+            again.process(out)
+            yield out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import random
+import resource
 from contextlib import closing
 from pathlib import Path
 
@@ -351,3 +352,31 @@ def test_strikes_end_at_the_boundary_and_begin_there(tmp_path):
         assert last > end
         stepped.close()
         assert np.array_equal(stepped.again(), stepped.sound)
+
+
+@pytest.mark.slow
+def test_an_hour_of_lines_leaves_memory_flat(tmp_path):
+    """Ten lines a minute for an hour; then the journal, sample by sample."""
+    lines = (
+        "ada plays knock every 1",
+        "knock = 0@0 smooth 5@1/8 smooth 0@1/2",
+        "leo plays lean every 2 do scale 0.9",
+        "tempo 66",
+        "gain bell -3dB",
+        "leo do mirror",
+        "knock = 0@0 smooth 6@1/8 smooth 0@1/2",
+        "undo",
+        "rest leo",
+        "tempo 120",
+    )
+    used = []
+    stepped = Stepped(SCORE, tmp_path, keeps=False)
+    with closing(stepped):
+        stepped.ok("play")
+        for number in range(600):
+            stepped.ok(lines[number % len(lines)])
+            stepped.run(6.0)
+            if number % 100 == 99:
+                used.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    assert used[-1] - used[0] < 10.0, used  # MB; a version's text and its line in the history stay
+    assert stepped.hash_again() == stepped.hash.hexdigest()

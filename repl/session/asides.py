@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from ergon.repl.face import Reply
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
 from ergon.repl.session import deeds, files, looks
-from ergon.repl.session.version import NotTakenError, Version
+from ergon.repl.session.version import NotTakenError
 from ergon.scores.text.errors import TextError
 
 if TYPE_CHECKING:
@@ -96,27 +95,23 @@ def _back(session: Session, command: c.Back) -> Reply:
 def _back_to(session: Session, index: int, line: str, none: str) -> Reply:
     if not 0 <= index < len(session.versions):
         raise NotTakenError(f"{none}; `history` lists the versions")
-    target, _ = session.versions[index]
-    left, _ = session.versions[session.at]
+    target, left = session.versions[index], session.versions[session.at]
     waits = next((one for one in session.commits.waiting if one.number == left.number), None)
     if waits is not None and index == session.at - 1:
         session.drop(waits)
         session.at = index
         return Reply(True, f"ok '{left.line}' is taken back before it began")
 
-    def restore(version: Version, beat: float) -> Version:
-        return replace(target, cuts=False, damp=None)
-
-    where, _ = session.queue(line, restore, restores=target.number)
+    where, _ = session.queue(line, target.restored, restores=target.number)
     session.at = index
     return Reply(True, f"ok {where} as after: {target.line or 'the beginning'}")
 
 
 def _history(session: Session, command: c.History) -> Reply:
     rows = []
-    for index, (version, where) in enumerate(session.versions):
+    for index, version in enumerate(session.versions):
         here = ">" if index == session.at else " "
-        rows.append(f"{here} {index:3}  {where:>8}  {version.line or '(the score)'}")
+        rows.append(f"{here} {index:3}  {version.where:>8}  {version.line or '(the score)'}")
     return Reply(True, "", lines=tuple(rows))
 
 

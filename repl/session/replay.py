@@ -17,7 +17,7 @@ from ergon.repl.session.engine import Steps
 from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.texts import Texts
-from ergon.repl.session.version import Desk, NotTakenError, Version, piece_of
+from ergon.repl.session.version import Desk, NotTakenError, Past, Version, piece_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -138,7 +138,7 @@ class Again:
         self._engine = Steps(running.stage, every=opening.every, highpass=opening.highpass)
         self._engine.faders(faders(running))
         self._commits = Commits(self._engine, running, {}, 0, version)
-        self._versions = {0: version}
+        self._versions = {0: Past.of(version)}
         self._coming = list(replay.commits)
         self.n_frames = replay.n_frames
         self.rate = running.stage.rate
@@ -192,7 +192,7 @@ class Again:
                 bool(event.fields.get("resets")),
                 number=number,
             )
-            self._versions[number] = self._commits.take(waiting).version
+            self._versions[number] = Past.of(self._commits.take(waiting).version)
         self._commits.tick()
 
 
@@ -203,7 +203,7 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
     """
     opening = replay.opening
     version = opening.version()
-    versions, clock = {0: version}, Clock(None, opening.at)
+    versions, clock = {0: Past.of(version)}, Clock(None, opening.at)
     rate, lead = version.piece.rate, JOIN + opening.every / version.piece.rate
     done = {event.get("number", int) for _, _, event in replay.commits}
     waited = [
@@ -213,7 +213,7 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
     ]
     for frame, beat, event in (*replay.commits, *waited):
         version = deed_of(event, versions, version)(version, beat)
-        versions[event.get("number", int)] = version
+        versions[event.get("number", int)] = Past.of(version)
         tempo, goes = version.piece.tempo_map, event.fields.get("goes")
         if goes is True:
             clock = started(tempo, beat, frame / rate + lead)
@@ -224,7 +224,7 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
     return replace(version, number=0, line=""), Clock(None, tempo.bars.start(bar))
 
 
-def deed_of(event: Event, versions: Mapping[int, Version], on: Version) -> Deed:
+def deed_of(event: Event, versions: Mapping[int, Past], on: Version) -> Deed:
     """What a line of a journal does. Raises NotTakenError where it is none."""
     if event.fields.get("resets"):
         return deeds.hushed
@@ -234,9 +234,7 @@ def deed_of(event: Event, versions: Mapping[int, Version], on: Version) -> Deed:
     restores = event.fields.get("restores")
     if isinstance(restores, int):
         target = versions.get(restores)
-        if target is None:
-            return deeds.same
-        return lambda version, beat: replace(target, cuts=False, damp=None)
+        return deeds.same if target is None else target.restored
     try:
         commands = parse(event.get("line", str), names(on.piece))
     except Refusal as refusal:

@@ -27,7 +27,7 @@ from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.replay import said
 from ergon.repl.session.running import Running, begin
-from ergon.repl.session.version import NotTakenError, Version
+from ergon.repl.session.version import NotTakenError, Past, Version
 from ergon.scores.clock.positions import Length
 from ergon.scores.staging.stage import StageError
 from ergon.scores.text.edit import EditError
@@ -74,7 +74,7 @@ class Session:
         self.journal = journal
         self.quant: Length | None = _BAR
         self.quant_text = "bar"
-        self.versions: list[tuple[Version, str]] = [(version, "1|1")]
+        self.versions = [Past.of(version, "1|1")]
         self.at = 0  # of versions: the last one that was not undone
         self.commits = Commits(
             engine, running, real or {}, int(margin * running.stage.rate), version
@@ -249,7 +249,7 @@ class Session:
         )
         if restores is None:
             del self.versions[self.at + 1 :]
-            self.versions.append((made.version, where))
+            self.versions.append(Past.of(made.version, where))
             self.at += 1
         self._rescope()
         self.pump()

@@ -62,6 +62,29 @@ class Version:
     glide: float = GLIDE
 
 
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What a version is made from again: a piece is a thousand times as large as its text.
+
+    `where` is the beat on which it began, as written.
+    """
+
+    number: int
+    line: str
+    texts: Texts
+    desk: Desk
+    where: str = ""
+
+    @classmethod
+    def of(cls, version: Version, where: str = "") -> Past:
+        """A version that may come back."""
+        return cls(version.number, version.line, version.texts, version.desk, where)
+
+    def restored(self, version: Version, beat: float) -> Version:
+        """As it was, in the place of another version."""
+        return replace(version, texts=self.texts, piece=piece_of(self.texts), desk=self.desk)
+
+
 def piece_of(texts: Texts) -> Piece:
     """The piece that texts say. Raises NotTakenError with their first mistake."""
     loaded = texts.load()

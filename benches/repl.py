@@ -1,0 +1,106 @@
+"""Lines typed into sessions: how soon they are answered."""
+
+from __future__ import annotations
+
+import gc
+import tempfile
+import time
+from contextlib import closing
+from pathlib import Path
+
+from benches.measure import Row
+from ergon.live.perform import Order
+from ergon.repl.session.live import Live
+from ergon.repl.session.session import Session
+from ergon.repl.session.texts import Texts
+from ergon.repl.session.version import Version, piece_of
+
+_LIBRARY = Path(__file__).parent.parent / "scores" / "library"
+_LINES = (
+    "{a} plays {g} every 1 now",
+    "{g} = 0@0 smooth 5@1/8 smooth 0@1/2",
+    "{b} plays {g} every 2 do scale 0.9",
+    "tempo 66",
+    "gain {i} -3dB",
+    "{a} do scale 0.9",
+    "rest {b}",
+    "undo",
+    "{b} plays {g} every 1/2 now",
+    "? {g}",
+)
+_MARGIN = 0.006  # [s] as `ergon repl` has it
+
+
+def repl() -> list[Row]:
+    """Enter to the answer, all checked and built: a hundred modules, and the bundled duet."""
+    names = {"a": "p0", "b": "p1", "g": "knock", "i": "bells"}
+    small = _answered("100 modules, 4 players", _hundred(), names)
+    names = {"a": "ada", "b": "ada", "g": "soft", "i": "gong"}
+    duet = (_LIBRARY / "duet.yaml").read_text(encoding="utf-8")
+    return [small, _answered("the bundled duet", duet, names, _LIBRARY)]
+
+
+def _answered(what: str, text: str, names: dict[str, str], folder: Path | None = None) -> Row:
+    with tempfile.TemporaryDirectory() as temporary:
+        path = (folder or Path(temporary)) / "typed.yaml"
+        texts = Texts(str(path), text)
+        version = Version(0, "", texts, piece_of(texts))
+        taken = []
+        order = Order(audio="null", gain=1.0)
+        make = lambda stage: Live(stage, order)  # noqa: E731 - one word
+        with closing(Session(version, make, margin=_MARGIN)) as session:
+            gc.collect()
+            gc.freeze()
+            session.run()
+            session.submit("play")
+            for _ in range(6):
+                for line in _LINES:
+                    said = line.format(**names)
+                    begin = time.perf_counter()
+                    reply = session.submit(said)
+                    taken.append(1e3 * (time.perf_counter() - begin))
+                    assert reply.taken, f"{said}: {reply.text}"
+                    time.sleep(0.4)
+            late = session.state().late
+        gc.unfreeze()
+    taken.sort()
+    p50, p95 = taken[len(taken) // 2], taken[int(0.95 * len(taken))]
+    return Row(
+        f"a line typed into {what}",
+        f"answered in {p50:.1f} ms, 95 % within {p95:.1f} ms; {late} late ticks",
+        "target: 20 ms at 95 %, of 100 modules",
+        None,
+        "by the clock",
+        {"p50_ms": p50, "p95_ms": p95, "late": late},
+    )
+
+
+def _hundred() -> str:
+    """Fifty bells, fifty contacts, four hands."""
+    cells = [f"      m{i}: {{CEL: {{M: 2g, f: {200 + 7 * i}Hz, t60: 1s}}}}" for i in range(50)]
+    contacts = [
+        f"      b{i}: {{BUT: {{between: [k{i % 4}, m{i}], K: 900N/m, gap: 1mm}}}}"
+        for i in range(50)
+    ]
+    keys = [f"  k{i}: {{M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}}" for i in range(4)]
+    players = [f"  p{i}: {{key: k{i}}}" for i in range(4)]
+    return "\n".join(
+        [
+            "ergon: 1",
+            "tempo: [{at: 1|1, bpm: 60}]",
+            "keys:",
+            *keys,
+            "instruments:",
+            "  bells:",
+            "    modules:",
+            *cells,
+            *contacts,
+            "    out: {SOX: m0}",
+            "gestures:",
+            "  knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2",
+            "players:",
+            *players,
+            "parts: {p0: []}",
+            "",
+        ]
+    )
