@@ -28,17 +28,29 @@ _OURS = ("socket", "engine", "plain", "strict", "journal")
 
 
 def perform_apart(console: Console, path: str | None, wishes: Wishes) -> None:
-    """Join the session that is served; where none is, start one, which outlives this terminal."""
+    """Be the engine, or a prompt at one."""
+    if wishes.engine:
+        with _refused():
+            _serve(console, path, wishes, _place(wishes))
+    else:
+        _prompt(joined(console, path, wishes), wishes)
+
+
+def joined(console: Console, path: str | None, wishes: Wishes) -> Remote:
+    """The session that is served; where none is, one that outlives this process."""
+    with _refused():
+        return _joined(console, path, wishes, _place(wishes))
+
+
+@contextlib.contextmanager
+def _refused() -> Iterator[None]:
+    """What a socket will not do is refused usage."""
     if not hasattr(socket, "AF_UNIX"):
         raise Refused("--socket: there are no local sockets on this system")
     from ergon.repl.wire.place import PlaceError
 
     try:
-        here = _place(wishes)
-        if wishes.engine:
-            _serve(console, path, wishes, here)
-        else:
-            _prompt(_joined(console, path, wishes, here), wishes)
+        yield
     except PlaceError as error:
         raise Refused(f"--socket: {error}") from None
 

@@ -92,6 +92,9 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     make, opening = _engine(console, version, clock, order)
     try:
         journal = Journal(told)
+    except JournalError as error:
+        raise Refused(str(error)) from None
+    try:
         session = Session(
             version,
             make,
@@ -103,9 +106,11 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
             hands=hands,
             watches=wishes.watch,
         )
-    except JournalError as error:
-        raise Refused(str(error)) from None
-    except StageError as error:
+    except BaseException as error:
+        journal.close()
+        told.unlink(missing_ok=True)  # nothing has begun
+        if not isinstance(error, StageError):
+            raise
         for found in error.diagnostics:
             console.warn(found.message)
         raise Findings from None

@@ -621,7 +621,7 @@ def test_why_an_engine_does_not_start(at_home: Stage):
         assert done.returncode == code, done.stderr
         assert why in done.stderr
         assert not at_home.socket.exists()
-    assert not list(at_home.folder.glob("*.log"))
+    assert {path.name for path in at_home.folder.iterdir()} == {"score.yaml", "bad.yaml"}
 
 
 def test_an_ended_engine_ends_well(at_home: Stage):
