@@ -636,6 +636,34 @@ def test_an_ended_engine_ends_well(at_home: Stage):
         assert at_home.events("end")
 
 
+def test_the_place_need_not_be_said(at_home: Stage):
+    (at_home.folder / "ergon").mkdir(mode=0o700)
+    at_home.socket = at_home.folder / "ergon" / "session.sock"
+
+    def script(lines: str, *words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [*ERGON, "repl", *words],
+            cwd=at_home.folder,
+            env={**os.environ, "XDG_RUNTIME_DIR": str(at_home.folder)},
+            input=lines,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+
+    wrong = script("", "--socket", "score.yaml")
+    assert wrong.returncode == 2
+    assert "ergon repl score.yaml --socket" in wrong.stderr
+    begun = script("play\n", "score.yaml", "--audio", "null", "--gain", "0dB", "--socket")
+    assert "ok from 1|1" in begun.stdout
+    assert "`ergon repl --socket` comes back to it" in begun.stdout
+    at_home.engine()
+    joined = script("show\nquit\n", "--socket")
+    assert "joined the session" in joined.stderr
+    assert "bye" in joined.stdout
+    until(lambda: not at_home.socket.exists(), "the end of the engine")
+
+
 def test_another_score_does_not_get_into_it(at_home: Stage):
     with at_home.begins():
         (at_home.folder / "other.yaml").write_text(SCORE)
