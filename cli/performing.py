@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.engine import Engine
     from ergon.repl.session.replay import Opening
+    from ergon.repl.session.session import Session
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
@@ -42,6 +43,8 @@ class Wishes:
     journal: Path = Path("session.jsonl")
     resume: Path | None = None
     watch: bool = False
+    socket: str | None = None
+    engine: bool = False
     plain: bool = False
     strict: bool = False
 
@@ -61,8 +64,16 @@ class Wishes:
 
 def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     """Serve a session until somebody leaves."""
-    from ergon.exchange.plan_store import of_user
     from ergon.repl.prompt.run import history_of_user, run
+
+    session = begun(console, path, wishes)
+    if run(session, plain=wishes.plain, strict=wishes.strict, history=history_of_user()):
+        raise Findings
+
+
+def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
+    """A session that sounds; whoever has it closes it."""
+    from ergon.exchange.plan_store import of_user
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
     from ergon.scores.staging.stage import StageError
@@ -81,6 +92,9 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     make, opening = _engine(console, version, clock, order)
     try:
         journal = Journal(told)
+    except JournalError as error:
+        raise Refused(str(error)) from None
+    try:
         session = Session(
             version,
             make,
@@ -92,9 +106,11 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
             hands=hands,
             watches=wishes.watch,
         )
-    except JournalError as error:
-        raise Refused(str(error)) from None
-    except StageError as error:
+    except BaseException as error:
+        journal.close()
+        told.unlink(missing_ok=True)  # nothing has begun
+        if not isinstance(error, StageError):
+            raise
         for found in error.diagnostics:
             console.warn(found.message)
         raise Findings from None
@@ -103,8 +119,7 @@ def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     gc.collect()
     gc.freeze()
     session.run()
-    if run(session, plain=wishes.plain, strict=wishes.strict, history=history_of_user()):
-        raise Findings
+    return session
 
 
 def _beginning(

@@ -43,6 +43,14 @@ from .console import Console
     help="Go on where a journal ends.",
 )
 @click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
+@click.option(
+    "--socket",
+    is_flag=False,
+    flag_value="",
+    metavar="[PATH]",
+    help="The engine is a process of its own, which prompts join and leave.",
+)
+@click.option("--engine", is_flag=True, hidden=True, help="Be that process.")
 @click.option("--plain", is_flag=True, help="Lines only, no redrawing: for screen readers, pipes.")
 @click.option("--strict", is_flag=True, help="Exit 1 when a line was not taken.")
 @options.speaking
@@ -54,4 +62,10 @@ def repl(console: Console, score_path: str | None, **wishes: Any) -> None:
     """
     from .performing import Wishes, perform
 
-    perform(console, score_path, Wishes(**wishes))
+    asked = Wishes(**wishes)
+    if asked.socket is None:
+        perform(console, score_path, asked)
+    else:
+        from .apart import perform_apart
+
+        perform_apart(console, score_path, asked)

@@ -4,6 +4,7 @@ import contextlib
 import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Self
 
 import pexpect
@@ -26,12 +27,20 @@ class Screen(pyte.HistoryScreen):
 class Terminal:
     """A program and its screen; `with` ends it."""
 
-    def __init__(self, command: list[str], rows: int = 24, columns: int = 80, **environment: str):
+    def __init__(
+        self,
+        command: list[str],
+        rows: int = 24,
+        columns: int = 80,
+        cwd: Path | None = None,
+        **environment: str,
+    ):
         clean = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
         self.child = pexpect.spawn(
             command[0],
             command[1:],
             env=clean | {"TERM": "xterm-256color", "LANG": "C.UTF-8"} | environment,
+            cwd=cwd,
             dimensions=(rows, columns),
             echo=True,  # as terminals are; the program turns it off
         )

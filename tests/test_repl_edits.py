@@ -146,6 +146,22 @@ def test_a_gesture_under_way_begins_again_transformed():
         parts.transform(texts, piece_of(texts), "ada", 9.0, "mirror")
 
 
+@pytest.mark.parametrize(("score", "what"), [(DUET, "lean"), (TWO, "tap")])
+def test_what_begins_just_there_begins_transformed(score, what):
+    texts, piece = opened(score)
+    texts = parts.play(texts, piece, "ada", 8.0, f"{what} every 2 times 3 do mirror")
+    once = parts.transform(texts, piece_of(texts), "ada", 8.0, "scale 0.5")
+    twice = parts.transform(once, piece_of(once), "ada", 8.0, "reverse")
+    before, after = begun(piece_of(texts), "ada"), begun(piece_of(twice), "ada")
+    assert [where for where in after if where[0] < 8.0] == [b for b in before if b[0] < 8.0]
+    do = ("mirror", "scale", "reverse")
+    assert [where for where in after if where[0] >= 8.0] == [
+        (8.0, what, do),
+        (10.0, what, do),
+        (12.0, what, do),
+    ]
+
+
 @pytest.mark.parametrize("path", SCORES)
 @pytest.mark.parametrize("at", [0.0, 6.5, 17.0])
 def test_rest_leaves_what_has_begun(path, at):

@@ -33,6 +33,7 @@ MAY = {
         "_core",
     },
     "repl.prompt": {"repl.face"},
+    "repl.wire": {"repl.face"},
     "cli": {"scores", "instruments", "exchange", "lab", "live", "repl", "view", "_core"},
 }
 

@@ -78,6 +78,7 @@ class Replay:
     lines: dict[int, Event] = field(default_factory=dict)
     commits: list[tuple[int, float, Event]] = field(default_factory=list)  # frame, beat, line
     dropped: set[int] = field(default_factory=set)
+    late: dict[int, float] = field(default_factory=dict)  # by number: the beat it waits for
     n_frames: int = 0
 
 
@@ -118,6 +119,8 @@ def _heard(replay: Replay, event: Event) -> None:
         if number not in replay.lines:
             raise JournalError(f"line {event.number}: no line has the number {number}")
         replay.commits.append((frame, event.get("beat", float), replay.lines[number]))
+    elif event.name == "late":
+        replay.late[event.get("number", int)] = event.get("beat", float)
     elif event.name == "dropped":
         replay.dropped.add(event.get("number", int))
     if "frame" in event.fields:
@@ -207,10 +210,11 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
     rate, lead = version.piece.rate, JOIN + opening.every / version.piece.rate
     done = {event.get("number", int) for _, _, event in replay.commits}
     waited = [
-        (replay.n_frames, event.get("beat", float), event)
+        (replay.n_frames, replay.late.get(number, event.get("beat", float)), event)
         for number, event in sorted(replay.lines.items())
         if number not in done and number not in replay.dropped
     ]
+    waited.sort(key=lambda line: line[1])  # as they would have come into effect
     for frame, beat, event in (*replay.commits, *waited):
         version = deed_of(event, versions, version)(version, beat)
         versions[event.get("number", int)] = Past.of(version)

@@ -111,7 +111,8 @@ class Session:
                 reply = _not_taken(str(error))
             except BaseException as error:  # pyo3's panics are no Exceptions, nor is SystemExit
                 reply = _not_taken(f"{type(error).__name__} in ergon itself; nothing has changed")
-            self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text)
+            frame = self.commits.engine.frame  # as far as whoever resumes knows that it went
+            self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame)
             return reply
 
     def state(self) -> State:
@@ -298,6 +299,8 @@ class Session:
 
     def _late(self, lines: Sequence[Waiting]) -> None:
         for one in lines:
+            if one.number:
+                self._tell("late", number=one.number, beat=one.beat)
             if one.line and not one.is_now:
                 self._messages.append(f"'{one.line}' came too late; it waits for the next bar")
 

@@ -26,13 +26,16 @@ def play(texts: Texts, piece: Piece, player: str, at: float, words: str) -> Text
 def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Texts:
     """The same goes on with more done to it, its next occurrence where it would have been.
 
-    A gesture that plays once and is still under way begins again. Raises EditError.
+    What begins just there begins so; a gesture that plays once and is still under way begins
+    again. Raises EditError.
     """
     chain = tuple(text.strip() for text in do.split(","))
     lines = entries.lines(texts, piece, _known(piece, player))
     playing = [line for line in lines if line.is_open(at, piece)]
-    playing = playing or [line for line in lines if _is_under_way(line, piece, at)][-1:]
-    if not playing:
+    begins = [line for line in lines if abs(line.begin - at) < SAME]
+    if not (playing or begins):
+        playing = [line for line in lines if _is_under_way(line, piece, at)][-1:]
+    if not (playing or begins):
         raise EditError(f"{player} plays nothing at {written(piece, at)}")
     for line in playing:
         more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
@@ -46,7 +49,10 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
         if left and "times" in more.fields:
             more = more.said(times=str(len(left)))
         texts = entries.add(texts, player, more)
-    return texts
+    for line in begins:
+        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
+        texts = entries.add(texts, player, more)
+    return entries.stop(texts, player, written(piece, at), [], begins)
 
 
 def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:

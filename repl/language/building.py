@@ -1,0 +1,90 @@
+"""Lines made of values: how a program types."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from ergon.repl.language import values as v
+from ergon.repl.language.forms import Form, Slot
+from ergon.repl.language.playing import PLAYING
+from ergon.repl.language.verbs import FORMS, ways
+
+# By the name of a function: what Python cannot call by the verb itself.
+CALLED = {"define": "=", "look": "?"}
+FUNCTIONS = {
+    **{form.verb: form.verb for form in FORMS if form.verb not in CALLED.values()},
+    **CALLED,
+}
+_WHEN = ("now", "at", "in")
+
+
+def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str:
+    """The line of a verb: values in the order in which they are written, or by name.
+
+    A name is the word that leads into a value (`over`, `as_`, `K`), an option of `plays`, or
+    `now=True`, `at=`, `in_=`; what is None or False is left out. Raises TypeError where the verb
+    is not written so, ValueError for a value of more than one line.
+    """
+    said = {name.rstrip("_"): value for name, value in named.items()}
+    said = {name: value for name, value in said.items() if value is not None and value is not False}
+    for form in ways(verb):
+        # Only what ends in when can be said to.
+        when = {name: said[name] for name in _WHEN if name in said and form.timed}
+        rest = {name: value for name, value in said.items() if name not in when}
+        words = _words(form, given, rest)
+        if words is not None and len(when) <= 1:
+            return " ".join([*words, *_options(when)])
+    raise TypeError("it is written: " + ", or: ".join(form.written for form in ways(verb)))
+
+
+def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> list[str] | None:
+    """All but when; None where the values do not fit the form."""
+    rest = dict(named)
+    bound: dict[int, object] = {}
+    for number, slot in enumerate(form.slots):
+        for name in (slot.lead.rstrip("="), slot.field):
+            if name in rest and number not in bound:
+                bound[number] = rest.pop(name)
+    open_ = [number for number in range(len(form.slots)) if number not in bound]
+    # Of places that may be left open so many are filled as there are values to spare.
+    spare = len(given) - sum(not form.slots[number].optional for number in open_)
+    values = iter(given)
+    for number in open_:
+        if form.slots[number].optional:
+            if spare <= 0:
+                continue
+            spare -= 1
+        elif spare < 0:
+            return None
+        bound[number] = next(values)
+    options = _options(rest) if any(slot.value is PLAYING for slot in form.slots) else []
+    if spare > 0 or (rest and not options):
+        return None
+    found = [_said(form.slots[number], bound[number]) for number in sorted(bound)]
+    if None in found:
+        return None
+    words = [word for word in found if word is not None] + options
+    words.insert(1 if form.subject else 0, form.verb)
+    return words
+
+
+def _said(slot: Slot, value: object) -> str | None:
+    text = _text(value)
+    if slot.value is None:  # a word that stands alone
+        return text if text == slot.lead else None
+    if slot.value is v.FILE and " " in text:
+        text = f'"{text}"'
+    return slot.lead + text if slot.lead.endswith("=") else f"{slot.lead} {text}".lstrip()
+
+
+def _options(named: Mapping[str, object]) -> list[str]:
+    """Options as `plays` has them; what is done to it goes on to the end of a line."""
+    order = sorted(named, key=lambda name: name == "do")
+    return [name if named[name] is True else f"{name} {_text(named[name])}" for name in order]
+
+
+def _text(value: object) -> str:
+    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    if "\n" in text:
+        raise ValueError("a value has one line")
+    return text

@@ -1,0 +1,121 @@
+"""One connection to a session: requests go out, answers come back by their ids."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import socket
+import struct
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from typing import IO, Any
+
+from . import place
+from .protocol import MAX_LINE, VERSION, ProtocolError, decode, encode
+
+_PATIENCE = 5  # [s] for the greeting, and for a session that reads nothing
+
+
+class GoneError(Exception):
+    """The connection has ended before the answer came."""
+
+
+class Refused(Exception):
+    """The session answered that it will not: one sentence."""
+
+
+class Link:
+    """A connection; `gone` once it has ended, `ended` says why the session did, if it did."""
+
+    def __init__(self, path: Path) -> None:
+        """Connect. Raises NobodyError, PlaceError, ProtocolError."""
+        self._socket = place.connect(path)
+        self._file: IO[bytes] = self._socket.makefile("rb")
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, Future[Any]] = {}
+        self._lock = threading.Lock()
+        self._sending = threading.Lock()
+        self.gone = False
+        self.ended = ""
+        try:
+            self.about = self._greeted()
+        except BaseException:
+            self._file.close()
+            self._socket.close()
+            raise
+        self._thread = threading.Thread(target=self._listen, name="ergon answers", daemon=True)
+        self._thread.start()
+
+    def _greeted(self) -> Mapping[str, Any]:
+        self._socket.settimeout(_PATIENCE)
+        try:
+            line = self._file.readline(MAX_LINE)
+        except OSError:
+            raise ProtocolError("what is there does not answer") from None
+        self._socket.settimeout(None)
+        limit = struct.pack("ll", _PATIENCE, 0)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
+        about = decode(line)
+        if "error" in about:
+            raise ProtocolError(str(about["error"]))
+        if about.get("ergon") != VERSION:
+            raise ProtocolError(
+                f"it speaks version {about.get('ergon')} of the protocol, this is version {VERSION}"
+            )
+        return about
+
+    def ask(self, do: str, **fields: Any) -> Future[Any]:
+        """Send a request; its answer, or GoneError or Refused."""
+        answer: Future[Any] = Future()
+        number = next(self._numbers)
+        with self._lock:
+            if self.gone:
+                answer.set_exception(GoneError())
+                return answer
+            self._waiting[number] = answer
+        try:
+            line = encode(id=number, do=do, **fields)
+            with self._sending:
+                self._socket.sendall(line)
+        except OSError:  # among them that nothing was read for so long: a part may be sent
+            self.close()
+        return answer
+
+    def close(self) -> None:
+        """End it."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._over()
+        self._thread.join(_PATIENCE)
+
+    def _listen(self) -> None:
+        with contextlib.suppress(OSError, ProtocolError, ValueError):
+            while (line := self._file.readline(MAX_LINE)).endswith(b"\n"):
+                fields = decode(line)
+                if "ended" in fields:
+                    self.ended = str(fields["ended"])
+                    break
+                self._answered(fields)
+        self._over()
+        self._file.close()
+        self._socket.close()
+
+    def _answered(self, fields: Mapping[str, Any]) -> None:
+        number = fields.get("id")
+        with self._lock:
+            answer = self._waiting.pop(number, None) if isinstance(number, int) else None
+        if answer is None:
+            return
+        if "error" in fields:
+            answer.set_exception(Refused(str(fields["error"])))
+        else:
+            answer.set_result(fields.get("is"))
+
+    def _over(self) -> None:
+        with self._lock:
+            self.gone = True
+            left, self._waiting = self._waiting, {}
+        for answer in left.values():
+            answer.set_exception(GoneError())

@@ -1,0 +1,152 @@
+"""What passes between a session and its prompts: lines of JSON over a local socket.
+
+The session speaks first:
+
+    {"ergon": 1, "version": "0.1.0", "prompt": 2, "score": "/a/duet.yaml", "journal": "/a/s.jsonl"}
+
+`ergon` is the version of this protocol, and `prompt` the number of whoever connected. Where
+nobody else is let in, the only line is {"error": "why"}. Then requests have an id, any number or
+word, and each answer has the id of its request; answers may come in another order.
+
+    {"id": 1, "do": "submit", "text": "tempo 72"}
+    {"id": 1, "is": {"taken": true, "text": "ok 3|1", "try": null, "lines": [], "leaves": false}}
+
+A request that means nothing is answered by {"id": 1, "error": "why"} and does no harm. REQUESTS
+lists what may be asked. Lines of all prompts are done one by one, in order of arrival; everything
+else is answered at once. What one prompt typed, and its reply, is a message to the others.
+A last {"ended": "why"} says that the session has ended; a connection that closes without it, that
+its process has.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.repl.face import Reply, State
+
+VERSION = 1
+MAX_LINE = 2_000_000  # bytes; any text that a prompt takes fits in with room to spare
+MAX_TEXT = 200_000  # characters of a submission; in JSON each has 12 bytes at most
+
+
+class ProtocolError(Exception):
+    """What came is no line of this protocol: one sentence."""
+
+
+# What may be asked: the fields of each request, and their types.
+REQUESTS: dict[str, dict[str, type]] = {
+    "submit": {"text": str},  # a reply, when the line is done
+    "state": {},  # as below
+    "messages": {},  # sentences since the last call, for this prompt
+    "panic": {},  # true, and silence
+    "complete": {"line": str, "cursor": int},  # [text, start, hint] each
+    "tokens": {"line": str},  # [start, end, kind] each
+    "is_whole": {"text": str},  # true or false
+    "leave": {},  # true; this prompt goes, the session goes on
+    "end": {},  # true; the session ends, for all
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Offered:
+    """How a line may go on."""
+
+    text: str
+    start: int
+    hint: str
+
+
+def encode(**fields: Any) -> bytes:
+    """One line; ASCII, so that no character of Unicode ends it early."""
+    return json.dumps(fields, ensure_ascii=True, allow_nan=False).encode() + b"\n"
+
+
+def decode(line: bytes) -> dict[str, Any]:
+    """The fields of a line. Raises ProtocolError."""
+    try:
+        fields = json.loads(line)
+    except (ValueError, RecursionError):
+        raise ProtocolError("this is no line of JSON") from None
+    if not isinstance(fields, dict):
+        raise ProtocolError("a line is an object: {...}")
+    return fields
+
+
+def asked(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """What a request asks for, and its fields. Raises ProtocolError."""
+    do = fields.get("do")
+    wanted = REQUESTS.get(do) if isinstance(do, str) else None
+    if not isinstance(do, str) or wanted is None:
+        raise ProtocolError(f"nothing is done by this; {', '.join(REQUESTS)} are")
+    given = {}
+    for name, kind in wanted.items():
+        value = fields.get(name)
+        if type(value) is not kind:  # true is no number here
+            raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: {kind.__name__}")
+        if isinstance(value, str) and len(value) > MAX_TEXT:
+            raise ProtocolError(too_long(value))
+        given[name] = value
+    return do, given
+
+
+def too_long(text: str) -> str:
+    """Why a text is refused."""
+    return f"this has {len(text):,} characters; {MAX_TEXT:,} are the most"
+
+
+def reply_out(reply: Reply) -> dict[str, Any]:
+    """A reply as JSON says it."""
+    return {
+        "taken": reply.taken,
+        "text": reply.text,
+        "try": reply.try_,
+        "lines": list(reply.lines),
+        "leaves": reply.leaves,
+    }
+
+
+def reply_in(said: Any) -> Reply:
+    """A reply that JSON says. Raises ProtocolError."""
+    try:
+        lines = tuple(map(str, said["lines"]))
+        try_ = None if said["try"] is None else str(said["try"])
+        return Reply(bool(said["taken"]), str(said["text"]), try_, lines, bool(said["leaves"]))
+    except (KeyError, TypeError):
+        raise ProtocolError("this is no reply") from None
+
+
+_NUMBERS = ("bar", "beat", "tempo", "load", "late")
+
+
+def state_out(state: State) -> dict[str, Any]:
+    """A state as JSON says it; silence, which no number of JSON is, as null."""
+    return {
+        **{name: getattr(state, name) for name in _NUMBERS},
+        "playing": [list(pair) for pair in state.playing],
+        "level": state.level if math.isfinite(state.level) else None,
+        "quant": state.quant,
+        "recording": state.recording,
+        "panicked": state.panicked,
+    }
+
+
+def state_in(said: Any) -> State:
+    """A state that JSON says. Raises ProtocolError."""
+    try:
+        return State(
+            bar=int(said["bar"]),
+            beat=float(said["beat"]),
+            tempo=float(said["tempo"]),
+            playing=tuple((str(who), str(what)) for who, what in said["playing"]),
+            load=float(said["load"]),
+            late=int(said["late"]),
+            level=-math.inf if said["level"] is None else float(said["level"]),
+            quant=str(said["quant"]),
+            recording=None if said["recording"] is None else float(said["recording"]),
+            panicked=bool(said["panicked"]),
+        )
+    except (KeyError, TypeError, ValueError, OverflowError):
+        raise ProtocolError("this is no state") from None

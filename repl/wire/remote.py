@@ -1,0 +1,194 @@
+"""A session in another process, as a face: whatever becomes of it, the prompt stays."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any, TypeVar
+
+from ergon.repl.face import Reply, State, Suggestion
+
+from .link import GoneError, Link, Refused
+from .place import PlaceError
+from .protocol import MAX_TEXT, Offered, ProtocolError, reply_in, state_in, too_long
+
+_LOOK = 0.05  # [s] between two looks at state and messages
+_AGAIN = 0.5  # [s] between two tries to connect again
+_SOON = 0.2  # [s] for what is asked while somebody types
+_LONG = 5.0  # [s] without an answer that are told
+Answer = TypeVar("Answer")
+
+
+class Remote:
+    """A session at a socket. Leaving it lets it go on."""
+
+    def __init__(self, path: Path, command: str) -> None:
+        """Connect; `command` is what joins it again.
+
+        Raises NobodyError, PlaceError, ProtocolError.
+        """
+        self._path = path
+        self._command = command
+        self._link = Link(path)
+        self.about = self._link.about
+        self._told: deque[str] = deque(maxlen=1000)
+        self._over = threading.Event()
+        self._ended = ""
+        self._slow = False  # a quick question was not answered; so none is asked until one is
+        self._away = False
+        try:
+            self._state = state_in(self._link.ask("state").result(_LONG))
+        except (GoneError, Refused, TimeoutError) as error:
+            self._link.close()
+            raise ProtocolError("what is there does not answer") from error
+        self._thread = threading.Thread(target=self._look_on, name="ergon remote", daemon=True)
+        self._thread.start()
+
+    # --- what the keyboard sees ------------------------------------------------------------------
+
+    def submit(self, text: str) -> Reply:
+        """Do a line; waits until it is done or the session is gone."""
+        if len(text) > MAX_TEXT:
+            return Reply(False, too_long(text))
+        if self._ended:
+            return Reply(False, "the session has ended", leaves=True)
+        if self._link.gone:
+            return Reply(False, f"no session answers at {self._path}; it is looked for")
+        try:
+            reply = reply_in(self._link.ask("submit", text=text).result())
+            if reply.leaves:
+                self._ended = text
+            return reply
+        except GoneError:
+            if self._link.ended:
+                return Reply(False, "the session has ended", leaves=True)
+            return Reply(False, "the session went away; whether the line was taken is not known")
+        except (Refused, ProtocolError) as error:
+            return Reply(False, str(error))
+
+    def state(self) -> State:
+        """Where it is, or was last."""
+        return self._state
+
+    def messages(self) -> Sequence[str]:
+        """What happened since the last call."""
+        found = []
+        while self._told:
+            found.append(self._told.popleft())
+        return found
+
+    def panic(self) -> None:
+        """Silence at once."""
+        if self._link.gone:
+            self._told.append("panic: no session answers; one that was killed is silent")
+        else:
+            self._link.ask("panic")
+
+    def close(self) -> None:
+        """Leave; the session goes on."""
+        if self._over.is_set():
+            return
+        self._over.set()
+        self._thread.join()
+        if not self._ended and self._quickly(False, "leave"):
+            self._told.append(f"the music goes on; `{self._command}` comes back to it")
+        self._link.close()
+
+    def end(self) -> None:
+        """End the session, for all."""
+        if not self._link.gone:
+            self._quickly(True, "end")
+
+    def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
+        """How a line may go on at a column."""
+        found: list[tuple[str, int, str]] = self._quickly([], "complete", line=line, cursor=cursor)
+        return [Offered(text, start, hint) for text, start, hint in found]
+
+    def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
+        """What a line's words are, for colours."""
+        found: list[tuple[int, int, str]] = self._quickly([], "tokens", line=line)
+        return [(start, end, kind) for start, end, kind in found]
+
+    def is_whole(self, text: str) -> bool:
+        """Whether Enter ends it."""
+        return self._quickly(True, "is_whole", text=text)
+
+    def _quickly(self, otherwise: Answer, do: str, **fields: Any) -> Answer:
+        """An answer that is wanted while somebody types, or another one: nobody may wait."""
+        if self._link.gone or self._slow:
+            return otherwise
+        try:
+            found: Answer = self._link.ask(do, **fields).result(_SOON)
+        except TimeoutError:
+            self._slow = True
+            return otherwise
+        except (GoneError, Refused):
+            return otherwise
+        return found
+
+    # --- looking on ------------------------------------------------------------------------------
+
+    def _look_on(self) -> None:
+        state = messages = _Asked()
+        while not self._over.wait(_AGAIN if self._away else _LOOK) and not self._ended:
+            if self._link.gone:
+                self._gone()
+                continue
+            link = self._link
+            if state.is_due(self._told.append):
+                state = _Asked(link.ask("state"), self._looked)
+            if messages.is_due():
+                messages = _Asked(link.ask("messages"), self._told.extend)
+
+    def _looked(self, said: Any) -> None:
+        self._state = state_in(said)
+        self._slow = False
+
+    def _gone(self) -> None:
+        """Say so, and look for it."""
+        if self._link.ended:
+            self._ended = self._link.ended
+            self._told.append(f"the session has ended ({self._ended})")
+            return
+        if not self._away:
+            self._away = True
+            journal = self.about.get("journal", "JOURNAL")
+            how = f"`{self._command} --resume {journal}` elsewhere brings it back"
+            self._told.append(f"the session went away; {how}")
+        try:
+            link = Link(self._path)
+        except (PlaceError, ProtocolError):
+            return
+        self._link, self.about = link, link.about
+        self._away = self._slow = False
+        self._told.append("the session is back")
+
+
+class _Asked:
+    """A question and what to do with its answer; the next is asked when it has come."""
+
+    def __init__(
+        self, answer: Future[Any] | None = None, use: Callable[[Any], object] | None = None
+    ) -> None:
+        self._answer, self._use = answer, use
+        self._since = time.monotonic()
+        self._is_told = False
+
+    def is_due(self, tell: Callable[[str], object] | None = None) -> bool:
+        """Use an answer that came; whether the next can be asked."""
+        if self._answer is None:
+            return True
+        if not self._answer.done():
+            if tell and not self._is_told and time.monotonic() - self._since > _LONG:
+                self._is_told = True
+                tell(f"the session has not answered for {_LONG:.0f} s")
+            return False
+        if self._answer.exception() is None and self._use is not None:
+            with contextlib.suppress(ProtocolError, TypeError):  # the next one may be better
+                self._use(self._answer.result())
+        return True

@@ -1,0 +1,279 @@
+"""A session that is met at a socket: prompts come and go, and none of them can hold it up."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from queue import SimpleQueue
+from typing import Any
+
+from ergon.repl.face import Face, Reply
+
+from . import place
+from .protocol import (
+    MAX_LINE,
+    VERSION,
+    ProtocolError,
+    asked,
+    decode,
+    encode,
+    reply_out,
+    state_out,
+)
+
+MAX_PROMPTS = 16
+_MESSAGES = 1000  # that wait for a prompt; of more the oldest are lost
+_LINES = 64  # of one prompt that wait to be done
+_LOOK = 0.05  # [s] between two looks at what happened
+_UNREAD = 4 * MAX_LINE  # [bytes] that a prompt may leave unread before it is dropped
+_LAST = 1.0  # [s] in which the last line is to be read
+_TOLD = 200  # characters of a line that others are told
+
+
+class Prompt:
+    """One that is connected."""
+
+    def __init__(self, number: int, writer: asyncio.StreamWriter) -> None:
+        """By number of arrival."""
+        self.number = number
+        self.messages: deque[str] = deque(maxlen=_MESSAGES)
+        self.waiting = 0  # lines
+        self._writer = writer
+
+    def send(self, **fields: Any) -> None:
+        """Say a line; never waits. Who does not read is dropped."""
+        if self._writer.is_closing():
+            return
+        self._writer.write(encode(**fields))
+        if self._writer.transport.get_write_buffer_size() > _UNREAD:
+            self._writer.transport.abort()
+
+    async def close(self) -> None:
+        """Let go, when what was said last is read, or soon."""
+        try:
+            async with asyncio.timeout(_LAST):
+                await self._writer.drain()
+                self._writer.close()
+                await self._writer.wait_closed()
+        except (OSError, TimeoutError):
+            pass  # it reads nothing, or has gone
+        finally:
+            self._writer.transport.abort()
+
+
+class Served:
+    """A session served; `about` is told to each prompt as it comes."""
+
+    def __init__(self, face: Face, door: place.Door, about: Mapping[str, str]) -> None:
+        """Over a face that nobody else submits lines to."""
+        self._face = face
+        self._door = door
+        self._about = dict(about)
+        self._prompts: dict[int, Prompt] = {}
+        self._came = 0
+        self._lines: SimpleQueue[tuple[Prompt, Any, str] | None] = SimpleQueue()
+        self._why = ""  # it ended
+        self._over = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._does: Mapping[str, Callable[..., Any]] = {
+            "state": lambda prompt: state_out(self._face.state()),
+            "messages": _taken,
+            "panic": lambda prompt: self._panic(prompt),
+            "complete": self._complete,
+            "tokens": lambda prompt, line: [list(one) for one in self._face.tokens(line)],
+            "is_whole": lambda prompt, text: bool(self._face.is_whole(text)),
+            "leave": lambda prompt: True,
+            "end": lambda prompt: self._ends(f"ended by prompt {prompt.number}"),
+        }
+
+    def run(self) -> None:
+        """Serve until the session ends, and close it. Of the main thread, also until SIGTERM."""
+        try:
+            asyncio.run(self._run())
+        finally:
+            self._face.close()
+            self._door.close()
+
+    def end(self, why: str) -> None:
+        """End it, from any thread."""
+        if self._loop is not None:
+            with contextlib.suppress(RuntimeError):  # it has ended by itself
+                self._loop.call_soon_threadsafe(self._ends, why)
+
+    # --- the loop ---------------------------------------------------------------------------------
+
+    async def _run(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        with _ended_by_signals(self._loop, self._ends):
+            self._door.listen()
+            server = await asyncio.start_unix_server(
+                self._met, sock=self._door.socket, limit=MAX_LINE
+            )
+            worker = threading.Thread(target=self._work, name="ergon lines", daemon=True)
+            worker.start()
+            listener = asyncio.create_task(self._listen())
+            await self._over.wait()
+            listener.cancel()
+            # Who is just being let in is told as well; a server that is closed would lose it.
+            self._loop.remove_reader(self._door.socket)
+            await asyncio.sleep(_LOOK)
+            server.close()
+            for prompt in self._prompts.values():
+                prompt.send(ended=self._why)
+            await asyncio.gather(*(prompt.close() for prompt in self._prompts.values()))
+            self._lines.put(None)
+
+    def _ends(self, why: str) -> bool:
+        self._why = self._why or why
+        self._over.set()
+        return True
+
+    async def _listen(self) -> None:
+        while True:
+            await asyncio.sleep(_LOOK)
+            for message in self._messages():
+                self._tell(message)
+
+    def _messages(self) -> list[str]:
+        try:
+            return list(self._face.messages())
+        except Exception as error:
+            return [f"internal error: {type(error).__name__}: {error}"]
+
+    def _tell(self, message: str, but: Prompt | None = None) -> None:
+        for prompt in self._prompts.values():
+            if prompt is not but:
+                prompt.messages.append(message)
+
+    # --- one prompt -------------------------------------------------------------------------------
+
+    async def _met(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._came += 1
+        prompt = Prompt(self._came, writer)
+        try:
+            if why := self._unwelcome(writer):
+                prompt.send(error=why)
+                return
+            self._prompts[prompt.number] = prompt
+            prompt.send(ergon=VERSION, prompt=prompt.number, **self._about)
+            await self._serve(prompt, reader)
+        except OSError:
+            pass  # it vanished
+        finally:
+            self._prompts.pop(prompt.number, None)
+            if self._over.is_set():  # all are closed together
+                writer.transport.abort()
+            else:
+                await prompt.close()
+
+    def _unwelcome(self, writer: asyncio.StreamWriter) -> str:
+        if not place.is_ours(writer.get_extra_info("socket")):
+            return "this session is another user's"
+        if len(self._prompts) >= MAX_PROMPTS:
+            return f"{MAX_PROMPTS} prompts are connected, and no more can be"
+        return ""
+
+    async def _serve(self, prompt: Prompt, reader: asyncio.StreamReader) -> None:
+        while True:
+            try:
+                line = await reader.readline()
+            except ValueError:  # what follows would be read from its middle
+                prompt.send(id=None, error=f"a line has {MAX_LINE:,} bytes at most")
+                return
+            if not line.endswith(b"\n"):  # the end, or it was cut off by it
+                return
+            if self._answer(prompt, line) == "leave":
+                return
+
+    def _answer(self, prompt: Prompt, line: bytes) -> str:
+        """Do what a line asks for; what that was."""
+        number = None
+        try:
+            fields = decode(line)
+            number = fields.get("id")
+            do, given = asked(fields)
+            if do == "submit":
+                self._wait(prompt, number, **given)
+            else:
+                prompt.send(id=number, **{"is": self._does[do](prompt, **given)})
+            return do
+        except ProtocolError as error:
+            prompt.send(id=number, error=str(error))
+        except Exception as error:  # of the session; it goes on
+            prompt.send(id=number, error=f"internal error: {type(error).__name__}: {error}")
+        return ""
+
+    def _complete(self, prompt: Prompt, line: str, cursor: int) -> list[list[Any]]:
+        cursor = max(0, min(cursor, len(line)))
+        return [[one.text, one.start, one.hint] for one in self._face.complete(line, cursor)]
+
+    def _panic(self, prompt: Prompt) -> bool:
+        self._face.panic()
+        self._tell(f"panic, by prompt {prompt.number}", but=prompt)
+        return True
+
+    # --- lines ------------------------------------------------------------------------------------
+
+    def _wait(self, prompt: Prompt, number: Any, text: str) -> None:
+        if prompt.waiting >= _LINES:
+            raise ProtocolError(f"{_LINES} of your lines wait already")
+        prompt.waiting += 1
+        self._lines.put((prompt, number, text))
+
+    def _work(self) -> None:
+        """A thread of its own: a line may take a while, and everything else goes on."""
+        while (one := self._lines.get()) is not None:
+            prompt, number, text = one
+            reply = self._submitted(text)
+            assert self._loop is not None
+            with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
+                self._loop.call_soon_threadsafe(self._done, prompt, number, text, reply)
+            if reply.leaves:
+                return
+
+    def _submitted(self, text: str) -> Reply:
+        try:
+            return self._face.submit(text)
+        except BaseException as error:  # a face raises nothing; if one does, the others go on
+            return Reply(False, f"internal error: {type(error).__name__}: {error}")
+
+    def _done(self, prompt: Prompt, number: Any, text: str, reply: Reply) -> None:
+        prompt.waiting -= 1
+        prompt.send(id=number, **{"is": reply_out(reply)})
+        if text.strip():
+            became = f"{'' if reply.taken else 'not taken: '}{reply.text}"
+            line = " / ".join(text.split("\n"))
+            short = line if len(line) <= _TOLD else f"{line[:_TOLD]} …"
+            self._tell(f"prompt {prompt.number} > {short}   {became}".rstrip(), but=prompt)
+        if reply.leaves:
+            self._ends(f"prompt {prompt.number}: {text.strip()[:_TOLD]}")
+
+
+def _taken(prompt: Prompt) -> list[str]:
+    taken = list(prompt.messages)
+    prompt.messages.clear()
+    return taken
+
+
+@contextlib.contextmanager
+def _ended_by_signals(
+    loop: asyncio.AbstractEventLoop, end: Callable[[str], object]
+) -> Iterator[None]:
+    """SIGTERM and Ctrl-C end the session well; the end of whoever started it does not."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    ending = (signal.SIGTERM, signal.SIGINT)
+    for number in ending:
+        loop.add_signal_handler(number, end, f"ended by {number.name}")
+    try:
+        yield
+    finally:
+        for number in ending:
+            loop.remove_signal_handler(number)
+        signal.signal(signal.SIGHUP, before)
