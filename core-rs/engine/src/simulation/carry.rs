@@ -315,7 +315,9 @@ impl Carry {
                     .iter()
                     .filter(|pair| old.gestures[pair.0].join_from <= limit);
                 for &(there, here) in begun {
-                    self.through.push((from, to, Through::Report(there, here)));
+                    let is_same = self.units.contains(&(from, to));
+                    self.through
+                        .push((from, to, Through::Report(there, here, is_same)));
                 }
                 let heir = Heir {
                     from: there,
@@ -328,49 +330,69 @@ impl Carry {
         }
     }
 
-    /// Gates by their links, hands by their MATs, parts that may be mute by their names.
+    /// Gates by their links, hands by their MATs, parts that may be mute.
     fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
         let mut gates = HashMap::new();
-        let mut hands = HashMap::new();
-        let mut parts = HashMap::new();
-        let mut links = HashMap::new();
+        let mut hands: HashMap<String, Vec<(At, usize)>> = HashMap::new();
         for &(from, island, isle) in &there.islands {
-            let script = island.script();
-            for (gate, own) in script.gates.iter().enumerate() {
+            for (gate, own) in island.script().gates.iter().enumerate() {
                 gates.insert(isle.network.link_name(own.link), (from, gate));
             }
-            for (hand, own) in script.grips.iter().enumerate() {
-                hands.insert(isle.network.mat_name(own.mat()), (from, hand));
+            // A hand that several islands touch has a part in each of them.
+            for (hand, own) in island.script().grips.iter().enumerate() {
+                let name = isle.network.mat_name(own.mat());
+                hands.entry(name).or_default().push((from, hand));
             }
-            for part in isle.network.used_parts() {
-                parts.insert(isle.network.parts()[part].name.as_str(), (from, part));
-            }
-            links.insert(from, isle);
         }
+        let has_link = |name: &str| {
+            let of = |(at, isle): (At, &Isle)| {
+                let runs = isle.network.runs().iter();
+                let mut names = runs.map(|run| isle.network.link_name(run.first));
+                names.any(|own| own == name).then_some(at)
+            };
+            let mut all = there.islands.iter().map(|&(at, _, isle)| (at, isle));
+            all.find_map(of)
+        };
+        let same: HashMap<At, At> = self.units.iter().map(|&(from, to)| (to, from)).collect();
         for &(to, island, isle) in &here.islands {
             let script = island.script();
             for (gate, own) in script.gates.iter().enumerate() {
                 let name = isle.network.link_name(own.link);
                 if let Some(&(from, before)) = gates.get(&name) {
-                    self.through
-                        .push((from, to, Through::Gate(Some(before), gate)));
-                } else if let Some(from) = links.iter().find_map(|(&from, isle)| {
-                    let is_there =
-                        |run: &crate::network::Run| isle.network.link_name(run.first) == name;
-                    isle.network.runs().iter().any(is_there).then_some(from)
-                }) {
+                    let through = Through::Gate(Some(before), gate);
+                    self.through.push((from, to, through));
+                } else if let Some(from) = has_link(&name) {
                     self.through.push((from, to, Through::Gate(None, gate)));
                 }
             }
             for (hand, own) in script.grips.iter().enumerate() {
-                if let Some(&(from, before)) = hands.get(&isle.network.mat_name(own.mat())) {
+                let Some(known) = hands.get(&isle.network.mat_name(own.mat())) else {
+                    continue;
+                };
+                let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));
+                if let Some(&(from, before)) = ours.or(known.first()) {
                     self.through.push((from, to, Through::Hand(before, hand)));
                 }
             }
-            for part in isle.network.used_parts() {
-                if let Some(&(from, before)) = parts.get(isle.network.parts()[part].name.as_str()) {
-                    self.through.push((from, to, Through::Part(before, part)));
-                }
+        }
+        for &(from, to) in &self.units.clone() {
+            let island = |side: &Side<'_>, at: At| {
+                let mut all = side.islands.iter();
+                all.find(|island| island.0 == at)
+                    .map(|island| island.2.network.clone())
+            };
+            let (Some(own), Some(their)) = (island(here, to), island(there, from)) else {
+                continue;
+            };
+            let mut parts: Vec<(u32, u32)> = {
+                let (own, their) = (&own.mats().part, &their.mats().part);
+                their.iter().copied().zip(own.iter().copied()).collect()
+            };
+            parts.sort_unstable();
+            parts.dedup();
+            for (there, own) in parts {
+                let through = Through::Part(there as usize, own as usize);
+                self.through.push((from, to, through));
             }
         }
     }
