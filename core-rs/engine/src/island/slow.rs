@@ -172,6 +172,19 @@ impl Playing {
         for &(own, (x, step)) in all {
             (self.x[own], self.v[own]) = (x, step);
         }
+        self.settle();
+    }
+
+    /// Set its ports going as MATs of a network do; the others stay.
+    pub(crate) fn put_ports(&mut self, body: &Body) {
+        for &(own, mat) in &self.plan.ports {
+            (self.x[own], self.v[own]) = (body.x[mat], body.d[mat]);
+        }
+        self.settle();
+    }
+
+    /// All are set: find what the springs pulled when they were to.
+    fn settle(&mut self) {
         for (&(own, _), was) in self.plan.ports.iter().zip(&mut self.was) {
             *was = self.x[own] - self.v[own];
         }
