@@ -3,6 +3,7 @@
 //! What passes from which to which is found beforehand, from the two plans; then it is passed on without allocating.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 use super::bodies::{Body, Room, bodies, names};
 use super::{Playing, Simulation};
@@ -10,7 +11,7 @@ use crate::bank::are_same;
 use crate::gesture::voice::{Heir, shared};
 use crate::island::{Island, Through};
 use crate::network::Network;
-use crate::plan::{Isle, Unit};
+use crate::plan::{Isle, Plan, Unit};
 use crate::scheme::moves;
 use crate::timeline::DriveKind;
 
@@ -31,6 +32,8 @@ pub(super) enum Spot {
 /// What a simulation takes over from another, piece by piece.
 #[derive(Clone, Debug, Default)]
 pub struct Carry {
+    /// The plans that it was made for.
+    plans: Option<[Arc<Plan>; 2]>,
     /// Whole units that are the same, there and here.
     units: Vec<(At, At)>,
     /// Banks of the same modes, otherwise heard.
@@ -88,7 +91,10 @@ impl Carry {
     /// What `new` takes over from `old`, by the names of modules; both at any moment.
     pub fn new(old: &Simulation, new: &Simulation) -> Self {
         let (there, here) = (Side::new(old), Side::new(new));
-        let mut carry = Self::default();
+        let mut carry = Self {
+            plans: Some([old.plan.clone(), new.plan.clone()]),
+            ..Self::default()
+        };
         let names = new.plan.network.outputs().iter().map(|output| &output.name);
         let by_name: HashMap<&String, usize> = names.zip(0..).collect();
         let outputs = old.plan.network.outputs().iter();
@@ -453,9 +459,12 @@ fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)>
 
 impl Simulation {
     /// Go on where `old` stands, by what was found of the two; `old` is of no use afterwards. False where they stand at
-    /// different frames: nothing is taken over then. Allocates nothing.
+    /// different frames, or go by other plans than `carry` was made for: nothing is taken over then. Allocates nothing.
     pub fn take_over(&mut self, old: &mut Self, carry: &mut Carry) -> bool {
-        if self.frame != old.frame {
+        let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
+            Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
+        };
+        if self.frame != old.frame || !carry.plans.as_ref().is_some_and(is_made_for) {
             return false;
         }
         for &(from, to) in &carry.units {
