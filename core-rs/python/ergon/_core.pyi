@@ -811,9 +811,9 @@ class Performance:
         damp: float | None = None,
     ) -> int:
         """Change what is said at frame `at`, the first of a tick. Returns a ticket, which an event
-        \"changed\" tells, or \"late\" where that frame had passed: nothing is changed then.
-        `simulation` (its `start` is `at`) takes over from `old`, one of the version that plays
-        until then, at any moment; `mixer` goes on with the gains and filters of the one before;
+        "changed" tells, or "late" where that frame had passed, or another plan than `old` has plays
+        there: nothing is changed then. `simulation` (its `start` is `at`) takes over from `old`, one
+        by the very Plan that plays until then, at any moment; `mixer` goes on with the gains and filters of the one before;
         `standins`: where each hand stands in at each tick (n_ticks,) [m]; `damp`: as
         Simulation.damp, 0 for no longer (a take-over ends it too). Raises EngineError."""
     def stop(self) -> None:

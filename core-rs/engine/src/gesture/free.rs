@@ -66,6 +66,19 @@ impl Motion {
         }
     }
 
+    /// Begin at frame `n`.
+    pub(crate) fn seek(&mut self, n: u64) {
+        self.slow.iter_mut().for_each(|slow| slow.seek(n));
+    }
+
+    /// Its MATs were set going: what of it is slow goes with them.
+    pub(crate) fn settle(&mut self) {
+        for slow in &mut self.slow {
+            slow.put_ports(&self.body);
+            slow.place(&mut self.body);
+        }
+    }
+
     /// The velocity [m a frame] that a MAT lacks where a path lets it go.
     fn release(&self, mat: usize) -> f64 {
         self.slow.iter().map(|slow| slow.release(mat)).sum()

@@ -13,8 +13,8 @@ pub(crate) enum Through {
     Gate(Option<usize>, usize),
     /// From a hand to a hand.
     Hand(usize, usize),
-    /// From a gesture's report to the same gesture's.
-    Report(usize, usize),
+    /// From a gesture's report to the same gesture's; whether MATs have the same numbers.
+    Report(usize, usize, bool),
     /// From a body to an equal one.
     Body(usize, usize),
     /// A part that may be mute: what it is called there and here.
@@ -112,7 +112,11 @@ impl Island {
                 self.state.body.x[own] = old.state.body.x[their];
                 self.state.body.d[own] = old.state.body.d[their];
             }
-            Through::Report(from, to) => self.state.reports[to] = old.state.reports[from],
+            Through::Report(from, to, is_same) => {
+                let report = &mut self.state.reports[to];
+                *report = old.state.reports[from];
+                report.pushed_by = report.pushed_by.filter(|_| is_same);
+            }
             Through::Body(from, to) if is_whole => {
                 self.state.bodies[to].go_on(&mut old.state.bodies[from]);
             }

@@ -181,8 +181,7 @@ impl Playing {
         match self {
             Self::Modal(modal) => modal.seek(n),
             Self::Mesh(mesh) => mesh.seek(n),
-            // Its springs pull at multiples of their own frames: the first way is what is left to one.
-            Self::Slow(_) => {}
+            Self::Slow(slow) => slow.seek(n),
         }
     }
 

@@ -54,6 +54,8 @@ pub(crate) struct Playing {
     was: Vec<f64>,
     /// Frames since the last kick.
     since: u32,
+    /// The same at the frame that it began at.
+    first: u32,
     /// Distances from rest   (n)
     bent: Vec<f64>,
     /// What strikes since the last kick left undone of positions and velocities   (n)
@@ -79,14 +81,17 @@ impl Slow {
         }
     }
 
-    /// Whether it goes as another does.
+    /// Whether it is of the same masses, goes as often and is touched at the same ones: one of other numbers goes on by
+    /// them from its next kick.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         let ports = |slow: &Self| slow.ports.iter().map(|port| port.0).collect::<Vec<_>>();
+        let names = |slow: &Self| -> Vec<String> {
+            let free = slow.free.iter();
+            free.map(|&mat| slow.network.mat_name(mat)).collect()
+        };
         self.flow.every == other.flow.every
-            && self.w == other.w
-            && self.free == other.free
-            && self.network.is_same(&other.network)
             && ports(self) == ports(other)
+            && names(self) == names(other)
     }
 
     /// The same body at rest where its springs pull nothing: displacements from elsewhere.
@@ -128,6 +133,7 @@ impl Playing {
             kick,
             was,
             since: 0,
+            first: 0,
             undone: [vec![0.0; n], vec![0.0; n]],
             is_struck: false,
             given: vec![0.0; plan.ports.len()],
@@ -148,26 +154,53 @@ impl Playing {
 
     /// Where one of its MATs is, and its step in a frame [m].
     pub(crate) fn motion(&self, own: usize) -> (f64, f64) {
-        let port = self.plan.ports.iter().position(|port| port.0 == own);
-        match port {
-            Some(port) => (self.x[own], self.x[own] - self.was[port]),
-            None => (
-                self.x[own] + f64::from(self.since) * self.v[own],
-                self.v[own],
-            ),
-        }
+        let pull = self.kick[own] / f64::from(self.plan.flow.every);
+        let frames = f64::from(self.since) * self.plan.is_inner[own];
+        (
+            self.x[own] + frames * self.v[own],
+            self.v[own] - pull * self.ahead(self.since),
+        )
     }
 
-    /// Set all of it going as it goes elsewhere (own; x, step), as if its springs had just pulled.
+    /// Begin at frame `n`.
+    pub(crate) fn seek(&mut self, n: u64) {
+        self.first = (n % u64::from(self.plan.flow.every)) as u32;
+    }
+
+    /// Set all of it going as it goes elsewhere (own; x, step): as if its springs had pulled when they were to.
     pub(crate) fn put(&mut self, all: &[(usize, (f64, f64))]) {
         for &(own, (x, step)) in all {
             (self.x[own], self.v[own]) = (x, step);
         }
+        self.settle();
+    }
+
+    /// Set its ports going as MATs of a network do; the others stay.
+    pub(crate) fn put_ports(&mut self, body: &Body) {
+        for &(own, mat) in &self.plan.ports {
+            (self.x[own], self.v[own]) = (body.x[mat], body.d[mat]);
+        }
+        self.settle();
+    }
+
+    /// All are set: find what the springs pulled when they were to.
+    fn settle(&mut self) {
         for (&(own, _), was) in self.plan.ports.iter().zip(&mut self.was) {
             *was = self.x[own] - self.v[own];
         }
+        for ((bent, x), rest) in self.bent.iter_mut().zip(&self.x).zip(&self.plan.rest) {
+            *bent = rest - x;
+        }
+        self.since = self.first;
         self.kick.fill(0.0);
-        self.since = 0;
+        dense::apply(&self.plan.flow.pull.entries, &self.bent, &mut self.kick);
+        let ahead = self.ahead(self.since) / f64::from(self.plan.flow.every);
+        for (v, kick) in self.v.iter_mut().zip(&self.kick) {
+            *v += kick * ahead;
+        }
+        for &own in &self.plan.inner {
+            self.x[own] -= f64::from(self.since) * self.v[own];
+        }
     }
 
     /// Let its motion fade by a factor more a frame.

@@ -32,14 +32,6 @@ impl Network {
         [&own.x0, &own.v0] == [&their.x0, &their.v0] && self.is_same(other)
     }
 
-    /// Parts that its MATs belong to, rising.
-    pub(crate) fn used_parts(&self) -> Vec<usize> {
-        let mut used: Vec<usize> = self.mats.part.iter().map(|&part| part as usize).collect();
-        used.sort_unstable();
-        used.dedup();
-        used
-    }
-
     fn part_at(&self, part: usize) -> Option<&Part> {
         self.parts.get(part)
     }

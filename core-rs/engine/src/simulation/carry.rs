@@ -3,6 +3,7 @@
 //! What passes from which to which is found beforehand, from the two plans; then it is passed on without allocating.
 
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 use super::bodies::{Body, Room, bodies, names};
 use super::{Playing, Simulation};
@@ -10,7 +11,7 @@ use crate::bank::are_same;
 use crate::gesture::voice::{Heir, shared};
 use crate::island::{Island, Through};
 use crate::network::Network;
-use crate::plan::{Isle, Unit};
+use crate::plan::{Isle, Plan, Unit};
 use crate::scheme::moves;
 use crate::timeline::DriveKind;
 
@@ -31,6 +32,8 @@ pub(super) enum Spot {
 /// What a simulation takes over from another, piece by piece.
 #[derive(Clone, Debug, Default)]
 pub struct Carry {
+    /// The plans that it was made for.
+    plans: Option<[Arc<Plan>; 2]>,
     /// Whole units that are the same, there and here.
     units: Vec<(At, At)>,
     /// Banks of the same modes, otherwise heard.
@@ -88,7 +91,10 @@ impl Carry {
     /// What `new` takes over from `old`, by the names of modules; both at any moment.
     pub fn new(old: &Simulation, new: &Simulation) -> Self {
         let (there, here) = (Side::new(old), Side::new(new));
-        let mut carry = Self::default();
+        let mut carry = Self {
+            plans: Some([old.plan.clone(), new.plan.clone()]),
+            ..Self::default()
+        };
         let names = new.plan.network.outputs().iter().map(|output| &output.name);
         let by_name: HashMap<&String, usize> = names.zip(0..).collect();
         let outputs = old.plan.network.outputs().iter();
@@ -315,7 +321,9 @@ impl Carry {
                     .iter()
                     .filter(|pair| old.gestures[pair.0].join_from <= limit);
                 for &(there, here) in begun {
-                    self.through.push((from, to, Through::Report(there, here)));
+                    let is_same = self.units.contains(&(from, to));
+                    self.through
+                        .push((from, to, Through::Report(there, here, is_same)));
                 }
                 let heir = Heir {
                     from: there,
@@ -328,49 +336,69 @@ impl Carry {
         }
     }
 
-    /// Gates by their links, hands by their MATs, parts that may be mute by their names.
+    /// Gates by their links, hands by their MATs, parts that may be mute.
     fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
         let mut gates = HashMap::new();
-        let mut hands = HashMap::new();
-        let mut parts = HashMap::new();
-        let mut links = HashMap::new();
+        let mut hands: HashMap<String, Vec<(At, usize)>> = HashMap::new();
         for &(from, island, isle) in &there.islands {
-            let script = island.script();
-            for (gate, own) in script.gates.iter().enumerate() {
+            for (gate, own) in island.script().gates.iter().enumerate() {
                 gates.insert(isle.network.link_name(own.link), (from, gate));
             }
-            for (hand, own) in script.grips.iter().enumerate() {
-                hands.insert(isle.network.mat_name(own.mat()), (from, hand));
+            // A hand that several islands touch has a part in each of them.
+            for (hand, own) in island.script().grips.iter().enumerate() {
+                let name = isle.network.mat_name(own.mat());
+                hands.entry(name).or_default().push((from, hand));
             }
-            for part in isle.network.used_parts() {
-                parts.insert(isle.network.parts()[part].name.as_str(), (from, part));
-            }
-            links.insert(from, isle);
         }
+        let has_link = |name: &str| {
+            let of = |(at, isle): (At, &Isle)| {
+                let runs = isle.network.runs().iter();
+                let mut names = runs.map(|run| isle.network.link_name(run.first));
+                names.any(|own| own == name).then_some(at)
+            };
+            let mut all = there.islands.iter().map(|&(at, _, isle)| (at, isle));
+            all.find_map(of)
+        };
+        let same: HashMap<At, At> = self.units.iter().map(|&(from, to)| (to, from)).collect();
         for &(to, island, isle) in &here.islands {
             let script = island.script();
             for (gate, own) in script.gates.iter().enumerate() {
                 let name = isle.network.link_name(own.link);
                 if let Some(&(from, before)) = gates.get(&name) {
-                    self.through
-                        .push((from, to, Through::Gate(Some(before), gate)));
-                } else if let Some(from) = links.iter().find_map(|(&from, isle)| {
-                    let is_there =
-                        |run: &crate::network::Run| isle.network.link_name(run.first) == name;
-                    isle.network.runs().iter().any(is_there).then_some(from)
-                }) {
+                    let through = Through::Gate(Some(before), gate);
+                    self.through.push((from, to, through));
+                } else if let Some(from) = has_link(&name) {
                     self.through.push((from, to, Through::Gate(None, gate)));
                 }
             }
             for (hand, own) in script.grips.iter().enumerate() {
-                if let Some(&(from, before)) = hands.get(&isle.network.mat_name(own.mat())) {
+                let Some(known) = hands.get(&isle.network.mat_name(own.mat())) else {
+                    continue;
+                };
+                let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));
+                if let Some(&(from, before)) = ours.or(known.first()) {
                     self.through.push((from, to, Through::Hand(before, hand)));
                 }
             }
-            for part in isle.network.used_parts() {
-                if let Some(&(from, before)) = parts.get(isle.network.parts()[part].name.as_str()) {
-                    self.through.push((from, to, Through::Part(before, part)));
-                }
+        }
+        for &(from, to) in &self.units.clone() {
+            let island = |side: &Side<'_>, at: At| {
+                let mut all = side.islands.iter();
+                all.find(|island| island.0 == at)
+                    .map(|island| island.2.network.clone())
+            };
+            let (Some(own), Some(their)) = (island(here, to), island(there, from)) else {
+                continue;
+            };
+            let mut parts: Vec<(u32, u32)> = {
+                let (own, their) = (&own.mats().part, &their.mats().part);
+                their.iter().copied().zip(own.iter().copied()).collect()
+            };
+            parts.sort_unstable();
+            parts.dedup();
+            for (there, own) in parts {
+                let through = Through::Part(there as usize, own as usize);
+                self.through.push((from, to, through));
             }
         }
     }
@@ -431,9 +459,12 @@ fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)>
 
 impl Simulation {
     /// Go on where `old` stands, by what was found of the two; `old` is of no use afterwards. False where they stand at
-    /// different frames: nothing is taken over then. Allocates nothing.
+    /// different frames, or go by other plans than `carry` was made for: nothing is taken over then. Allocates nothing.
     pub fn take_over(&mut self, old: &mut Self, carry: &mut Carry) -> bool {
-        if self.frame != old.frame {
+        let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
+            Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
+        };
+        if self.frame != old.frame || !carry.plans.as_ref().is_some_and(is_made_for) {
             return false;
         }
         for &(from, to) in &carry.units {

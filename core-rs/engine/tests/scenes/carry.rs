@@ -620,3 +620,55 @@ fn random_scenes_go_on() {
         }
     }
 }
+
+/// A part that has fallen silent stays so in a version that does not touch it, and all others play on.
+#[test]
+fn a_muted_part_stays_mute() {
+    let version = |struck: &[f64]| {
+        let mut network = Network::new();
+        network.part("bell", None);
+        let tie = Tie::Tuned {
+            f: 440.0,
+            t60: Some(1.0),
+        };
+        let bell = network.cel("m", 1e-2, tie, 0.0, 1e-3, 0.0).unwrap();
+        network.part("sick", None);
+        let mass = network.mas("m", 1.0, 0.0, 1e5).unwrap();
+        // What is out of all bounds at 0.1 s hangs on the bell by almost nothing.
+        network.spring("l", bell, mass, 1e-9, 0.0, 0.0).unwrap();
+        for (name, first) in [("bell", bell), ("sick", mass)] {
+            let term = Term::Position {
+                first,
+                len: 1,
+                weight: 1.0,
+            };
+            network.listen(name, vec![term]).unwrap();
+        }
+        let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+        timeline.open();
+        for &at in struck {
+            timeline.strike(&network, bell, at, 1e-4, 0).unwrap();
+        }
+        let budget = Budget::Method(Method::Ca);
+        Arc::new(Plan::new(Arc::new(network), &timeline, &budget, None).unwrap())
+    };
+    let mute = Options {
+        on_fault: OnFault::Mute,
+        ..plain()
+    };
+    let mut old = Simulation::planned(version(&[]), mute).unwrap();
+    let mut before = vec![0.0; 2 * 6_000];
+    old.process(&mut before).unwrap();
+    assert_eq!(old.n_muted(), 1);
+    let mut alone = old.fork();
+    let mut new = Simulation::planned_from(version(&[0.2]), mute, 6_000).unwrap();
+    let mut carry = Carry::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut carry));
+    let (mut after, mut unchanged) = (vec![0.0; 2 * 2_000], vec![0.0; 2 * 2_000]);
+    new.process(&mut after).unwrap();
+    alone.process(&mut unchanged).unwrap();
+    assert_eq!(new.muted(), [("sick".to_owned(), 6_000)]);
+    let bell = |sound: &[f64]| sound.iter().step_by(2).copied().collect::<Vec<_>>();
+    assert_eq!(bell(&after), bell(&unchanged), "up to the new strike");
+    assert!(after.iter().skip(1).step_by(2).all(|x| *x == 0.0));
+}

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::network::{Network, Term, Tie};
-use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::plan::{Budget, Method, Plan, What};
 use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -302,4 +302,46 @@ fn mass_by_mass(has_key: bool) {
             }
         }
     }
+}
+
+/// A slow key goes on too, to what a kick now and then leaves of it.
+#[test]
+fn a_slow_body_goes_on() {
+    let network = |k: f64| {
+        let mut network = Network::new();
+        network.part("key", None);
+        network.every(8);
+        let tie = Tie::Physical { k: 200.0, z: 0.4 };
+        network.cel("m", 0.08, tie, 0.0, 2e-3, 0.0).unwrap();
+        network.mas("n", 0.03, 0.0, 0.0).unwrap();
+        network.spring("r", 0, 1, k, 0.2, 0.0).unwrap();
+        listen_to_all(&mut network);
+        network
+    };
+    let budgets = [Budget::default(), Budget::Method(Method::Ca)];
+    let plans = |k: f64| {
+        budgets
+            .each_ref()
+            .map(|budget| plan(network(k), &key(), budget))
+    };
+    let (before, after) = (plans(150.0), plans(150.0 * (1.0 + 1e-13)));
+    assert!(before[0].rows().iter().any(|row| row.what == What::Slow(8)));
+    let mut alone = Simulation::planned(before[0].clone(), plain()).unwrap();
+    let mut unchanged = vec![0.0; 2 * 9_000];
+    alone.process(&mut unchanged).unwrap();
+    for (old, new, most) in [(0, 0, 1e-9), (0, 1, 2e-6), (1, 0, 2e-6)] {
+        for at in [1_024, 4_413, 4_415] {
+            let sound = joined(&before[old], &after[new], at, 9_000);
+            let apart = sound.iter().zip(&unchanged).map(|(a, b)| (a - b).abs());
+            let apart = apart.fold(0.0, f64::max);
+            assert!(apart < most, "{old} {new} {at}: {apart} m of 2 mm");
+        }
+    }
+}
+
+/// A key without gestures.
+fn key() -> Timeline {
+    let mut timeline = begin();
+    timeline.key("key", 0);
+    timeline
 }

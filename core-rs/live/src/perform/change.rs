@@ -68,7 +68,8 @@ impl Player {
         }
     }
 
-    /// False where the simulation is of another frame, or has other outputs than are mixed: nothing is changed then.
+    /// False where the simulation is of another frame, takes over from another than plays, or has other outputs than are
+    /// mixed: nothing is changed then.
     fn change(&mut self, due: &mut Due) -> bool {
         let Due { change, heard, .. } = due;
         let stage = &mut self.stage;

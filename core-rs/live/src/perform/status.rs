@@ -103,7 +103,7 @@ pub enum What {
     Muted,
     /// A change was done; its ticket.
     Changed(u64),
-    /// A change came too late for its frame, and was not done; its ticket.
+    /// A change came too late for its frame, or was to take over from what does not play, and was not done; its ticket.
     Late(u64),
     /// The last frame is out.
     Ended,

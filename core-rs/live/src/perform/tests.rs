@@ -136,7 +136,9 @@ fn changes_are_done_at_their_frames() {
         record: None,
     };
     let (every, n_ticks) = (EVERY as u64, 600_u64);
+    let mut offline = simulation(&[], 0);
     let stage = Stage {
+        simulation: offline.fork(),
         n_frames: Some(n_ticks * every),
         ..stage()
     };
@@ -146,10 +148,9 @@ fn changes_are_done_at_their_frames() {
         mixer.route(0, 1, 0.5, Some(8.0)).unwrap();
         mixer
     };
-    let frames = [100, 250, 90].map(|tick| tick * every);
-    let struck = [&[0.15][..], &[0.15, 0.3, 0.35], &[0.2]];
+    let frames = [100, 250, 90, 300].map(|tick| tick * every);
+    let struck = [&[0.15][..], &[0.15, 0.3, 0.35], &[0.2], &[0.4]];
     let (mut this, mut player) = Performance::prepare(stage, Vec::new(), how).unwrap();
-    let mut offline = simulation(&[], 0);
     let versions = frames.map(|from| {
         simulation(
             struck[frames.iter().position(|at| *at == from).unwrap()],
@@ -177,6 +178,9 @@ fn changes_are_done_at_their_frames() {
     let second = this
         .change(frames[1], change(1, &versions[0], 0.4))
         .unwrap();
+    let of_another = this
+        .change(frames[3], change(3, &simulation(&[], 0), 0.2))
+        .unwrap();
     assert!(this.change(frames[1] + 1, Change::default()).is_err());
     assert!(
         this.change(frames[1], change(0, &offline, 1.0)).is_err(),
@@ -194,6 +198,7 @@ fn changes_are_done_at_their_frames() {
             (frames[0], What::Changed(first)),
             (120 * every, What::Late(late)),
             (frames[1], What::Changed(second)),
+            (frames[3], What::Late(of_another)),
         ]
     );
     player.links.feed.close();

@@ -57,6 +57,7 @@ impl Voice {
     pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[Arc<Gesture>], n: u64) {
         let past = |&own: &usize| gestures[own].first < n;
         self.begun = script.gestures.partition_point(past);
+        self.free.seek(n);
     }
 
     /// Go on as `old` does, with the gesture that it plays where it is still to be played. Where it is not, the key
@@ -75,6 +76,7 @@ impl Voice {
                 for &(to, from) in pairs {
                     (own.x[to], own.d[to]) = (their.x[from], their.d[from]);
                 }
+                self.free.settle();
             }
         }
         let latest = |voice: &Self, script: &VoiceScript| {

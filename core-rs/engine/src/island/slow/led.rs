@@ -16,7 +16,7 @@ impl Playing {
     }
 
     /// By how much a free port is ahead of its true velocity, so many frames after a pull [pulls for a frame].
-    fn ahead(&self, since: u32) -> f64 {
+    pub(super) fn ahead(&self, since: u32) -> f64 {
         0.5 + 0.5 * f64::from(self.plan.flow.every) - f64::from(since)
     }
 
