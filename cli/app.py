@@ -16,7 +16,11 @@ COMMANDS: Table = {
     "new": ("new", "new", "Make a folder with a score that plays."),
     "check": ("check", "check", "Report every mistake in scores, with its place."),
     "compile": ("compile", "compile_score", "Print the stream of ergons as CSV or JSON lines."),
-    "render": ("render", "render", "Compute the sound of a score into a WAV file."),
+    "render": (
+        "render",
+        "render",
+        "Compute the sound of a score, or of a session's journal, into a WAV file.",
+    ),
     "play": ("play", "play", "Play a score through the loudspeakers."),
     "duet": ("play", "duet", "Play a score with real hands beside written ones."),
     "repl": ("repl", "repl", "Live-code a score: every line is one musical decision."),

@@ -46,7 +46,7 @@ def running(command: list[str], **how: object) -> Iterator[subprocess.Popen[byte
             process.wait()
 
 
-def until(true, what: str, limit: float = 10.0) -> None:
+def until(true, what: str, limit: float = 60.0) -> None:
     end = time.monotonic() + limit
     while not true():
         assert time.monotonic() < end, f"{what} within {limit} s"

@@ -127,7 +127,7 @@ def test_bash_completes(scripts: dict[str, Path], tmp_path: Path) -> None:
     (tmp_path / "a.take").touch()
     (tmp_path / "notes.txt").touch()
     script = scripts["bash"]
-    assert complete(script, tmp_path, ["ergon", "re"]) == ["render"]
+    assert complete(script, tmp_path, ["ergon", "ren"]) == ["render"]
     assert complete(script, tmp_path, ["ergon", "co"]) == ["compile", "completion"]
     assert complete(script, tmp_path, ["ergon", "check", ""]) == ["a.yaml"]
     assert complete(script, tmp_path, ["ergon", "info", ""]) == ["a.take", "a.wav", "a.yaml"]

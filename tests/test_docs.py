@@ -161,7 +161,14 @@ def test_a_replaced_section_leaves_the_others() -> None:
 
 def test_all_languages_are_known() -> None:
     """A block in another language would be looked at by nobody."""
-    known = {"yaml", "console", "csv", "text", "sh"}
+    known = {
+        "yaml",
+        "console",
+        "csv",
+        "text",
+        "sh",
+        "repl",
+    }  # a session: test_repl_concert types it
     for page in PAGES:
         assert {block.language for block in blocks(page)} <= known, page.name
 

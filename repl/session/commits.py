@@ -207,6 +207,7 @@ class Commits:
         while self.waiting and self.waiting[0].start <= self._soon():
             one = self.waiting[0]
             if one.start < self._first(0.0):
+                self.took = max(2.0 * self.took, 1.0 / self.rate)
                 beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
                 one.beat, one.made = beat if one.goes is None else one.beat, None
                 self.waiting.sort(key=lambda other: other.start)
