@@ -34,7 +34,7 @@ pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
 pub use kept::{Told, key};
 pub use row::{Reason, Row, What};
-pub(crate) use whole::Seen;
+pub(crate) use whole::{Seen, Sight};
 
 use std::ops::Range;
 use std::sync::Arc;

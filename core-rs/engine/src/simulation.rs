@@ -5,6 +5,8 @@
 
 mod bodies;
 mod carry;
+mod heirs;
+mod take_over;
 
 use std::sync::{Arc, Mutex};
 

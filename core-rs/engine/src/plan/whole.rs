@@ -5,12 +5,21 @@ use crate::network::Network;
 use crate::scheme::moves;
 use crate::units::Rate;
 
+/// Which way a body is seen: tables lie so that they are read in order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sight {
+    /// From amplitudes to positions.
+    Positions,
+    /// From positions to amplitudes.
+    Amplitudes,
+}
+
 /// Every mass of a body and every mode that is computed of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Seen {
     /// Its MATs that move, by their index in the body's network   (n)
     pub(crate) mats: Vec<usize>,
-    /// How much each sees of each mode   (n, n_modes)
+    /// How much each sees of each mode   (n_modes, n) for positions, (n, n_modes) for amplitudes
     shapes: Vec<f64>,
     n_modes: usize,
     mass: Vec<f64>,
@@ -19,26 +28,33 @@ pub(crate) struct Seen {
 
 impl Seen {
     /// Of a body by itself, some of its modes. Takes as long as its whole spectrum, and longer. `None` where it has none.
-    pub(crate) fn new(network: &Network, kept: &[u32], rate: Rate) -> Option<Self> {
+    pub(crate) fn new(network: &Network, kept: &[u32], rate: Rate, sight: Sight) -> Option<Self> {
         let kinds = network.mats().kind.iter().enumerate();
-        let mats: Vec<usize> = kinds
-            .filter(|(_, kind)| moves(**kind))
-            .map(|(mat, _)| mat)
-            .collect();
+        let moving = kinds.filter(|(_, kind)| moves(**kind));
+        let mats: Vec<usize> = moving.map(|(mat, _)| mat).collect();
         let rows: Vec<Row> = mats.iter().map(|&mat| vec![(mat, 1.0)]).collect();
         let modes = Modes::new(network, &rows, rate).ok()?;
-        let n = modes.len();
-        if kept.iter().any(|&mode| mode as usize >= n) {
+        if kept.iter().any(|&mode| mode as usize >= modes.len()) {
             return None;
         }
         let rest = |shape: &Vec<f64>| shape.iter().zip(&modes.rest).map(|(a, b)| a * b).sum();
-        let some = |shape: &Vec<f64>| {
-            kept.iter()
-                .map(|&mode| shape[mode as usize])
-                .collect::<Vec<_>>()
+        let share = |mat: usize, mode: u32| modes.shapes[mat][mode as usize];
+        let all = 0..mats.len();
+        let shapes = match sight {
+            Sight::Positions => kept
+                .iter()
+                .flat_map(|&mode| all.clone().map(|mat| share(mat, mode)).collect::<Vec<_>>())
+                .collect(),
+            Sight::Amplitudes => all
+                .flat_map(|mat| {
+                    kept.iter()
+                        .map(|&mode| share(mat, mode))
+                        .collect::<Vec<_>>()
+                })
+                .collect(),
         };
         Some(Self {
-            shapes: modes.shapes.iter().flat_map(some).collect(),
+            shapes,
             rest: modes.shapes.iter().map(rest).collect(),
             mass: mats.iter().map(|&mat| network.mats().m[mat]).collect(),
             n_modes: kept.len(),
@@ -48,14 +64,16 @@ impl Seen {
 
     /// Where its MATs are and by what step they came there [m], from amplitudes now and one frame before.
     pub(crate) fn positions(&self, now: &[f64], before: &[f64], mats: &mut [(f64, f64)]) {
-        let rows = self.shapes.chunks(self.n_modes.max(1)).zip(&self.rest);
-        for (mat, (row, rest)) in mats.iter_mut().zip(rows) {
-            let mut sum = [0.0; 2];
-            for ((share, now), before) in row.iter().zip(now).zip(before) {
-                sum[0] += share * now;
-                sum[1] += share * (now - before);
+        for (mat, &rest) in mats.iter_mut().zip(&self.rest) {
+            *mat = (rest, 0.0);
+        }
+        let modes = now.iter().zip(before);
+        for (shape, (now, before)) in self.shapes.chunks(self.mats.len().max(1)).zip(modes) {
+            let step = now - before;
+            for ((x, d), share) in mats.iter_mut().zip(shape) {
+                *x += share * now;
+                *d += share * step;
             }
-            *mat = (sum[0] + rest, sum[1]);
         }
     }
 
@@ -63,11 +81,9 @@ impl Seen {
     pub(crate) fn amplitudes(&self, mats: &[(f64, f64)], now: &mut [f64], before: &mut [f64]) {
         now.fill(0.0);
         before.fill(0.0);
-        let rows = self
-            .shapes
-            .chunks(self.n_modes.max(1))
-            .zip(self.rest.iter().zip(&self.mass));
-        for (&(x, step), (row, (rest, mass))) in mats.iter().zip(rows) {
+        let rows = self.shapes.chunks(self.n_modes.max(1));
+        let own = self.rest.iter().zip(&self.mass);
+        for (&(x, step), (row, (rest, mass))) in mats.iter().zip(rows.zip(own)) {
             let (x, was) = (mass * (x - rest), mass * (x - step - rest));
             for ((share, now), before) in row.iter().zip(&mut *now).zip(&mut *before) {
                 *now += share * x;

@@ -7,7 +7,7 @@ use super::carry::{At, Side, Spot, others};
 use super::{Playing, Simulation};
 use crate::island::inside::{self, Inside};
 use crate::network::Network;
-use crate::plan::Seen;
+use crate::plan::{Seen, Sight};
 
 /// Where a body is computed: a bank of its modes, or which body of an island.
 #[derive(Clone, Copy, Debug)]
@@ -109,11 +109,11 @@ impl<'a> Known<'a> {
     }
 
     /// Given a place in the room.
-    fn body(self, side: &Side<'_>, room: &mut Room) -> Option<Body> {
+    fn body(self, side: &Side<'_>, sight: Sight, room: &mut Room) -> Option<Body> {
         let first = room.mats.len();
         let how = match self.what {
             What::Modes(network, kept) => {
-                let seen = Seen::new(network, kept, side.rate)?;
+                let seen = Seen::new(network, kept, side.rate, sight)?;
                 let n = room.now.len().max(seen.n_modes());
                 room.now.resize(n, 0.0);
                 room.before.resize(n, 0.0);
@@ -144,6 +144,7 @@ pub(super) fn bodies(
     same: [&[bool]; 2],
     without: &HashSet<(At, usize)>,
     wanted: impl Fn(&str) -> bool,
+    sight: Sight,
     room: &mut Room,
 ) -> (Vec<(String, Spot)>, Vec<Body>) {
     let (mut spots, mut found) = (Vec::new(), Vec::new());
@@ -152,7 +153,7 @@ pub(super) fn bodies(
             continue;
         }
         let names = known.names.clone();
-        let Some(body) = known.body(side, room) else {
+        let Some(body) = known.body(side, sight, room) else {
             continue;
         };
         let slots = names.into_iter().zip(body.first..);

@@ -8,10 +8,9 @@ use std::sync::Arc;
 use super::bodies::{Body, Room, bodies, names};
 use super::{Playing, Simulation};
 use crate::bank::are_same;
-use crate::gesture::voice::{Heir, shared};
 use crate::island::{Island, Through};
 use crate::network::Network;
-use crate::plan::{Isle, Plan, Unit};
+use crate::plan::{Isle, Plan, Sight, Unit};
 use crate::scheme::moves;
 use crate::timeline::DriveKind;
 
@@ -33,26 +32,23 @@ pub(super) enum Spot {
 #[derive(Clone, Debug, Default)]
 pub struct Carry {
     /// The plans that it was made for.
-    plans: Option<[Arc<Plan>; 2]>,
+    pub(super) plans: Option<[Arc<Plan>; 2]>,
     /// Whole units that are the same, there and here.
-    units: Vec<(At, At)>,
+    pub(super) units: Vec<(At, At)>,
     /// Banks of the same modes, otherwise heard.
-    modes: Vec<(At, At, usize)>,
+    pub(super) modes: Vec<(At, At, usize)>,
     /// MATs of all others.
-    mats: Vec<(Spot, Spot)>,
+    pub(super) mats: Vec<(Spot, Spot)>,
     /// Bodies there whose masses go on, and bodies here that do.
-    from: Vec<Body>,
-    to: Vec<Body>,
-    room: Room,
+    pub(super) from: Vec<Body>,
+    pub(super) to: Vec<Body>,
+    pub(super) room: Room,
     /// Islands whose bodies came from elsewhere: their ports are to be placed.
-    placed: Vec<At>,
-    through: Vec<(At, At, Through)>,
+    pub(super) placed: Vec<At>,
+    pub(super) through: Vec<(At, At, Through)>,
     /// Here, an output of there.
     outputs: Vec<Option<usize>>,
 }
-
-/// A voice of an island that is known.
-type Known<'a> = (At, &'a Island, &'a Isle, usize);
 
 /// One side of it.
 pub(super) struct Side<'a> {
@@ -245,12 +241,20 @@ impl Carry {
             after,
             &come,
             |name| known.contains(name),
+            Sight::Amplitudes,
             &mut self.room,
         );
         here_spots.extend(more);
         let wanted: HashSet<&str> = here_spots.iter().map(|(name, _)| name.as_str()).collect();
         let is_wanted = |name: &str| wanted.contains(name);
-        let (more, from) = bodies(there, before, &gone, is_wanted, &mut self.room);
+        let (more, from) = bodies(
+            there,
+            before,
+            &gone,
+            is_wanted,
+            Sight::Positions,
+            &mut self.room,
+        );
         let by_name: HashMap<String, Spot> = singles.into_iter().chain(more).collect();
         for (name, to) in &here_spots {
             if let Some(&from) = by_name.get(name) {
@@ -259,148 +263,6 @@ impl Carry {
         }
         self.placed.extend(to.iter().map(|body| body.place.at));
         (self.from, self.to) = (from, to);
-    }
-
-    /// Voices by the MATs that they strike, with their gestures' reports.
-    fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
-        let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
-        for &(from, island, isle) in &there.islands {
-            for (voice, own) in island.script().voices.iter().enumerate() {
-                let name = (isle.network.mat_name(own.struck), own.layer);
-                by_name
-                    .entry(name)
-                    .or_default()
-                    .push((from, island, isle, voice));
-            }
-        }
-        for &(to, island, isle) in &here.islands {
-            let script = island.script();
-            let limit = n * u64::from(isle.times);
-            for (voice, own) in script.voices.iter().enumerate() {
-                let name = (isle.network.mat_name(own.struck), own.layer);
-                let Some(candidates) = by_name.get_mut(&name) else {
-                    continue;
-                };
-                // A layer is its one gesture; a key has one voice for the others.
-                let mut heir = None;
-                for (at, &(from, old, other, there)) in candidates.iter().enumerate() {
-                    let their = &old.script().voices[there];
-                    let gestures = shared((own, &script.gestures), (their, &old.script().gestures));
-                    if own.layer && gestures.is_empty() {
-                        continue;
-                    }
-                    heir = Some((at, from, other, there, gestures));
-                    break;
-                }
-                let Some((at, from, other, there, gestures)) = heir else {
-                    continue;
-                };
-                let old = candidates.remove(at).1.script();
-                let their = &old.voices[there];
-                let (name, other_name) = (
-                    |mat| isle.network.mat_name(mat),
-                    |mat| other.network.mat_name(mat),
-                );
-                let mats = if own.free.is_like(&their.free, name, other_name)
-                    && isle.times == other.times
-                {
-                    None
-                } else {
-                    let known: HashMap<String, usize> = their
-                        .free
-                        .members
-                        .iter()
-                        .map(|&mat| other_name(mat))
-                        .zip(0..)
-                        .collect();
-                    let members = own.free.members.iter().enumerate();
-                    let pair = |(to, &mat): (usize, &usize)| Some((to, *known.get(&name(mat))?));
-                    Some(members.filter_map(pair).collect())
-                };
-                let begun = gestures
-                    .iter()
-                    .filter(|pair| old.gestures[pair.0].join_from <= limit);
-                for &(there, here) in begun {
-                    let is_same = self.units.contains(&(from, to));
-                    self.through
-                        .push((from, to, Through::Report(there, here, is_same)));
-                }
-                let heir = Heir {
-                    from: there,
-                    to: voice,
-                    mats,
-                    gestures,
-                };
-                self.through.push((from, to, Through::Voice(heir)));
-            }
-        }
-    }
-
-    /// Gates by their links, hands by their MATs, parts that may be mute.
-    fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
-        let mut gates = HashMap::new();
-        let mut hands: HashMap<String, Vec<(At, usize)>> = HashMap::new();
-        for &(from, island, isle) in &there.islands {
-            for (gate, own) in island.script().gates.iter().enumerate() {
-                gates.insert(isle.network.link_name(own.link), (from, gate));
-            }
-            // A hand that several islands touch has a part in each of them.
-            for (hand, own) in island.script().grips.iter().enumerate() {
-                let name = isle.network.mat_name(own.mat());
-                hands.entry(name).or_default().push((from, hand));
-            }
-        }
-        let has_link = |name: &str| {
-            let of = |(at, isle): (At, &Isle)| {
-                let runs = isle.network.runs().iter();
-                let mut names = runs.map(|run| isle.network.link_name(run.first));
-                names.any(|own| own == name).then_some(at)
-            };
-            let mut all = there.islands.iter().map(|&(at, _, isle)| (at, isle));
-            all.find_map(of)
-        };
-        let same: HashMap<At, At> = self.units.iter().map(|&(from, to)| (to, from)).collect();
-        for &(to, island, isle) in &here.islands {
-            let script = island.script();
-            for (gate, own) in script.gates.iter().enumerate() {
-                let name = isle.network.link_name(own.link);
-                if let Some(&(from, before)) = gates.get(&name) {
-                    let through = Through::Gate(Some(before), gate);
-                    self.through.push((from, to, through));
-                } else if let Some(from) = has_link(&name) {
-                    self.through.push((from, to, Through::Gate(None, gate)));
-                }
-            }
-            for (hand, own) in script.grips.iter().enumerate() {
-                let Some(known) = hands.get(&isle.network.mat_name(own.mat())) else {
-                    continue;
-                };
-                let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));
-                if let Some(&(from, before)) = ours.or(known.first()) {
-                    self.through.push((from, to, Through::Hand(before, hand)));
-                }
-            }
-        }
-        for &(from, to) in &self.units.clone() {
-            let island = |side: &Side<'_>, at: At| {
-                let mut all = side.islands.iter();
-                all.find(|island| island.0 == at)
-                    .map(|island| island.2.network.clone())
-            };
-            let (Some(own), Some(their)) = (island(here, to), island(there, from)) else {
-                continue;
-            };
-            let mut parts: Vec<(u32, u32)> = {
-                let (own, their) = (&own.mats().part, &their.mats().part);
-                their.iter().copied().zip(own.iter().copied()).collect()
-            };
-            parts.sort_unstable();
-            parts.dedup();
-            for (there, own) in parts {
-                let through = Through::Part(there as usize, own as usize);
-                self.through.push((from, to, through));
-            }
-        }
     }
 }
 
@@ -455,98 +317,4 @@ fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)>
         }));
     }
     found
-}
-
-impl Simulation {
-    /// Go on where `old` stands, by what was found of the two; `old` is of no use afterwards. False where they stand at
-    /// different frames, or go by other plans than `carry` was made for: nothing is taken over then. Allocates nothing.
-    pub fn take_over(&mut self, old: &mut Self, carry: &mut Carry) -> bool {
-        let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
-            Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
-        };
-        if self.frame != old.frame || !carry.plans.as_ref().is_some_and(is_made_for) {
-            return false;
-        }
-        for &(from, to) in &carry.units {
-            match (self.playing(to), old.playing(from)) {
-                (Playing::Island(own), Playing::Island(old)) => own.go_on(old),
-                (Playing::Bank(own), Playing::Bank(old)) => own.go_on(old),
-                _ => {}
-            }
-        }
-        for &(from, to, n) in &carry.modes {
-            if let (Playing::Bank(own), Playing::Bank(old)) = (self.playing(to), old.playing(from))
-            {
-                (0..n).for_each(|mode| own.copy_motion(mode, old, mode));
-            }
-        }
-        let Carry {
-            mats,
-            from,
-            to,
-            room,
-            ..
-        } = carry;
-        from.iter().for_each(|body| body.look(old, room));
-        for &(from, to) in &*mats {
-            self.pass(old, room, from, to);
-        }
-        to.iter_mut().for_each(|body| body.put(self, room));
-        for (from, to, through) in &carry.through {
-            if let (Playing::Island(own), Playing::Island(old)) =
-                (self.playing(*to), old.playing(*from))
-            {
-                own.receive(through, old);
-            }
-        }
-        for &at in &carry.placed {
-            if let Playing::Island(island) = self.playing(at) {
-                island.place();
-            }
-        }
-        true
-    }
-
-    pub(super) fn playing(&mut self, (group, unit): At) -> &mut Playing {
-        &mut self.groups[group].units[unit]
-    }
-
-    /// One MAT goes on.
-    fn pass(&mut self, old: &mut Self, room: &mut Room, from: Spot, to: Spot) {
-        let motion = match from {
-            Spot::Room(slot) => room.mats[slot],
-            Spot::Island(at, mat) => match old.playing(at) {
-                Playing::Island(island) => island.motion(mat),
-                Playing::Bank(_) => return,
-            },
-            Spot::Bank(at, there, rest) => match old.playing(at) {
-                Playing::Bank(bank) => {
-                    if let Spot::Bank(at, here, own) = to
-                        && own == rest
-                        && let Playing::Bank(new) = self.playing(at)
-                    {
-                        new.copy_motion(here, bank, there);
-                        return;
-                    }
-                    let (now, before) = bank.motion(there);
-                    (now + rest, now - before)
-                }
-                Playing::Island(_) => return,
-            },
-        };
-        match to {
-            Spot::Room(slot) => room.mats[slot] = motion,
-            Spot::Island(at, mat) => {
-                if let Playing::Island(island) = self.playing(at) {
-                    island.set_motion(mat, motion);
-                }
-            }
-            Spot::Bank(at, oscillator, rest) => {
-                if let Playing::Bank(bank) = self.playing(at) {
-                    let now = motion.0 - rest;
-                    bank.set_motion(oscillator, (now, now - motion.1));
-                }
-            }
-        }
-    }
 }

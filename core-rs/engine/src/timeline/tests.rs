@@ -64,6 +64,43 @@ fn fades_lie_on_the_grid_and_never_jump() {
     }
 }
 
+/// A fade of another length, and a factor that goes evenly, alone and times that.
+#[test]
+fn gates_have_a_length_and_a_factor() {
+    let hertz = 44_100.0;
+    let (network, mut timeline) = (network(), timeline(hertz));
+    let span = (0.5, 0.9);
+    timeline.fade(&network, (0, 1), (0.25, 2.0), span).unwrap();
+    let [start, stop] = [span.0, span.1].map(|t| (t * hertz / 64.0).ceil() as u64 * 64);
+    let gate = timeline.gates[0];
+    let middle = (start + stop) / 2;
+    for (n, factor) in [
+        (0, 0.25),
+        (start, 0.25),
+        (middle, 1.125),
+        (stop, 2.0),
+        (1 << 40, 2.0),
+    ] {
+        assert!((gate.open(n) - factor).abs() < 1e-12, "{n}");
+    }
+    let couple = |timeline: &mut Timeline| timeline.couple_over(&network, 0, 0.1, Some(3.0), 1.0);
+    couple(&mut timeline).unwrap();
+    assert_eq!(timeline.gates.len(), 1);
+    let both = timeline.gates[0];
+    // 3u² − 2u³ is a half half-way.
+    let half = both.start.unwrap() + both.fade / 2;
+    assert!((hertz..hertz + 64.0).contains(&(both.fade as f64)));
+    assert!((both.open(half) - 0.5 * gate.open(half)).abs() < 1e-12);
+    assert!(couple(&mut timeline).is_err(), "twice");
+    assert!(
+        timeline.fade(&network, (0, 1), (1.0, 0.0), span).is_err(),
+        "twice"
+    );
+    // At four times the rate everything comes at the same time.
+    let faster = timeline.faster(4).unwrap();
+    assert!((faster.gates[0].open(4 * half) - both.open(half)).abs() < 1e-12);
+}
+
 #[test]
 fn a_coupling_that_is_none_is_refused() {
     let mut network = network();

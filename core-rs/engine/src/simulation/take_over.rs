@@ -1,0 +1,102 @@
+//! The take-over itself: what was found beforehand is passed on, without allocating.
+
+use std::sync::Arc;
+
+use super::bodies::Room;
+use super::carry::{At, Carry, Spot};
+use super::{Playing, Simulation};
+use crate::plan::Plan;
+
+impl Simulation {
+    /// Go on where `old` stands, by what was found of the two; `old` is of no use afterwards. False where they stand at
+    /// different frames, or go by other plans than `carry` was made for: nothing is taken over then. Allocates nothing.
+    pub fn take_over(&mut self, old: &mut Self, carry: &mut Carry) -> bool {
+        let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
+            Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
+        };
+        if self.frame != old.frame || !carry.plans.as_ref().is_some_and(is_made_for) {
+            return false;
+        }
+        for &(from, to) in &carry.units {
+            match (self.playing(to), old.playing(from)) {
+                (Playing::Island(own), Playing::Island(old)) => own.go_on(old),
+                (Playing::Bank(own), Playing::Bank(old)) => own.go_on(old),
+                _ => {}
+            }
+        }
+        for &(from, to, n) in &carry.modes {
+            if let (Playing::Bank(own), Playing::Bank(old)) = (self.playing(to), old.playing(from))
+            {
+                (0..n).for_each(|mode| own.copy_motion(mode, old, mode));
+            }
+        }
+        let Carry {
+            mats,
+            from,
+            to,
+            room,
+            ..
+        } = carry;
+        from.iter().for_each(|body| body.look(old, room));
+        for &(from, to) in &*mats {
+            self.pass(old, room, from, to);
+        }
+        to.iter_mut().for_each(|body| body.put(self, room));
+        for (from, to, through) in &carry.through {
+            if let (Playing::Island(own), Playing::Island(old)) =
+                (self.playing(*to), old.playing(*from))
+            {
+                own.receive(through, old);
+            }
+        }
+        for &at in &carry.placed {
+            if let Playing::Island(island) = self.playing(at) {
+                island.place();
+            }
+        }
+        true
+    }
+
+    pub(super) fn playing(&mut self, (group, unit): At) -> &mut Playing {
+        &mut self.groups[group].units[unit]
+    }
+
+    /// One MAT goes on.
+    fn pass(&mut self, old: &mut Self, room: &mut Room, from: Spot, to: Spot) {
+        let motion = match from {
+            Spot::Room(slot) => room.mats[slot],
+            Spot::Island(at, mat) => match old.playing(at) {
+                Playing::Island(island) => island.motion(mat),
+                Playing::Bank(_) => return,
+            },
+            Spot::Bank(at, there, rest) => match old.playing(at) {
+                Playing::Bank(bank) => {
+                    if let Spot::Bank(at, here, own) = to
+                        && own == rest
+                        && let Playing::Bank(new) = self.playing(at)
+                    {
+                        new.copy_motion(here, bank, there);
+                        return;
+                    }
+                    let (now, before) = bank.motion(there);
+                    (now + rest, now - before)
+                }
+                Playing::Island(_) => return,
+            },
+        };
+        match to {
+            Spot::Room(slot) => room.mats[slot] = motion,
+            Spot::Island(at, mat) => {
+                if let Playing::Island(island) = self.playing(at) {
+                    island.set_motion(mat, motion);
+                }
+            }
+            Spot::Bank(at, oscillator, rest) => {
+                if let Playing::Bank(bank) = self.playing(at) {
+                    let now = motion.0 - rest;
+                    bank.set_motion(oscillator, (now, now - motion.1));
+                }
+            }
+        }
+    }
+}
