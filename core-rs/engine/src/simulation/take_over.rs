@@ -14,7 +14,8 @@ impl Simulation {
         let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
             Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)
         };
-        if self.frame != old.frame || !carry.plans.as_ref().is_some_and(is_made_for) {
+        // One that was made for none takes nothing over: a simulation that begins anew.
+        if self.frame != old.frame || !carry.plans.as_ref().is_none_or(is_made_for) {
             return false;
         }
         for &(from, to) in &carry.units {

@@ -32,6 +32,8 @@ pub struct Drain {
     shared: Arc<Shared>,
     phase: Phase,
     shape: Shape,
+    /// A panic has reached silence.
+    hushed: bool,
     /// Whether the loudspeakers are behind this one; a rate converter's inner drain tells nothing.
     outermost: bool,
     given: Given,
@@ -99,6 +101,7 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
         gate,
         shared,
         phase: Phase::Waiting,
+        hushed: false,
         shape: Shape::new(channels, 48_000),
         outermost: true,
         given: Given {
@@ -241,7 +244,14 @@ impl Drain {
         rest.fill(0.0);
         let panicked = self.panicked();
         if panicked && self.shape.ask_hush() {
-            self.throw_away();
+            // First all that waits, then as much as would be heard: whoever is clocked by it keeps its pace.
+            let frames = if self.hushed {
+                out.len() / self.channels
+            } else {
+                usize::MAX
+            };
+            self.hushed = true;
+            self.throw_away(frames);
             out.fill(0.0);
             return;
         }
@@ -273,7 +283,7 @@ impl Drain {
     pub fn take(&mut self, out: &mut [f32]) -> usize {
         let panicked = self.panicked();
         if panicked && self.shape.ask_hush() {
-            self.throw_away();
+            self.throw_away(usize::MAX);
             return 0;
         }
         let ended = self.ended();
@@ -307,6 +317,10 @@ impl Drain {
             return true;
         }
         if self.shape.end_hush() {
+            // What was computed meanwhile is old by now.
+            if std::mem::take(&mut self.hushed) {
+                self.throw_away(usize::MAX);
+            }
             self.phase = Phase::Waiting;
             self.shape.begin_anew();
         }
@@ -344,9 +358,11 @@ impl Drain {
         }
     }
 
-    fn throw_away(&mut self) {
+    /// Leave so many frames unheard, or all there are.
+    fn throw_away(&mut self, most: usize) {
         let closed = self.gate.closed.load(Ordering::Acquire);
-        let frames = self.waiting();
+        let waiting = self.waiting();
+        let frames = waiting.min(most);
         if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
             chunk.commit_all();
         }
@@ -355,7 +371,7 @@ impl Drain {
         self.shared.add_skipped(skipped);
         if self.outermost {
             self.shared.add_discarded(frames as u64);
-            if closed {
+            if closed && frames == waiting {
                 self.shared.set_finished();
             }
         }
