@@ -43,6 +43,7 @@ class Order:
     about: Mapping[str, object] = field(default_factory=dict)
     frozen: Sequence[Checked] = ()
     endless: bool = False
+    loose: bool = False  # every hand has a guide, which begins let go
 
 
 def every(stage: Stage) -> int:
@@ -70,7 +71,7 @@ def perform(
         (
             hand.standin,
             hand.reach,
-            _guide(order.guides.get(hand.player)),
+            _guide(order, hand.player),
             response(stage, hand) if hand.player in played else np.zeros(0),
         )
         for hand in stage.live
@@ -123,8 +124,11 @@ def bars(stage: Stage, n_frames: int) -> list[int]:
     return found
 
 
-def _guide(stiffness: float | None) -> tuple[float, float] | None:
-    return None if stiffness is None else (stiffness, GUIDE[1])
+def _guide(order: Order, player: str) -> tuple[float, float, bool] | None:
+    if order.loose:
+        return *GUIDE, True
+    stiffness = order.guides.get(player)
+    return None if stiffness is None else (stiffness, GUIDE[1], False)
 
 
 def _skip(

@@ -86,7 +86,7 @@ class Commits:
 
     def soonest(self) -> int:
         """The first frame at which a change can still be made: a multiple of the tick."""
-        return self._first(_AGAIN * self.took)
+        return self.first(_AGAIN * self.took)
 
     def now(self) -> float:
         """The beat of the piece that is computed now."""
@@ -206,7 +206,7 @@ class Commits:
         late = []
         while self.waiting and self.waiting[0].start <= self._soon():
             one = self.waiting[0]
-            if one.start < self._first(0.0):
+            if one.start < self.first(0.0):
                 self.took = max(2.0 * self.took, 1.0 / self.rate)
                 beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
                 one.beat, one.made = beat if one.goes is None else one.beat, None
@@ -228,7 +228,7 @@ class Commits:
             late += self.tick()
         return late
 
-    def _first(self, making: float) -> int:
+    def first(self, making: float) -> int:
         """The first tick that a change can reach, when it takes so long to make [s]."""
         every = self.engine.every
         ahead = self.margin + int(making * self.rate)

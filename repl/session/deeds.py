@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.repl.language import commands as c
 from ergon.repl.session.edits import keys, matter, names, parts, times
+from ergon.repl.session.leads import lead_of
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import GLIDE, Desk, NotTakenError, Version, piece_of
 from ergon.scores.staging.stage import solo
@@ -219,6 +220,21 @@ def _fade(command: Any) -> Deed:
     )
 
 
+def _guide(command: c.Guide) -> Deed:
+    """A hand is led by another player's part, or no longer."""
+    lead = None if command.by is None else lead_of(command)
+
+    def deed(version: Version, beat: float) -> Version:
+        leads = dict(version.leads)
+        if lead is not None:
+            leads[command.player] = lead
+        elif leads.pop(command.player, None) is None:
+            raise NotTakenError(f"nobody leads {command.player}")
+        return replace(version, leads=leads)
+
+    return deed
+
+
 def _load(command: c.Load) -> Deed:
     texts = _file(command.file)
     return lambda version, beat: _read(version, texts)
@@ -248,6 +264,7 @@ DEEDS: Mapping[type[c.Command], Callable[[Any], Deed]] = {
     **dict.fromkeys(_EDITS, _edit),
     **dict.fromkeys(_FADES, _fade),
     c.Set: _glided,
+    c.Guide: _guide,
     c.Hush: _hush,
     c.Damp: _damp,
     c.Load: _load,
@@ -267,6 +284,9 @@ def said(command: c.Command, made: Running) -> str:
         return _defined(command, made)
     if isinstance(command, c.Plays):
         return f"{command.player}: {command.words['play'].text}"
+    if isinstance(command, c.Guide):
+        by = command.by
+        return f"{command.player}: free" if by is None else f"{command.player}: led by {by}"
     return ""
 
 

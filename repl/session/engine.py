@@ -30,12 +30,27 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
+class Led:
+    """What leads a hand: `path` (n_ticks,) [m] is where to, tick by tick.
+
+    `steps`: after how many ticks which shares of its guide's stiffness and viscosity act (0 to 1).
+    """
+
+    path: NDArray[np.float64]
+    steps: Sequence[tuple[int, float, float]]
+
+
+@dataclass(frozen=True, slots=True)
 class Look:
-    """How it goes: load as a share of real time, late ticks, peaks of channels as ratios."""
+    """How it goes: load as a share of real time, late ticks, peaks of channels as ratios.
+
+    `away` are players whose keys are gone.
+    """
 
     load: float = 0.0
     late: int = 0
     peaks: Sequence[float] = ()
+    away: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +76,9 @@ class Engine(Protocol):
 
     def change(self, change: Change) -> int:
         """Ask for a change; its ticket."""
+
+    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
+        """Lead hands of players otherwise from frame `at` on; a ticket."""
 
     def faders(self, gains: Mapping[int, float]) -> None:
         """Where the faders of groups of routes stand at the beginning, as ratios."""
@@ -112,6 +130,11 @@ class Steps:
         else:
             self._coming.append((self._tickets, change))
             self._coming.sort(key=lambda one: (one[1].at, one[0]))
+        return self._tickets
+
+    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
+        """No hand is real here."""
+        self._tickets += 1
         return self._tickets
 
     def faders(self, gains: Mapping[int, float]) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ergon.live.display import told as said
 from ergon.live.perform import Order, bars, every, perform
-from ergon.repl.session.engine import Change, Look, Told
+from ergon.repl.session.engine import Change, Led, Look, Told
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -27,8 +27,11 @@ class Live:
         self.every = every(stage)
         self._highpass = order.highpass
         self._stage = stage
-        self._performance: _core.Performance = perform(stage, replace(order, endless=True))
+        self._performance: _core.Performance = perform(
+            stage, replace(order, endless=True, loose=True)
+        )
         self._players = [hand.player for hand in stage.live]
+        self._real = {player for board in order.boards for _, player in board.axes}
         self._boards = [board.url for board in order.boards]
         self._sound = 0
         # Once it is closed: how it was, and what had not been told.
@@ -60,6 +63,17 @@ class Live:
             bars=bars(stage, change.at + int(_BARS * stage.rate)),
         )
 
+    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
+        """Lead hands of players otherwise from a frame on; the ticket."""
+        import numpy as np
+
+        led = [leads.get(player, Led(np.zeros(0), ())) for player in self._players]
+        return self._performance.change(
+            at,
+            standins=[one.path for one in led],
+            leads=[one.steps for one in led],
+        )
+
     def faders(self, gains: Mapping[int, float]) -> None:
         """Where the faders of groups of routes stand at the beginning, as ratios."""
         for group, gain in gains.items():
@@ -68,7 +82,11 @@ class Live:
     def look(self) -> Look:
         """How it goes."""
         status = self._status()
-        return Look(status.load, status.late, status.peaks[: self._stage.n_channels])
+        hands = zip(self._players, status.hands, strict=False)
+        away = frozenset(
+            name for name, hand in hands if status.ticks and name in self._real and not hand.real
+        )
+        return Look(status.load, status.late, status.peaks[: self._stage.n_channels], away)
 
     def told(self) -> Sequence[Told]:
         """What happened since the last call."""

@@ -225,7 +225,8 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
             clock = Clock(None, clock.beat(tempo, frame / rate))
     tempo = version.piece.tempo_map
     bar, _ = tempo.bar_beat(clock.beat(tempo, replay.n_frames / rate))
-    return replace(version, number=0, line=""), Clock(None, tempo.bars.start(bar))
+    # Hands that come back are free: nobody is pulled who has not asked for it.
+    return replace(version, number=0, line="", leads={}), Clock(None, tempo.bars.start(bar))
 
 
 def deed_of(event: Event, versions: Mapping[int, Past], on: Version) -> Deed:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon import _core
 from ergon.repl.face import Reply, State
-from ergon.repl.language.commands import NOW, Command, When
+from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import tokens
 from ergon.repl.language.lines import is_whole
@@ -25,6 +25,7 @@ from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
 from ergon.repl.session.journal import Journal
+from ergon.repl.session.leads import Leads, allow
 from ergon.repl.session.replay import said
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.version import NotTakenError, Past, Version
@@ -80,6 +81,7 @@ class Session:
             engine, running, real or {}, int(margin * running.stage.rate), version
         )
         self.captures = Captures(hands)
+        self.leads = Leads(self.commits)
         self.watch = files.Watch(version.texts) if watches else None
         self.panicked = False
         self.taps: list[float] = []
@@ -200,6 +202,9 @@ class Session:
 
     def take(self, text: str, commands: Sequence[Command]) -> Reply:
         """Make a version of what commands ask for."""
+        for command in commands:
+            if isinstance(command, Guide):
+                allow(command, self.commits)
         when: When = next((c.when for c in commands if c.when is not None), None)
         is_read = any(type(command) in deeds.READ for command in commands)
         where, made = self.queue(text, deeds.together(commands), when, is_read=is_read)
@@ -275,6 +280,7 @@ class Session:
             if told.sentence:
                 self._messages.append(f"{self._written(told.frame)} {told.sentence}")
             elif told.ticket is not None and told.is_late:
+                self.leads.late(told.ticket)
                 self._late(self.commits.late(told.ticket))
             elif told.ticket is not None:
                 self._committed(self.commits.done(told.ticket), told.frame)
@@ -319,6 +325,9 @@ class Session:
         while not self._over.wait(_LOOK):
             try:
                 self.pump()
+                if (led := self.leads.due()) is not None:
+                    with self._lock:
+                        self.leads.hand(*led)
                 if next(looks) % _WATCH == 0 and self.watch and self.watch.has_changed():
                     reply = self.submit("reload")
                     self._messages.append(reply.text if reply.taken else f"not taken: {reply.text}")

@@ -45,11 +45,21 @@ class Desk:
 
 
 @dataclass(frozen=True, slots=True)
+class Lead:
+    """Who leads a hand, by which shares (0 to 1) of the stiffness and viscosity of its guide."""
+
+    by: str
+    stiffness: float
+    viscosity: float
+
+
+@dataclass(frozen=True, slots=True)
 class Version:
     """What one accepted line (or block of lines) made of the version before it.
 
     One that `cuts` lets nothing go on that was in flight; `damp` [s] is the T60 that it gives to
-    all that sounds; parameters that differ from those before glide for `glide` [s].
+    all that sounds; parameters that differ from those before glide for `glide` [s]; `leads` says by
+    player who leads a real hand.
     """
 
     number: int
@@ -60,6 +70,7 @@ class Version:
     cuts: bool = False
     damp: float | None = None
     glide: float = GLIDE
+    leads: Mapping[str, Lead] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +84,19 @@ class Past:
     line: str
     texts: Texts
     desk: Desk
+    leads: Mapping[str, Lead]
     where: str = ""
 
     @classmethod
     def of(cls, version: Version, where: str = "") -> Past:
         """A version that may come back."""
-        return cls(version.number, version.line, version.texts, version.desk, where)
+        of = version
+        return cls(of.number, of.line, of.texts, of.desk, of.leads, where)
 
     def restored(self, version: Version, beat: float) -> Version:
         """As it was, in the place of another version."""
-        return replace(version, texts=self.texts, piece=piece_of(self.texts), desk=self.desk)
+        piece = piece_of(self.texts)
+        return replace(version, texts=self.texts, piece=piece, desk=self.desk, leads=self.leads)
 
 
 def piece_of(texts: Texts) -> Piece:

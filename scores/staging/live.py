@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
+from ergon.scores.clock.meter import SAME
 from ergon.scores.reading.piece import Key, Piece, Player
-from ergon.scores.staging.hands import Hands, Takes
+from ergon.scores.staging.hands import Hands, Takes, Window
 from ergon.scores.text.errors import Collector, quote
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 # A device is asked so often unless its player says otherwise [Hz].
 TICK = 1000.0
 _BLOCK = 4096  # frames
+# Where a key is no longer depends on what was played so long before: it has swung back [s].
+_SETTLED = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +64,19 @@ def join(
     assembly: Assembly,
     timeline: _core.Timeline,
     collector: Collector,
+    *,
+    rests: bool = False,
 ) -> Iterator[LiveHand]:
-    """Put every real hand on its key."""
+    """Put every real hand on its key; where nobody is there its part plays, or it `rests`."""
+    import numpy as np
+
     every = _every(piece, real, collector)
     for name, known in real.items():
         player = piece.players[name]
         key = piece.keys[player.key]
         if not _is_alone(piece, player, real, collector):
             continue
-        stood_in = standin(piece, player, every, collector)
+        stood_in = np.zeros(2) if rests else standin(piece, player, every, collector)
         positions = _known(known, stood_in)
         mat = assembly.mats[key.name, key.struck]
         index = timeline.hand(mat, every, positions=positions * key.reach)
@@ -114,25 +121,61 @@ def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) ->
 
 def standin(piece: Piece, player: Player, every: int, collector: Collector) -> NDArray[np.float64]:
     """Where the player's part, or its stand-in, takes the key by itself, at every tick [m]."""
-    import numpy as np
-
-    key = piece.keys[player.key]
     alone = _alone(piece, player)
-    assembly = Assembly(seed=piece.seed)
-    for add in (assembly.part, assembly.joins):
-        add(key.name, key.modules, ca_rate=None, reach=1.0)
-    struck = assembly.mats[key.name, key.struck]
-    assembly.network.listen("key", positions=[(struck, 1, 1.0)])
-    timeline = _core.Timeline(assembly.network, piece.rate)
-    hands = Hands(alone, timeline, Takes(alone, collector), collector)
-    hands.key(key.name, struck)
+    network, hands = _key(alone, player, collector)
     for play, starts in zip(alone.parts, alone.starts, strict=True):
         hands.play(play, starts)
     if not alone.parts and player.standin:
         hands.standin(player)
     end = max((gesture.stop for gesture in hands.gestures), default=0.0)
     n_ticks = int(end * piece.rate) // every + 2
-    simulation = _core.Simulation(assembly.network, timeline)
+    return _path(_core.Simulation(network, hands.timeline), every, n_ticks)
+
+
+def leading(
+    piece: Piece, name: str, spans: Sequence[tuple[Piece, Window]], every: int, ticks: range
+) -> tuple[NDArray[np.float64], list[tuple[float, float]]]:
+    """Where a player's part takes its key by itself while stretches of this and other pieces last.
+
+    At each of the `ticks` (n_ticks,) [m], and from when to when [s] it plays in them.
+    """
+    collector = Collector()
+    first = max(0, ticks.start - int(_SETTLED * piece.rate) // every)
+    network, hands = _key(_alone(piece, piece.players[name]), piece.players[name], collector)
+    hands.timeline.open()
+    after, end = (tick * every / piece.rate for tick in (first, ticks.stop))
+    for whole, window in spans:
+        if name not in whole.players:
+            continue
+        alone = _alone(whole, whole.players[name])
+        until = min(window.until, whole.tempo_map.beats(end) + SAME)
+        own = hands.other(alone, window._replace(until=until, after=after))
+        for play, starts in zip(alone.parts, alone.starts, strict=True):
+            own.play(play, starts)
+    start = first * every
+    simulation = _core.Simulation(network, hands.timeline, start=start, on_fault="mute")
+    path = _path(simulation, every, ticks.stop - first)[ticks.start - first :]
+    return path, [(gesture.start, gesture.stop) for gesture in hands.gestures]
+
+
+def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
+    """The network of a player's key, which hears where it is, and hands on it."""
+    key = piece.keys[player.key]
+    assembly = Assembly(seed=piece.seed)
+    for add in (assembly.part, assembly.joins):
+        add(key.name, key.modules, ca_rate=None, reach=1.0)
+    struck = assembly.mats[key.name, key.struck]
+    assembly.network.listen("key", positions=[(struck, 1, 1.0)])
+    timeline = _core.Timeline(assembly.network, piece.rate)
+    hands = Hands(piece, timeline, Takes(piece, collector), collector)
+    hands.key(key.name, struck)
+    return assembly.network, hands
+
+
+def _path(simulation: _core.Simulation, every: int, n_ticks: int) -> NDArray[np.float64]:
+    """Where it is at each of the next ticks (n_ticks,) [m]."""
+    import numpy as np
+
     block = max(1, _BLOCK // every)
     positions = np.zeros(n_ticks)
     for at in range(0, n_ticks, block):

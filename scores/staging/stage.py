@@ -176,7 +176,9 @@ def prepare(
         assembly, couplings = scene.assembly, scene.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         hands = Hands(piece, timeline, Takes(piece, collector), collector)
-        live = tuple(join(piece, real, assembly, timeline, collector))
+        # What a session plays has no end that its parts could stand in until.
+        rests = spans is not None
+        live = tuple(join(piece, real, assembly, timeline, collector, rests=rests))
         played = [Span(piece, ALL)] if spans is None else spans
         end = max(_play(piece, assembly, hands, couplings, real, played), _length(piece, live))
         check_overlaps(piece, hands.gestures, collector)

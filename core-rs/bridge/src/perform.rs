@@ -8,7 +8,9 @@ use ergon_engine::mix::limiter::Limiter;
 use ergon_engine::simulation::Carry;
 use ergon_live::audio;
 use ergon_live::device::Url;
-use ergon_live::perform::{self, Guide, Hand, How, Keyboard, Known, Stage, Stem, What};
+use ergon_live::perform::{
+    self, Guide, Hand, How, Keyboard, Known, Share, Stage, Stem, Step, What,
+};
 use ergon_live::recording::{Axis, Header};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -23,13 +25,15 @@ const LOOK: Duration = Duration::from_millis(2);
 /// Longer than any piece [s].
 const LONGEST: f64 = 1e6;
 
-/// (positions at each tick, reach, (k, z) of what guides it, the scene's response)
+/// (positions at each tick, reach, (k, z, whether it is loose) of what guides it, the scene's response)
 type HandOf<'py> = (
     PyReadonlyArray1<'py, f64>,
     f64,
-    Option<(f64, f64)>,
+    Option<(f64, f64, bool)>,
     PyReadonlyArray1<'py, f64>,
 );
+/// (ticks after the change, share of the stiffness, share of the viscosity)
+type StepOf = (u64, f64, f64);
 /// (url, [(axis, hand)], greatest force, what is known of axes)
 type BoardOf = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisOf>);
 /// (path, [(player, key)], what else is known as JSON)
@@ -68,8 +72,9 @@ impl Performance {
             Ok(Hand {
                 standin: standin.as_slice()?.to_vec(),
                 reach: *reach,
-                guide: guide.map(|(k, z)| Guide { k, z }),
+                guide: guide.map(|(k, z, loose)| Guide { k, z, loose }),
                 response: response.as_slice()?.to_vec(),
+                ..Hand::default()
             })
         };
         let n_channels = mixer.0.n_channels();
@@ -164,7 +169,7 @@ impl Performance {
     /// Change what plays at frame `at`, the first of a tick; a ticket, that an event "changed" or "late" tells.
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, damp=None))]
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, leads=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
@@ -177,6 +182,7 @@ impl Performance {
         gain: Option<f64>,
         bars: Option<Vec<u64>>,
         standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
+        leads: Option<Vec<Vec<StepOf>>>,
         damp: Option<f64>,
     ) -> PyResult<u64> {
         if simulation.is_none() && old.is_some() {
@@ -195,6 +201,7 @@ impl Performance {
             gain,
             bars,
             standins: slices.transpose()?,
+            leads: leads.map(|all| all.into_iter().map(steps).collect()),
             damp: match damp {
                 Some(0.0) => Some(None),
                 damp => damping(damp)?.map(Some),
@@ -254,6 +261,14 @@ impl Performance {
         own.map(ask)
             .ok_or_else(|| said("the performance is closed"))
     }
+}
+
+fn steps(all: Vec<StepOf>) -> Vec<Step> {
+    let step = |(at, k, z)| Step {
+        at,
+        share: Share { k, z },
+    };
+    all.into_iter().map(step).collect()
 }
 
 fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {

@@ -9,13 +9,15 @@ mod clock;
 mod frozen;
 mod hand;
 mod keys;
+mod lead;
 mod player;
 mod status;
 
 pub use change::Change;
 pub use frozen::Stem;
-pub use hand::{Guide, Hand};
+pub use hand::Hand;
 pub use keys::{Borne, Keyboard, Known, Slot};
+pub use lead::{Guide, Share, Step};
 use status::HANDS_MAX;
 pub use status::{Event, HandStatus, Status, What};
 

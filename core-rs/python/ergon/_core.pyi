@@ -764,15 +764,16 @@ class Performance:
         gain: float = 1.0,
         limit: float = 1.0,
         n_frames: int | None = None,
-        hands: Sequence[tuple[_Floats, float, tuple[float, float] | None, _Floats]] = ...,
+        hands: Sequence[tuple[_Floats, float, tuple[float, float, bool] | None, _Floats]] = ...,
         boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None, Sequence[_Axis]]] = ...,
         bars: Sequence[int] = ...,
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
         frozen: Sequence[tuple[Path, int, int, Sequence[int]]] = ...,
     ) -> Self:
-        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z) that guide it,
-        the scene's force in each tick after it was 1 m away for one [N/m]);
+        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z, is loose)
+        that guide it, the scene's force in each tick after it was 1 m away for one [N/m]); a loose
+        guide begins let go;
         `boards`: (url, (axis, hand) of each hand on it, most force [N], what was found of its
         axes); `bars`: frames at which a hand that comes back takes over; `record`: (file, (player,
         key) of each hand, JSON about it); `frozen`: (file, bytes before its doubles, frames,
@@ -808,14 +809,17 @@ class Performance:
         gain: float | None = None,
         bars: Sequence[int] | None = None,
         standins: Sequence[_Floats] | None = None,
+        leads: Sequence[Sequence[tuple[int, float, float]]] | None = None,
         damp: float | None = None,
     ) -> int:
         """Change what is said at frame `at`, the first of a tick. Returns a ticket, which an event
         "changed" tells, or "late" where that frame had passed, or another plan than `old` has plays
         there: nothing is changed then. `simulation` (its `start` is `at`) takes over from `old`, one
         by the very Plan that plays until then, at any moment; `mixer` goes on with the gains and filters of the one before;
-        `standins`: where each hand stands in at each tick (n_ticks,) [m]; `damp`: as
-        Simulation.damp, 0 for no longer (a take-over ends it too). Raises EngineError."""
+        `standins`: where each hand stands in at each tick from this one on (n_ticks,) [m], without
+        any as before; `leads`: of each hand's loose guide, after how many ticks which shares of its
+        K and Z act (0 to 1); `damp`: as Simulation.damp, 0 for no longer (a take-over ends it too).
+        Raises EngineError."""
     def stop(self) -> None:
         """Play nothing more."""
     def wait(self, seconds: float) -> bool:

@@ -6,6 +6,7 @@
 use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Carry, Simulation};
 
+use super::lead::Step;
 use super::player::Player;
 use super::status::What;
 
@@ -25,8 +26,11 @@ pub struct Change {
     pub gain: Option<f64>,
     /// Frames at which bars begin, rising.
     pub bars: Option<Vec<u64>>,
-    /// Where hands stand in at each tick, hand by hand.
+    /// Where hands stand in at each tick from that of the change on, hand by hand, where a guide leads it; without any it
+    /// stays as it is.
     pub standins: Option<Vec<Vec<f64>>>,
+    /// How much of each hand's guide acts when, if it is a loose one; without steps as it does now.
+    pub leads: Option<Vec<Vec<Step>>>,
     /// See [`Simulation::damp`].
     pub damp: Option<Option<f64>>,
 }
@@ -106,8 +110,29 @@ impl Player {
             std::mem::swap(bars, &mut stage.bars);
         }
         if let Some(standins) = &mut change.standins {
-            for (hand, standin) in stage.hands.iter_mut().zip(standins) {
+            let movers = self.movers.iter_mut().zip(&mut self.leads);
+            for ((hand, standin), (mover, lead)) in stage.hands.iter_mut().zip(standins).zip(movers)
+            {
+                if standin.is_empty() {
+                    continue;
+                }
+                let before = hand.stands_at(self.tick);
                 std::mem::swap(&mut hand.standin, standin);
+                hand.since = self.tick;
+                let now = hand.stands_at(self.tick);
+                lead.change(before, now);
+                if !mover.real {
+                    mover.change(false, now);
+                }
+            }
+        }
+        if let Some(leads) = &mut change.leads {
+            let guides = stage.hands.iter().map(|hand| hand.guide);
+            for ((lead, steps), guide) in self.leads.iter_mut().zip(leads).zip(guides) {
+                if guide.is_some_and(|guide| guide.loose) {
+                    std::mem::swap(&mut lead.steps, steps);
+                    lead.begin(self.tick);
+                }
             }
         }
         true

@@ -1,5 +1,7 @@
 //! A hand while it plays: the person's, or what stands in for it, and the way from one to the other.
 
+use super::lead::{Guide, Share};
+
 /// A change of hands moves the key by no more than this in a tick [m].
 const STEP: f64 = 5e-5;
 /// It lasts so many ticks at least, and at most.
@@ -12,21 +14,14 @@ const STEEPEST: f64 = 1.875;
 pub struct Hand {
     /// Where it is at each tick while nobody is there, in the key's own metres; after the last it stays.
     pub standin: Vec<f64>,
+    /// The tick of the first of them.
+    pub since: u64,
     /// The scene sees this many times its travel, and it feels this many times the scene's force.
     pub reach: f64,
     /// A force that leads it.
     pub guide: Option<Guide>,
     /// The scene's force against it [N/m] in each tick after it was 1 m away for one (n_ticks,); empty: nobody looked.
     pub response: Vec<f64>,
-}
-
-/// A spring and a damper between a hand and where its part takes the key.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Guide {
-    /// [N/m]
-    pub k: f64,
-    /// [N·s/m]
-    pub z: f64,
 }
 
 /// Who moves a key, and the rest of the way from whoever did before.
@@ -45,25 +40,20 @@ pub(super) struct Mover {
 impl Hand {
     /// Where it stands in at a tick.
     pub(super) fn stands_at(&self, tick: u64) -> f64 {
-        let at = usize::try_from(tick).unwrap_or(usize::MAX);
+        let at = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
         let last = self.standin.len().saturating_sub(1);
         self.standin.get(at.min(last)).copied().unwrap_or(0.0)
     }
 
-    /// All that answers it: the scene, and what guides it, by ticks of `period` [s]; see [`Hand::response`].
-    pub(super) fn met(&self, period: f64) -> Vec<f64> {
+    /// All that answers it: the scene, and what guides it by `share`, in ticks of `period` [s]; see [`Hand::response`].
+    pub(super) fn met(&self, period: f64, share: Share) -> Vec<f64> {
         let mut met = self.response.clone();
         if let (Some(guide), [now, next, ..]) = (self.guide, &mut met[..]) {
-            *now += guide.k + guide.z / period;
-            *next -= guide.z / period;
+            let z = share.z * guide.z / period;
+            *now += share.k * guide.k + z;
+            *next -= z;
         }
         met
-    }
-
-    /// What leads a person's hand at `x`, moving at `v`, towards its part [N].
-    pub(super) fn guidance(&self, tick: u64, x: f64, v: f64) -> f64 {
-        let lead = |guide: Guide| guide.k * (self.stands_at(tick) - x) - guide.z * v;
-        self.guide.map_or(0.0, lead)
     }
 }
 
@@ -98,7 +88,7 @@ impl Mover {
 }
 
 /// From 0 to 1 without a jolt at either end: the quintic whose first two derivatives are zero there.
-fn smooth(t: f64) -> f64 {
+pub(super) fn smooth(t: f64) -> f64 {
     t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 
@@ -123,18 +113,5 @@ mod tests {
             assert_eq!(last, apart);
             assert!((20..=4_000).contains(&n), "{n} ticks");
         }
-    }
-
-    #[test]
-    fn a_guide_pulls_towards_the_part_and_brakes() {
-        let guide = Guide { k: 100.0, z: 2.0 };
-        let hand = Hand {
-            standin: vec![0.0, 5e-3],
-            reach: 1.0,
-            guide: Some(guide),
-            response: Vec::new(),
-        };
-        assert_eq!(hand.guidance(9, 2e-3, 0.0), 100.0 * 3e-3);
-        assert_eq!(hand.guidance(0, 0.0, 0.5), -1.0);
     }
 }

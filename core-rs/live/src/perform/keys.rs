@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Command, Hand};
+use super::{Command, Guide, Hand};
 use crate::device::calibrate::{self, Axis};
 use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url};
 use crate::safety::{Guarded, Limits, stiffness};
@@ -123,11 +123,15 @@ impl Keyboard {
         };
         let mut found = Vec::new();
         for &(axis, hand) in &self.axes {
-            let response = hands[hand].met(self.known.period);
-            let scale = stiffness::bearable(&response, key);
+            let hand_of = &hands[hand];
+            let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
+            for &share in Guide::shares(hand_of.guide) {
+                let response = hand_of.met(self.known.period, share);
+                scale = scale.min(stiffness::bearable(&response, key));
+                stiffest = stiffest.max(stiffness::stiffest(&response));
+            }
             self.guarded.scale(axis, scale);
             self.scales.push((axis, scale));
-            let stiffest = stiffness::stiffest(&response);
             found.push(Borne {
                 hand,
                 scale,

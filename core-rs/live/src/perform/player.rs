@@ -11,8 +11,9 @@ use super::change::{Due, WAITING};
 use super::clock::Clock;
 use super::frozen::Frozen;
 use super::hand::Mover;
+use super::lead::Lead;
 use super::status::{Event, HANDS_MAX, Status, What};
-use super::{Command, Desk, Slot, Stage};
+use super::{Command, Desk, Hand, Slot, Stage};
 use crate::audio::{Feed, Shared};
 use crate::recording::{self, RowSink, flag};
 
@@ -49,7 +50,8 @@ pub(super) struct Player {
     // each goes back in the box that it came in: to open it would free that
     pub(super) waiting: Vec<Box<Due>>,
     clock: Clock,
-    movers: Vec<Mover>,
+    pub(super) movers: Vec<Mover>,
+    pub(super) leads: Vec<Lead>,
     /// Where each hand's key was in the tick before: its speed is taken from that.
     before: Vec<f64>,
     felt: Vec<f64>,
@@ -65,7 +67,7 @@ pub(super) struct Player {
     ahead: usize,
     /// Frames that follow the last of the piece: what the limiter still holds.
     tail: usize,
-    tick: u64,
+    pub(super) tick: u64,
     pub(super) frame: u64,
     status: Status,
     panicked: bool,
@@ -84,6 +86,9 @@ impl Player {
         paced: bool,
     ) -> Self {
         let n = stage.hands.len();
+        let period = stage.every as f64 / stage.simulation.rate();
+        let lead = |hand: &Hand| Lead::new(hand.guide, period);
+        let leads = stage.hands.iter().map(lead).collect();
         let mut of = vec![None; n];
         for (slot, own) in slots.iter().enumerate() {
             for &(axis, hand) in &own.axes {
@@ -101,6 +106,7 @@ impl Player {
         Self {
             gain: Glide::new(stage.simulation.rate(), stage.gain),
             movers: vec![Mover::default(); n],
+            leads,
             before: vec![0.0; n],
             felt: vec![0.0; n],
             of,
@@ -177,6 +183,7 @@ impl Player {
         self.count(beat.late, beat.lost);
         self.commands();
         self.changes();
+        self.leads.iter_mut().for_each(|lead| lead.tick(self.tick));
         let n = (self.stage.every as u64).min(left) as usize;
         if n > 0 {
             self.keys();
@@ -261,7 +268,7 @@ impl Player {
             let (own, mover) = (&self.stage.hands[hand], &self.movers[hand]);
             let force = if mover.real {
                 let v = (mover.x - self.before[hand]) * rate;
-                let lead = own.guidance(self.tick, mover.x, v);
+                let lead = self.leads[hand].force(own, self.tick, mover.x, v);
                 (self.felt[hand] + lead) * mover.share()
             } else {
                 0.0

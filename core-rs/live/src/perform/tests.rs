@@ -109,8 +109,12 @@ fn stage() -> Stage {
     let hand = Hand {
         standin: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
         reach: 1.0,
-        guide: Some(Guide { k: 50.0, z: 0.5 }),
-        response: Vec::new(),
+        guide: Some(Guide {
+            k: 50.0,
+            z: 0.5,
+            loose: false,
+        }),
+        ..Hand::default()
     };
     Stage {
         simulation: simulation(&[], 0),
@@ -241,6 +245,80 @@ fn changes_are_done_at_their_frames() {
         .collect();
     assert_eq!(played[..sound.len() - latency], sound[latency..]);
     assert!(played.iter().any(|x| *x != 0));
+}
+
+/// What may lead a hand counts before it does: a key that could not bear it gets less force.
+#[test]
+fn a_loose_guide_is_borne() {
+    let scale = |guide: Option<(f64, bool)>| {
+        let hand = Hand {
+            guide: guide.map(|(k, loose)| Guide { k, z: 0.0, loose }),
+            response: vec![0.0; 400],
+            ..Hand::default()
+        };
+        keyboard(0, 0).guard(&[hand])[0].scale
+    };
+    assert_eq!(scale(None), 1.0);
+    assert_eq!(scale(Some((100.0, true))), 1.0);
+    // The key bears 2b/T = 2 kN/m.
+    let least = scale(Some((5e3, true)));
+    assert!((0.3..0.5).contains(&least), "{least}");
+    assert_eq!(least, scale(Some((5e3, false))));
+}
+
+/// A guide that is taken up and let go: the key goes where it leads, and back.
+#[test]
+fn a_key_is_led_and_let_go() {
+    let how = How {
+        audio: "null:fast".parse().unwrap(),
+        ahead: None,
+        record: None,
+    };
+    let mut stage = stage();
+    for hand in &mut stage.hands {
+        hand.standin = vec![0.0];
+        hand.reach = 0.0; // the scene is out of it
+        hand.guide = Some(Guide {
+            k: 500.0,
+            z: 1.0,
+            loose: true,
+        });
+    }
+    let (mut this, mut player) =
+        Performance::prepare(stage, vec![keyboard(0, u32::MAX)], how).unwrap();
+    player.begin();
+    let step = |at, share| Step { at, share };
+    let all = Share { k: 1.0, z: 1.0 };
+    let change = |x: f64, steps: Vec<Step>| Change {
+        standins: Some(vec![vec![x], vec![0.0]]),
+        leads: Some(vec![steps, Vec::new()]),
+        ..Change::default()
+    };
+    let at = |tick: u64| tick * EVERY as u64;
+    let led = change(4e-3, vec![step(0, all), step(3_000, Share::default())]);
+    this.change(at(500), led).unwrap();
+    this.change(at(2_000), change(-3e-3, vec![step(0, all)]))
+        .unwrap();
+    this.change(at(4_000), change(-3e-3, vec![step(0, Share::default())]))
+        .unwrap();
+    let mut x = Vec::new();
+    reset_violation_count();
+    for _ in 0..TICKS {
+        assert!(assert_no_alloc(|| player.tick()));
+        x.push(player.movers[0].x);
+    }
+    assert_eq!(violation_count(), 0);
+    let status = this.status();
+    drop(player);
+    this.close(Duration::from_secs(10)).unwrap();
+    assert!(x[..500].iter().all(|x| *x == 0.0));
+    assert!((x[1_990] - 4e-3).abs() < 1e-5, "{}", x[1_990]);
+    // The second change took the steps of the first away.
+    assert!((x[3_990] + 3e-3).abs() < 1e-5, "{}", x[3_990]);
+    // Nothing but the lead moves it: it stays, and gets no force.
+    assert!((x[5_990] - x[4_300]).abs() < 1e-5, "{}", x[5_990]);
+    assert_eq!(status.hands[0].sent, 0.0);
+    assert!(status.hands[0].real);
 }
 
 /// A key is pulled out and comes back, a panic is called and taken back, the gain changes, all is recorded.
