@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
@@ -197,3 +198,45 @@ def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
     assert "solo: {file: takes/solo.take, channel: leo}" in saved
     done = subprocess.run([*ERGON, "check", "with-solo.yaml"], cwd=tmp_path, check=False)
     assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("event", "fields"),
+    [
+        ("session", {"every": 0}),
+        ("session", {"every": "64"}),
+        ("session", {"gain": float("nan")}),
+        ("session", {"text": "no: score"}),
+        ("session", {"overlay": 3}),
+        ("line", {"line": "load /dev/zero"}),
+        ("line", {"line": "ada plyas knock"}),
+        ("line", {"number": "one"}),
+        ("commit", {"number": 9}),
+        ("commit", {"beat": float("inf")}),
+        ("commit", {"frame": 10**15}),
+        ("end", {"frame": 10**15}),
+    ],
+)
+def test_a_hostile_journal_is_refused_by_a_sentence(tmp_path: Path, event: str, fields: dict):
+    """Nobody's journal makes a render fall over, run on, or read another file."""
+    with closing(session_on(tmp_path, "null")) as session:
+        ok(session, "play")
+        ok(session, "ada plays knock now")
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+    path = tmp_path / "session.jsonl"
+    events = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    changed = next(one for one in reversed(events) if one["event"] == event)
+    changed.update(fields)
+    path.write_text("".join(json.dumps(one) + "\n" for one in events), encoding="utf-8")
+    done = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "x.wav"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode in (1, 2), done.stderr
+    assert "internal error" not in done.stderr
+    assert done.stderr.strip()
+    assert not (tmp_path / "x.wav").exists()

@@ -251,6 +251,7 @@ class Commits:
         change = Change(
             on.start,
             on.stage,
+            before.stage,
             any(one.resets for one in group),
             gains=_moved(before, on),
             damp=on.version.damp,

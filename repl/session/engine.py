@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 class Change:
     """What is different from frame `at` on, a multiple of the engine's tick.
 
-    `stage` takes over from the one before, or where it `resets` begins anew; `gains` (ratios) are
-    of groups of routes; `damp` [s] is the T60 that all is given besides its own.
+    `stage` takes over from what plays `before`, or where it `resets` begins anew; `gains` (ratios)
+    are of groups of routes; `damp` [s] is the T60 that all is given besides its own.
     """
 
     at: int
     stage: Stage
+    before: Stage
     resets: bool = False
     gains: Mapping[int, float] = field(default_factory=dict)
     damp: float | None = None
@@ -109,18 +110,13 @@ class Steps:
         """Begin with a stage at frame 0."""
         self.every = every
         self.frame = 0
-        self._stage = stage
+        self.n_channels = stage.n_channels
         self._simulation: _core.Simulation = stage.simulation
         self._highpass = highpass
         self._mixer = stage.mixer(highpass=highpass)
         self._coming: list[tuple[int, Change]] = []
         self._told: list[Told] = []
         self._tickets = 0
-
-    @property
-    def n_channels(self) -> int:
-        """Loudspeakers."""
-        return self._stage.n_channels
 
     def change(self, change: Change) -> int:
         """Ask for a change; one whose frame has passed is told to be late, and not done."""
@@ -173,11 +169,11 @@ class Steps:
     def _do(self, change: Change) -> None:
         new = change.stage.simulation
         outputs = [] if change.resets else new.take_over(self._simulation)
-        if change.stage.network is not self._stage.network:
+        if change.stage.network is not change.before.network:
             mixer = change.stage.mixer(highpass=self._highpass)
             mixer.take_over(self._mixer, outputs)
             self._mixer = mixer
-        self._simulation, self._stage = new, change.stage
+        self._simulation = new
         for group, gain in change.gains.items():
             self._mixer.set_gain(group, gain)
         new.damp(change.damp)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -66,6 +67,8 @@ class Event:
         value = self.fields.get(name, default)
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise JournalError(f"line {self.number}: {name} is no number")
         if not isinstance(value, kind) and not (default is None and name not in self.fields):
             raise JournalError(f"line {self.number}: {name} is not what a journal says there")
         if value is None and kind is not type(None):

@@ -26,7 +26,7 @@ class Live:
         """Begin to sound. Raises EngineError."""
         self.every = every(stage)
         self._highpass = order.highpass
-        self._stage = stage
+        self._n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
             stage, replace(order, endless=True, loose=True)
         )
@@ -50,13 +50,12 @@ class Live:
 
     def change(self, change: Change) -> int:
         """Hand a change to the physics thread; its ticket."""
-        stage = change.stage
-        is_new = stage.network is not self._stage.network
-        old, self._stage = self._stage, stage
+        stage, before = change.stage, change.before
+        is_new = stage.network is not before.network
         return self._performance.change(
             change.at,
             simulation=stage.simulation,
-            old=None if change.resets else old.simulation,
+            old=None if change.resets else before.simulation,
             mixer=stage.mixer(highpass=self._highpass) if is_new else None,
             gains=list(change.gains.items()),
             damp=change.damp or 0.0,
@@ -86,7 +85,7 @@ class Live:
         away = frozenset(
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
-        return Look(status.load, status.late, status.peaks[: self._stage.n_channels], away)
+        return Look(status.load, status.late, status.peaks[: self._n_channels], away)
 
     def told(self) -> Sequence[Told]:
         """What happened since the last call."""

@@ -18,11 +18,13 @@ from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Desk, NotTakenError, Past, Version, piece_of
+from ergon.scores.staging.stage import MAX_SECONDS
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_EVERY_MAX = 1 << 16  # frames of a tick
 _BLOCK = 4096  # frames between two looks for what is due
 
 
@@ -102,6 +104,9 @@ def opened(path: Path) -> Replay:
     )
     for event in events:
         _heard(replay, event)
+    opening = replay.opening
+    if not (1 <= opening.every <= _EVERY_MAX and opening.gain > 0.0 and opening.limit > 0.0):
+        raise JournalError(f"{path}: no session begins like that")
     return replay
 
 
@@ -143,8 +148,10 @@ class Again:
         self._commits = Commits(self._engine, running, {}, 0, version)
         self._versions = {0: Past.of(version)}
         self._coming = list(replay.commits)
-        self.n_frames = replay.n_frames
         self.rate = running.stage.rate
+        self.n_frames = replay.n_frames
+        if replay.n_frames > MAX_SECONDS * self.rate:
+            raise NotTakenError("it says that it lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
 
     @property
@@ -244,6 +251,8 @@ def deed_of(event: Event, versions: Mapping[int, Past], on: Version) -> Deed:
         commands = parse(event.get("line", str), names(on.piece))
     except Refusal as refusal:
         raise NotTakenError(f"line {event.number}: {refusal.message}") from None
+    if any(type(one) in deeds.READ for one in commands):  # whoever renders it reads no other file
+        raise NotTakenError(f"line {event.number}: what was read then is missing")
     return deeds.together([one for one in commands if type(one) in deeds.DEEDS])
 
 
