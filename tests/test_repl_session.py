@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from sessions import EVERY, Stepped
 
+from ergon.repl.language import commands as c
+from ergon.repl.session import deeds
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
@@ -112,6 +114,14 @@ def test_a_hostile_line_changes_no_sample(tmp_path):
         _hurt(plain, hurt)
 
 
+class PanicException(BaseException):
+    """What a Rust panic is in Python."""
+
+
+def _panicking(command: object) -> object:
+    raise PanicException("index out of bounds")
+
+
 def _at(folder: Path, score: str = SCORE) -> Stepped:
     folder.mkdir()
     return Stepped(score, folder)
@@ -145,6 +155,12 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
         line = bad[count % len(bad)]
         if count >= 2 * len(bad):
             line = "".join(chr(chance.randrange(1, 0x2FF)) for _ in range(chance.randrange(1, 60)))
+        if (
+            count == 100
+        ):  # as pyo3 brings one over: no Exception, so that nothing else would catch it
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setitem(deeds.DEEDS, c.Rest, _panicking)
+                assert "ergon itself" in hurt.type("rest ada").text
         reply = hurt.type(line)
         assert not reply.taken or not line.strip() or line.lstrip().startswith("#"), line
         for stepped in (plain, hurt):
