@@ -65,8 +65,10 @@ class Wishes:
 def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     """Serve a session until somebody leaves."""
     from ergon.repl.prompt.run import history_of_user, run
+    from ergon.repl.prompt.signals import left_to_me
 
-    session = begun(console, path, wishes)
+    with left_to_me():  # not to the physics, nor to who looks after it
+        session = begun(console, path, wishes)
     if run(session, plain=wishes.plain, strict=wishes.strict, history=history_of_user()):
         raise Findings
 

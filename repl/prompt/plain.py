@@ -14,7 +14,7 @@ from typing import TextIO
 
 from .calm import Calm
 from .folded import Folded
-from .signals import Ended, handled
+from .signals import Ended, handled, left_to_me
 from .words import F12, clean, echo, lines_of, typed
 
 _LISTENED = 0.1  # s between two looks at what happened
@@ -41,7 +41,8 @@ class Plain:
         """Serve until the end of input, or somebody leaves; the number of lines refused."""
         refusals = 0
         listener = threading.Thread(target=self._listen, name="ergon-messages", daemon=True)
-        listener.start()
+        with left_to_me():
+            listener.start()
         try:
             with self._terminal():
                 while (text := self._whole_line()) is not None:
@@ -129,12 +130,21 @@ class Plain:
 
     def _interrupted(self, number: int, frame: FrameType | None) -> None:
         if self._reading:  # and never in the middle of what a line does
+            _forget(self._source.fileno())
             raise KeyboardInterrupt
+
+
+def _forget(terminal: int) -> None:
+    """What is typed and not yet entered is gone."""
+    if sys.platform != "win32":
+        import termios
+
+        termios.tcflush(terminal, termios.TCIFLUSH)
 
 
 @contextlib.contextmanager
 def _unfrozen(terminal: int) -> Iterator[None]:
-    """Ctrl-S and Ctrl-Q are letters, not the terminal's own brake."""
+    """Ctrl-S and Ctrl-Q are letters, not the terminal's own brake; Ctrl-C takes no output away."""
     if sys.platform == "win32":
         yield
         return
@@ -143,6 +153,8 @@ def _unfrozen(terminal: int) -> Iterator[None]:
     before = termios.tcgetattr(terminal)
     changed = termios.tcgetattr(terminal)
     changed[0] &= ~termios.IXON
+    # By itself a terminal throws away what is being printed too, and so the next prompt at times.
+    changed[3] |= termios.NOFLSH
     termios.tcsetattr(terminal, termios.TCSANOW, changed)
     try:
         yield

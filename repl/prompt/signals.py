@@ -29,6 +29,23 @@ def handled(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def left_to_me() -> Iterator[None]:
+    """Threads that begin in this block leave signals to the one that begins them.
+
+    Where two come at once the system may give the second to another thread; then the first alone
+    wakes whoever waits for a line, who goes back to wait.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT, *_STOPPING, *_ENDING])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
 def unstopped() -> Iterator[None]:
     r"""Ctrl-Z and Ctrl-\ stop nothing, also where the terminal makes signals of them."""
     # A handler rather than SIG_IGN, which programs that are started from here would inherit.
