@@ -20,7 +20,7 @@ _LINES = (
     "{a} plays {g} every 1 now",
     "{g} = 0@0 smooth 5@1/8 smooth 0@1/2",
     "{b} plays {g} every 2 do scale 0.9",
-    "tempo 66",
+    "tempo 236",
     "gain {i} -3dB",
     "{a} do scale 0.9",
     "rest {b}",
@@ -28,6 +28,7 @@ _LINES = (
     "{b} plays {g} every 1/2 now",
     "? {g}",
 )
+_APART = 1.1  # [s]: more than a bar at 240 bpm, so that a line waits alone
 _MARGIN = 0.006  # [s] as `ergon repl` has it
 
 
@@ -52,7 +53,9 @@ def _answered(what: str, text: str, names: dict[str, str], folder: Path | None =
             gc.collect()
             gc.freeze()
             session.run()
-            session.submit("play")
+            for line in ("play", "tempo 240 now"):
+                session.submit(line)
+            time.sleep(_APART)
             for _ in range(6):
                 for line in _LINES:
                     said = line.format(**names)
@@ -60,7 +63,7 @@ def _answered(what: str, text: str, names: dict[str, str], folder: Path | None =
                     reply = session.submit(said)
                     taken.append(1e3 * (time.perf_counter() - begin))
                     assert reply.taken, f"{said}: {reply.text}"
-                    time.sleep(0.4)
+                    time.sleep(_APART)
             late = session.state().late
         gc.unfreeze()
     taken.sort()

@@ -65,9 +65,7 @@ def rehearsed(piece: Piece, name: str) -> list[Stage]:
 
 
 def _define(command: c.Define, version: Version, beat: float) -> Texts:
-    texts = names.define(version.texts, command.name, command.words["notation"].text)
-    rehearsed(piece_of(texts), command.name)
-    return texts
+    return names.define(version.texts, command.name, command.words["notation"].text)
 
 
 def _plays(command: c.Plays, version: Version, beat: float) -> Texts:
@@ -136,7 +134,6 @@ def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
 
 
 _EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
-    c.Define: _define,
     c.Plays: _plays,
     c.Do: _do,
     c.Rest: _rest,
@@ -213,6 +210,17 @@ def _edit(command: c.Command) -> Deed:
     return lambda version, beat: _read(version, edit(command, version, beat))
 
 
+def _defined_alone(command: c.Define) -> Deed:
+    """A gesture is tried on its keys before it is believed."""
+
+    def deed(version: Version, beat: float) -> Version:
+        made = _read(version, _define(command, version, beat))
+        rehearsed(made.piece, command.name)
+        return made
+
+    return deed
+
+
 def _fade(command: Any) -> Deed:
     fade = _FADES[type(command)]
     return lambda version, beat: replace(
@@ -265,6 +273,7 @@ DEEDS: Mapping[type[c.Command], Callable[[Any], Deed]] = {
     **dict.fromkeys(_FADES, _fade),
     c.Set: _glided,
     c.Guide: _guide,
+    c.Define: _defined_alone,
     c.Hush: _hush,
     c.Damp: _damp,
     c.Load: _load,
