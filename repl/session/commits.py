@@ -55,7 +55,6 @@ class Waiting:
     is_now: bool = False
     made: Running | None = None
     on: Running | None = None  # what it was made to follow
-    version: Version | None = None
     number: int = 0
 
 
@@ -156,15 +155,13 @@ class Commits:
     ) -> None:
         """Lines that are made, and those after them, whose stage is made when they are due."""
         version = made[-1][0].version if made else self.running.version
-        versions = []
         for one in after:
             version = self._version(version, one)
-            versions.append(version)
         # Nothing can fail any more.
         for one, (running, on) in zip(queue, made, strict=True):
-            one.made, one.on, one.version = running, on, running.version
-        for one, own in zip(after, versions, strict=True):
-            one.made, one.on, one.version = None, None, own
+            one.made, one.on = running, on
+        for one in after:
+            one.made = one.on = None
         self.waiting = [*queue, *after]
         self.head = version
 

@@ -39,10 +39,6 @@ class Desk:
         is_heard = part not in self.muted and (not self.solo or part in self.solo)
         return self.master * self.gains.get(part, 1.0) if is_heard else 0.0
 
-    def faded(self, parts: frozenset[str], ratio: float) -> Desk:
-        """With other gains of some instruments."""
-        return replace(self, gains={**self.gains, **dict.fromkeys(parts, ratio)})
-
 
 @dataclass(frozen=True, slots=True)
 class Lead:
