@@ -83,6 +83,11 @@ class Commits:
         """Frames a second."""
         return self.running.stage.rate
 
+    @property
+    def lead(self) -> float:
+        """By how much a version takes over before its beat [s]."""
+        return JOIN + self.engine.every / self.rate
+
     def soonest(self) -> int:
         """The first frame at which a change can still be made: a multiple of the tick."""
         return self.first(_AGAIN * self.took)
@@ -100,7 +105,7 @@ class Commits:
         if not clock.goes:
             return clock.at, start
         tempo = self.head.piece.tempo_map
-        lead = JOIN + self.engine.every / self.rate
+        lead = self.lead
         first = clock.beat(tempo, start / self.rate + lead)
         if isinstance(when, Position):
             beat = self._resolved(when)
@@ -186,8 +191,7 @@ class Commits:
         if one.goes is not None:
             leave = on.beat(one.start)
             tempo = version.piece.tempo_map
-            lead = JOIN + self.engine.every / self.rate
-            clock = started(tempo, enter, seconds + lead) if one.goes else Clock(None, leave)
+            clock = started(tempo, enter, seconds + self.lead) if one.goes else Clock(None, leave)
         made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
         if self.margin:  # else the engine waits
             self.took = max(time.perf_counter() - began, _FORGET * self.took)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from ergon.repl.session.deeds import rehearsed
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.text.document import Mapping, compose
-from ergon.scores.text.errors import Collector
+from ergon.scores.text.document import Mapping
 from ergon.scores.text.spelling import nearest
 
 if TYPE_CHECKING:
@@ -70,8 +69,8 @@ def show(version: Version, name: str | None) -> list[str]:
 
 def _defined(texts: Texts, name: str) -> list[str]:
     known: list[str] = []
-    for file, text in ((texts.path, texts.text), *texts.overlay.items()):
-        document = compose(text, file, Collector())
+    for file in (texts.path, *texts.overlay):
+        document = texts.document(file)
         if not isinstance(document.root, Mapping):
             continue
         for section in _SECTIONS:
