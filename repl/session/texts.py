@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,6 +15,8 @@ from ergon.scores.text.document import Document, Node
 from ergon.scores.text.edit import EditError
 from ergon.scores.text.errors import Collector
 from ergon.scores.text.files import Files, shipped
+from ergon.scores.text.memory import Memory
+from ergon.scores.text.sections import lines
 from ergon.scores.text.syntax import decode
 
 SECTIONS = tuple(SCORE.by_name)  # where a new section goes
@@ -23,11 +24,15 @@ SECTIONS = tuple(SCORE.by_name)  # where a new section goes
 
 @dataclass(frozen=True, slots=True)
 class Texts:
-    """A score's name and text; `overlay` holds texts that stand for files, by their paths."""
+    """A score's name and text; `overlay` holds texts that stand for files, by their paths.
+
+    All that come from one another share a memory, for a line changes little.
+    """
 
     path: str
     text: str
     overlay: Mapping[str, str] = field(default_factory=dict)
+    memory: Memory = field(default_factory=Memory, repr=False, compare=False)
 
     @classmethod
     def read(cls, path: str | Path) -> Texts:
@@ -40,7 +45,7 @@ class Texts:
 
     def load(self) -> Loaded:
         """The piece that these texts are, or what is wrong with them."""
-        return load(self.path, text=self.text, overlay=self.overlay)
+        return load(self.path, text=self.text, overlay=self.overlay, memory=self.memory)
 
     def document(self, file: str | None = None) -> Document:
         """The nodes of the score, or of another file. Raises EditError."""
@@ -62,8 +67,8 @@ class Texts:
 
     def names(self) -> tuple[Names, Uses]:
         """Every name that the score knows, with the node where it is written."""
-        collector = Collector()
-        uses = Uses(Files(collector, self.overlay), collector)
+        collector = self.memory.begin()
+        uses = Uses(Files(collector, self.overlay, self.memory), collector)
         uses.files.home = Path(self.path).parent
         own = uses.files.text(self.path, self.text, Path(self.path).parent)
         return uses.read(own), uses
@@ -90,21 +95,21 @@ class Texts:
         Where they cannot stand alone (an alias, a section that is missing) of the whole text.
         """
         if file is None or file == self.path:
-            lines = _lines(self.text, str(section))
-            if lines is not None:
-                first, last = lines
+            own = lines(self.text, str(section))
+            if own is not None:
+                first, last = own
                 with contextlib.suppress(EditError):
-                    own = change(edit.read(self.text[first:last], self.path))
-                    return self.changed(self.text[:first] + own + self.text[last:])
+                    text = change(edit.read(self.text[first:last], self.path))
+                    return self.changed(self.text[:first] + text + self.text[last:])
         return self.changed(change(self.document(file)), file)
 
     def section(self, name: str) -> Node | None:
         """The node of a section of the score; its places count from the section's first line."""
-        lines = _lines(self.text, name)
+        own = lines(self.text, name)
         root = None
-        if lines is not None:
+        if own is not None:
             with contextlib.suppress(EditError):
-                root = edit.read(self.text[lines[0] : lines[1]], self.path).root
+                root = edit.read(self.text[slice(*own)], self.path).root
         if not isinstance(root, document.Mapping) or [*root.entries] != [name]:
             root = self.document().root
         return root.get(name) if isinstance(root, document.Mapping) else None
@@ -122,18 +127,3 @@ class Texts:
         if min(len(path) for path in paths) == 1:  # a section leaves more than its own lines
             return self.changed(edit.remove(self.document(file), *paths), file)
         return self.edited(paths[0][0], lambda own: edit.remove(own, *paths), file)
-
-
-# A line that begins at the margin with a name: in a block mapping nothing else does.
-_SECTION = re.compile(r"^[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|$)", re.MULTILINE)
-
-
-def _lines(text: str, section: str) -> tuple[int, int] | None:
-    """Where a section's lines begin and end; None where it is not written at the margin."""
-    first = None
-    for match in _SECTION.finditer(text):
-        if first is not None:
-            return first, match.start()
-        if match.group()[:-1].rstrip() == section:
-            first = match.start()
-    return None if first is None else (first, len(text))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, TypeVar
 
 from ergon.instruments import rules
@@ -33,7 +34,7 @@ from ergon.scores.text.errors import quote
 from ergon.scores.text.values import Place
 
 MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
-_Named = TypeVar("_Named", Gesture, TakeFile, Key, Instrument)
+_Named = TypeVar("_Named", Gesture, TakeFile, Key | Instrument)
 
 
 class Checker:
@@ -152,11 +153,7 @@ class Checker:
                 if values is None:
                     self.scene.broken.add(name)
                     continue
-                made: Key | Instrument
-                if section == "keys":
-                    made = _called(build.key(values, self.uses.files), name)
-                else:
-                    made = _called(instrument(values), name)
+                made = _called(self._made(section, entry, values), name)
                 struck = made.struck if isinstance(made, Key) else None
                 modules = {module.name: module for module in made.modules}
                 written = values["modules"] or {}
@@ -166,6 +163,16 @@ class Checker:
                 self._written[name] = (entry, made)
                 self.bodies[name] = _bodies(values)
                 self.written[name] = values
+
+    def _made(self, section: str, entry: Entry, values: Values) -> Key | Instrument:
+        if section == "keys":
+            return build.key(values, self.uses.files)
+        memory = self.uses.files.memory
+        if memory is None or values is not entry.values:  # what begins with another is merged anew
+            return instrument(values)
+        # Under its name, for an alias is one node of several names.
+        key = instrument, values.node, values.context.name
+        return memory.made(key, partial(instrument, values))
 
     def _modules(self) -> None:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""

@@ -13,6 +13,7 @@ from ergon.scores.text.document import Document
 from ergon.scores.text.errors import Collector, Diagnostic, Severity
 from ergon.scores.text.files import Files
 from ergon.scores.text.lasting import lasting
+from ergon.scores.text.memory import Memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,14 +33,19 @@ class Loaded:
 
 @lasting
 def load(
-    path: str | Path, *, text: str | None = None, overlay: Mapping[str, str] | None = None
+    path: str | Path,
+    *,
+    text: str | None = None,
+    overlay: Mapping[str, str] | None = None,
+    memory: Memory | None = None,
 ) -> Loaded:
     """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.
 
-    `overlay` gives texts that stand for files. Nothing is raised for what a composer wrote.
+    `overlay` gives texts that stand for files; `memory` is of who reads again what hardly changes.
+    Nothing is raised for what a composer wrote.
     """
-    collector = Collector()
-    files = Files(collector, overlay)
+    collector = Collector() if memory is None else memory.begin()
+    files = Files(collector, overlay, memory)
     where = Path(path)
     files.home = where.parent
     if text is not None:

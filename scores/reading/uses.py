@@ -70,7 +70,7 @@ class Uses:
         names = self._read[document.file] = Names(document)
         if document.root is None:
             return names
-        score = SCORE.read(document.root, "", Context(self.collector))
+        score = SCORE.read(document.root, "", Context(self.collector, memory=self.files.memory))
         if score is MISSING:
             return names
         names.score = score

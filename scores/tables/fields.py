@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from ergon.scores.tables.shapes import (
@@ -111,7 +112,11 @@ class Record(Shape):
         for word, (key, child) in entries.items():
             if (known := self.by_name.get(word)) is not None:
                 values.nodes[word] = child
-                value = known.shape.read(child, word, context)
+                if context.memory is None:
+                    value = known.shape.read(child, word, context)
+                else:
+                    read = partial(known.shape.read, child, word, context)
+                    value = context.memory.made((child, word), read)
                 if value is not MISSING:
                     values.given[word] = value
             elif word in self.kinds:

@@ -16,6 +16,7 @@ from typing import Any, Final
 from ergon.scores.text import document
 from ergon.scores.text.document import Node, Scalar
 from ergon.scores.text.errors import Collector, TextError, quote
+from ergon.scores.text.memory import Memory
 from ergon.scores.text.spelling import nearest
 from ergon.scores.text.values import Place
 
@@ -47,6 +48,7 @@ class Context:
     owner: str = ""
     name: str = ""
     place: Place | None = None
+    memory: Memory | None = None  # of the sections of a score
 
     def of(self, field_name: str) -> str:
         """`M of key 'k1'`."""

@@ -71,7 +71,8 @@ class Scalar(Node):
         row = bisect_right(table.starts, offset) - 1
         column = offset - table.starts[row]
         room = len(table.row_text(self.text, row)) - column
-        line, column = table.first_row + row + 1, table.indent + column + 1
+        line = self.document.first_row + table.first_row + row + 1
+        column += table.indent + 1
         return Place(self.document.file, line, column, max(1, min(length, room)))
 
     def _indent(self, table: Table) -> int:
@@ -146,6 +147,8 @@ class Document:
     text: str
     root: Node | None = None
     folder: Path = field(default_factory=Path)  # paths in the file are relative to it
+    first_row: int = 0  # where the text begins in its file
+    size: int = 0  # how many nodes there are, aliases written out
     _starts: list[int] = field(default_factory=list, repr=False)
     _tables: dict[int, Table] = field(default_factory=dict, repr=False)
 
@@ -180,7 +183,8 @@ class Document:
     def place(self, index: int, length: int = 1) -> Place:
         """The place of a character."""
         row = self.row(index)
-        return Place(self.file, row + 1, index - self._line_starts()[row] + 1, length)
+        line = self.first_row + row + 1
+        return Place(self.file, line, index - self._line_starts()[row] + 1, length)
 
     def table(self, scalar: Scalar) -> Table:
         """The rows of a literal block, found once: a table of 100,000 asks one by one."""
@@ -202,9 +206,9 @@ class _Refused(Exception):
         self.length = length
 
 
-def compose(text: str, file: str, collector: Collector) -> Document:
+def compose(text: str, file: str, collector: Collector, first_row: int = 0) -> Document:
     """Nodes of a YAML text; `root` is None when nothing is written or the text is refused."""
-    document = Document(file, text)
+    document = Document(file, text, first_row=first_row)
     if len(text) > MAX_BYTES:
         message = f"the file has more than {MAX_BYTES // 2**20} MB; long gestures are takes"
         collector.error("E105", message, Place(file, 1, 1))
@@ -266,6 +270,7 @@ class _Composer:
                 if documents > 1:
                     message = "a second document begins here ('---'); a file is one score"
                     raise _Refused("E104", message, _start(event), 3)
+        self.document.size = self.total
         return self.root
 
     def scalar(self, event: yaml.ScalarEvent) -> None:

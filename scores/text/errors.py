@@ -69,8 +69,15 @@ class Source(Protocol):
 class Collector:
     """Gathers diagnostics; `finish` gives them in file order, each kind up to 20."""
 
+    told: int  # how often something was reported, the same twice too
+
     def __init__(self) -> None:
         """Start with none."""
+        self.clear()
+
+    def clear(self) -> None:
+        """None was reported."""
+        self.told = 0
         self._found: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
@@ -87,6 +94,7 @@ class Collector:
         names: Iterable[str] = (),
     ) -> None:
         """Add one of any severity; with `word`, the nearest of `names` becomes the suggestion."""
+        self.told += 1
         if not message.isprintable():  # a name of a file may hold what moves a terminal
             message = printable(message)
         if (code, message, place) in self._found:  # an alias is read at each of its places

@@ -7,6 +7,8 @@ from pathlib import Path, PurePosixPath
 
 from ergon.scores.text.document import Document, compose
 from ergon.scores.text.errors import Collector
+from ergon.scores.text.memory import Memory
+from ergon.scores.text.sections import remembered
 from ergon.scores.text.syntax import MAX_BYTES, decode
 from ergon.scores.text.values import Place
 
@@ -39,9 +41,15 @@ class Files:
     files of the library too: so a copy that is changed is the one that is meant.
     """
 
-    def __init__(self, collector: Collector, overlay: Mapping[str, str] | None = None) -> None:
-        """Start with nothing read."""
+    def __init__(
+        self,
+        collector: Collector,
+        overlay: Mapping[str, str] | None = None,
+        memory: Memory | None = None,
+    ) -> None:
+        """Start with nothing read, but for what is remembered."""
         self.collector = collector
+        self.memory = memory
         self.documents: dict[str, Document] = {}
         self.home: Path | None = None
         self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
@@ -64,8 +72,12 @@ class Files:
     def text(self, name: str, text: str, folder: Path) -> Document:
         """A document from a text that is at hand."""
         self.collector.file(name)
-        document = compose(text.removeprefix("\ufeff"), name, self.collector)
-        document.folder = folder
+        text = text.removeprefix("\ufeff")
+        if self.memory is not None:
+            document = remembered(text, name, folder, self.collector, self.memory)
+        else:
+            document = compose(text, name, self.collector)
+            document.folder = folder
         self.documents[name] = document
         return document
 
