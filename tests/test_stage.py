@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import Stage, StageError, solo, stage
+from ergon.scores.staging.hands import ALL
+from ergon.scores.staging.stage import Going, Span, Stage, StageError, solo, stage
 from ergon.scores.text.errors import Diagnostic
 
 TAKES = Path(__file__).parents[1] / "scores/library/takes"
@@ -108,3 +109,22 @@ def test_a_piece_may_have_no_tail_and_a_gesture_no_join():
     loaded = load("s.yaml", text=text + "render: {tail: 0s}\n")
     assert loaded.piece is not None, loaded.diagnostics
     assert stage(loaded.piece).n_frames == 11 * 44100  # 2 beats at 120 from 10 s on
+
+
+def test_a_stage_after_another_reads_a_take_again_when_its_file_has_changed(tmp_path: Path):
+    def after(before: Stage | None) -> Stage:
+        text = PLAYED.format(plays="{at: 6|1, play: t}", takes=tmp_path)
+        piece = load("s.yaml", text=text).piece
+        assert piece is not None
+        return stage(piece, planned=True, going=Going((Span(piece, ALL),), before))
+
+    copied = tmp_path / "hand-point-1.csv"
+    copied.write_bytes((TAKES / copied.name).read_bytes())
+    first = after(None)
+    second = after(first)
+    assert [*second.takes.values()] == [*first.takes.values()] != []
+    copied.write_text("t [s],x [mm]\n0,0\n0.25,3\n1,0\n")
+    third = after(second)
+    assert third.takes.keys().isdisjoint(second.takes)
+    played = [(g.name, g.stop - g.start) for g in third.gestures if g.player == "p"]
+    assert played == [("t", pytest.approx(1.0))]

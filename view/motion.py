@@ -14,9 +14,17 @@ _MM = 1000.0
 
 
 def asked_and_done(
-    simulation: Simulation, key: int, struck: int, start: float, stop: float, reach: float = 1.0
+    simulation: Simulation,
+    key: int,
+    struck: int,
+    start: float,
+    stop: float,
+    reach: float = 1.0,
+    points: int = POINTS,
 ) -> tuple[Curve, Curve]:
     """Run from the beginning to `stop` [s] and trace the key from `start` on, in millimetres.
+
+    About `points` of each curve are told.
 
     `key` is the key's index on the timeline, `struck` its struck MAT, which the scene sees move
     `reach` times as far as the key does.
@@ -25,7 +33,7 @@ def asked_and_done(
 
     rate, scale = simulation.rate, _MM / reach
     first, last = int(start * rate + 0.5), int(stop * rate + 0.5)
-    step = max(1, (last - first) // POINTS)
+    step = max(1, (last - first) // points)
     block = np.zeros((4096, simulation.n_out))
     while simulation.frame < first:
         simulation.process(block[: first - simulation.frame])

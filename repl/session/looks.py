@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters: what a glance takes in
+_POINTS = 4  # of a curve for each character: two for each dot
 _LINES_MAX = 40  # of a definition
 _SECTIONS = ("parts", "gestures", "takes", "keys", "instruments", "players", "marks", "strikes")
 
@@ -36,8 +37,10 @@ def drawn(version: Version, name: str) -> list[str]:
     first = alone.gestures[0]
     start, stop = max(0.0, first.start - _ROOM), first.stop
     reach = piece.keys[first.key].reach
-    curves = asked_and_done(alone.simulation, first.key_index, first.struck, start, stop, reach)
     width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    curves = asked_and_done(
+        alone.simulation, first.key_index, first.struck, start, stop, reach, _POINTS * width
+    )
     text = plot(curves, width=width, height=_HEIGHT, x_label="position [mm]")
     return [f"{name} on {first.key}", *text.splitlines()]
 

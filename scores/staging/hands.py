@@ -13,7 +13,6 @@ from ergon import _core
 from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.occurrences import starts
 from ergon.scores.clock.positions import Position
-from ergon.scores.gesture.takes import TakeError, read
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
 from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
@@ -23,8 +22,8 @@ from ergon.scores.reading.piece import (
     Piece,
     Play,
     Player,
-    TakeFile,
 )
+from ergon.scores.staging.takes import Takes
 from ergon.scores.text.errors import Collector, TextError, quote
 from ergon.scores.text.values import Place, Point, Time
 
@@ -93,41 +92,6 @@ class Sources(Sequence[Place]):
         return len(self._of)
 
 
-@dataclass(slots=True)
-class Takes:
-    """Takes of a piece, read and splined when first needed."""
-
-    piece: Piece
-    collector: Collector
-    _read: dict[str, _core.Take | None] = field(default_factory=dict)
-
-    def get(self, name: str) -> _core.Take | None:
-        """The take; None after a report."""
-        if name not in self._read:
-            self._read[name] = self._load(self.piece.takes[name])
-        return self._read[name]
-
-    def _load(self, take: TakeFile) -> _core.Take | None:
-        try:
-            samples = read(take.path, take.channel, rate=take.rate)
-            if samples.damage is not None:
-                message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
-                self.collector.error("W314", message, take.places.get("file", take.place))
-            return _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
-        except TakeError as error:
-            self._refuse(take, error.field, error.message, error.suggestion)
-        except _core.EngineError as error:
-            self._refuse(take, error.module or "file", str(error))
-        return None
-
-    def _refuse(
-        self, take: TakeFile, field: str, message: str, suggestion: str | None = None
-    ) -> None:
-        place = take.places.get(field, take.place)
-        message = f"take {quote(take.name)}: {message}"
-        self.collector.error("E310", message, place, suggestion=suggestion)
-
-
 @dataclass(frozen=True, slots=True)
 class _Shape:
     """A written gesture on its key, but for the instant at which it begins."""
@@ -175,11 +139,10 @@ class Hands:
 
     def other(self, piece: Piece, window: Window) -> Hands:
         """Hands that put what another piece plays on the same timeline and keys."""
-        takes = Takes(piece, self.collector)
         return Hands(
             piece,
             self.timeline,
-            takes,
+            self.takes.of(piece),
             self.collector,
             window,
             self.sources,

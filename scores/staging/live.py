@@ -10,7 +10,8 @@ from ergon import _core
 from ergon.instruments.assemble import Assembly
 from ergon.scores.clock.meter import SAME
 from ergon.scores.reading.piece import Key, Piece, Player
-from ergon.scores.staging.hands import Hands, Takes, Window
+from ergon.scores.staging.hands import Hands, Window
+from ergon.scores.staging.takes import Takes
 from ergon.scores.text.errors import Collector, quote
 
 if TYPE_CHECKING:

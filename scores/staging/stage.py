@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Container, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -15,12 +15,13 @@ from ergon.scores.clock.positions import Position
 from ergon.scores.clock.shifted import NEVER, Elsewhere
 from ergon.scores.reading.piece import Manner, Piece, Play, Player, of_scene
 from ergon.scores.staging.gliding import Glide
-from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Takes, Window
+from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
 from ergon.scores.staging.listening import Listening, listen
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
 from ergon.scores.staging.striking import ANY, Striking
+from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
 from ergon.scores.text.errors import Collector, Diagnostic, quote
 from ergon.scores.text.lasting import lasting
@@ -78,6 +79,7 @@ class Stage:
     plan: _core.Plan | None = None
     is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
+    takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
 
     @property
     def network(self) -> _core.Network:
@@ -160,22 +162,23 @@ def prepare(
     real: Real | None = None,
     silent: Container[str] = (),
     spans: Sequence[Span] | None = None,
-    before: Scene | None = None,
+    like: Stage | None = None,
 ) -> Ready:
     """What is and what will happen in a piece. Raises StageError with every mistake found.
 
     `real`: players whose hands are real, and where each was at every tick, if that is known;
     `silent`: instruments that are not listened to; `spans`: what is played by parts of this piece
-    and of others before it, all of this one if nothing is said; `before`: a scene that may be the
-    piece's own.
+    and of others before it, all of this one if nothing is said; `like`: a stage whose scene may be
+    the piece's own, and whose takes are.
     """
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     try:
-        scene = (before and before.of(piece)) or _scene(piece, silent)
+        scene = (like and like.scene.of(piece)) or _scene(piece, silent)
         assembly, couplings = scene.assembly, scene.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
-        hands = Hands(piece, timeline, Takes(piece, collector), collector)
+        takes = Takes(piece, collector, like.takes if like else {})
+        hands = Hands(piece, timeline, takes, collector)
         # What a session plays has no end that its parts could stand in until.
         rests = spans is not None
         live = tuple(join(piece, real, assembly, timeline, collector, rests=rests))
@@ -225,7 +228,7 @@ def stage(
         piece = replace(piece, seed=seed)
     going = going or Going()
     like = going.like
-    ready = prepare(piece, real, silent, going.spans, like.scene if like is not None else None)
+    ready = prepare(piece, real, silent, going.spans, like)
     native.speed_up(ready.network, ready.n_frames)
     if going.spans is not None:
         ready.timeline.open()
@@ -262,6 +265,7 @@ def stage(
         plan,
         is_kept,
         ready.live,
+        ready.hands.takes.files,
     )
 
 

@@ -1,0 +1,75 @@
+"""Takes that a piece plays: their files are read, and splined, once."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+
+from ergon import _core
+from ergon.scores.gesture.takes import TakeError, read
+from ergon.scores.reading.piece import Piece, TakeFile
+from ergon.scores.text.errors import Collector, quote
+
+
+@dataclass(slots=True)
+class Takes:
+    """Takes of a piece, read and splined when first needed, if they were not `before`.
+
+    Those that are needed are in `files`, each by all that it is made of.
+    """
+
+    piece: Piece
+    collector: Collector
+    before: Mapping[Hashable, _core.Take] = field(default_factory=dict)
+    files: dict[Hashable, _core.Take] = field(default_factory=dict)
+    _read: dict[str, _core.Take | None] = field(default_factory=dict)
+
+    def of(self, piece: Piece) -> Takes:
+        """Those of another piece, from the same files."""
+        return Takes(piece, self.collector, self.before, self.files)
+
+    def get(self, name: str) -> _core.Take | None:
+        """The take; None after a report."""
+        if name not in self._read:
+            self._read[name] = self._load(self.piece.takes[name])
+        return self._read[name]
+
+    def _load(self, take: TakeFile) -> _core.Take | None:
+        made_of = _made_of(take)
+        if (known := self.files.get(made_of) or self.before.get(made_of)) is None:
+            return self._new(take, made_of)
+        self.files[made_of] = known
+        return known
+
+    def _new(self, take: TakeFile, made_of: Hashable) -> _core.Take | None:
+        try:
+            samples = read(take.path, take.channel, rate=take.rate)
+            if samples.damage is not None:
+                message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
+                self.collector.error("W314", message, take.places.get("file", take.place))
+            made = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
+            if samples.damage is None:  # else it is told again
+                self.files[made_of] = made
+            return made
+        except TakeError as error:
+            self._refuse(take, error.field, error.message, error.suggestion)
+        except _core.EngineError as error:
+            self._refuse(take, error.module or "file", str(error))
+        return None
+
+    def _refuse(
+        self, take: TakeFile, field: str, message: str, suggestion: str | None = None
+    ) -> None:
+        place = take.places.get(field, take.place)
+        message = f"take {quote(take.name)}: {message}"
+        self.collector.error("E310", message, place, suggestion=suggestion)
+
+
+def _made_of(take: TakeFile) -> Hashable:
+    """What a take is made of: while this is the same, so is the take."""
+    try:
+        at = take.path.stat()
+        file = at.st_mtime_ns, at.st_size, at.st_ino
+    except OSError:
+        file = None
+    return take.path, file, take.channel, take.rate, take.trim, take.smooth
