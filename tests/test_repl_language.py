@@ -56,7 +56,7 @@ def chain(text: str, start: int = 0):
 
 
 def plays(what: str, **more) -> c.Plays:
-    nothing = dict.fromkeys(("every", "times", "until", "start"))
+    nothing = dict.fromkeys(("every", "times", "until"))
     return c.Plays("ada", what, **{**nothing, "do": (), "manner": UNSAID, **more})
 
 
@@ -76,7 +76,7 @@ SESSION = [
     ("record off", c.RecordOff()),
     (
         "ada plays solo from 4 stretch 2",
-        plays("solo", start=parse_position("4"), do=chain("stretch 2", 12)),
+        plays("solo", do=(*chain("from 4", 5), *chain("stretch 2", 12))),
     ),
     ("undo                                     # at the next bar", c.Undo()),
     ("keep 8bar as verse-2", c.Keep(Length(bars=8), "verse-2")),
@@ -299,7 +299,7 @@ def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, bette
         ("ada plays knock every", "'every' needs a value"),
         ("ada plays knock every 0", "no time at all"),
         ("ada plays knock rate 4kHz", "audio rate"),
-        ("ada plays solo from B", "own beginning"),
+        ("ada plays solo from B", "is not a time"),
         ("ada plays", "a gesture or a take is missing"),
         ("ada", "plays or does what?"),
         ("stop at", "'at' wants a position"),

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ergon import _core
+from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
 from ergon.scores.staging.hands import ALL
 from ergon.scores.staging.stage import Going, Span, Stage, StageError, solo, stage
@@ -128,3 +130,27 @@ def test_a_stage_after_another_reads_a_take_again_when_its_file_has_changed(tmp_
     assert third.takes.keys().isdisjoint(second.takes)
     played = [(g.name, g.stop - g.start) for g in third.gestures if g.player == "p"]
     assert played == [("t", pytest.approx(1.0))]
+
+
+def test_a_take_is_played_from_its_middle():
+    """At 120 bpm two beats are a second; twice as slow and mirrored it passes where it passed."""
+    played = staged("{at: 6|1, play: t, do: [from 2, stretch 2, mirror]}")
+    (mine,) = (g for g in played.gestures if g.player == "p")
+    (whole,) = (g for g in staged("{at: 6|1, play: t}").gestures if g.player == "p")
+    assert mine.start == 10.0
+    assert mine.stop - mine.start == pytest.approx(2 * (whole.stop - whole.start - 1.0))
+    samples = read(TAKES / "hand-point-1.csv")
+    take = _core.Take(samples.t, samples.x)
+    simulation = played.simulation
+    simulation.process(np.zeros((round(12.5 * simulation.rate), simulation.n_out)))
+    wanted = -take.at(float(samples.t[0]) + 1.0 + 0.5 * (12.5 - mine.start))[0]
+    assert abs(wanted) > 1e-3
+    assert simulation.positions()[mine.struck] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_nothing_is_left_of_a_take_that_begins_after_its_end():
+    with pytest.raises(StageError) as raised:
+        staged("{at: 6|1, play: t, do: [from 90s]}")
+    (found,) = raised.value.diagnostics
+    assert (found.code, found.place.line) == ("E308", 8)
+    assert "is no part of a take that lasts" in found.message

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 
-from ergon._core import Take
+from ergon._core import EngineError, Take
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +37,6 @@ def test_the_takes_are_there() -> None:
 def test_spline_is_scipys(path: Path) -> None:
     t, x = read(path)
     take = Take(t, x)
-    assert take.n_samples == len(t)
     assert take.duration == t[-1] - t[0]
     compare(take, make_interp_spline(t, x, k=5, bc_type=NATURAL), np.linspace(t[0], t[-1], 5001))
 
@@ -46,10 +45,21 @@ def test_spline_is_scipys(path: Path) -> None:
 def test_trim_keeps_the_whole_takes_path(path: Path) -> None:
     t, x = read(path)
     take = Take(t, x, trim=(0.7123, 3.3))
-    assert take.n_samples == np.count_nonzero((t >= 0.7123) & (t <= 3.3))
     assert abs(take.duration - 2.5877) < 1e-15
     spline = make_interp_spline(t, x, k=5, bc_type=NATURAL)
     compare(take, spline, np.linspace(0.7123, 3.3, 3001)[1:-1], offset=0.7123)
+
+
+@pytest.mark.parametrize("path", TAKES, ids=lambda path: path.stem)
+def test_a_part_keeps_the_path_of_the_take(path: Path) -> None:
+    t, x = read(path)
+    take = Take(t, x, trim=(0.5, 3.3)).part(0.2123, 2.5)
+    assert take.duration == pytest.approx(2.2877, abs=1e-15)
+    spline = make_interp_spline(t, x, k=5, bc_type=NATURAL)
+    compare(take, spline, np.linspace(0.7123, 3.0, 3001)[1:-1], offset=0.7123)
+    for first, last in ((-0.1, 1.0), (1.0, 1.0), (1.0, 2.3), (float("nan"), 1.0)):
+        with pytest.raises(EngineError, match="is no part of a take that lasts"):
+            take.part(first, last)
 
 
 @pytest.mark.parametrize("path", TAKES, ids=lambda path: path.stem)

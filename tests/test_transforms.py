@@ -155,16 +155,49 @@ def test_quantise_counts_seconds_as_beats():
 
 
 @pytest.mark.parametrize(
+    ("do", "left"),
+    [
+        ("from 1/8", [(0, 0, 6, "smooth"), (0.125, 0, 6, "hold"), (0.875, 0, 0, "throw")]),
+        (
+            "from 50ms",
+            [(0.125, -0.05, 6, "smooth"), (0.25, -0.05, 6, "hold"), (1, -0.05, 0, "throw")],
+        ),
+        ("from 1/4", [(0, 0, 6, "smooth"), (0.75, 0, 0, "throw")]),
+        ("from 0.125s", [(0.25, -0.125, 6, "smooth"), (1, -0.125, 0, "throw")]),
+        (
+            "reverse, from 1/2",
+            [(0.25, 0, 6, "smooth"), (0.375, 0, 6, "hold"), (0.5, 0, 0, "smooth")],
+        ),
+    ],
+)
+def test_from_leaves_out_the_points_before_it(do, left):
+    points, notes = shaped("0@0 smooth 6@1/8 hold 6@1/4 throw 0@1", do, beat=0.5)
+    assert (points, notes) == (left, ())
+
+
+def test_from_beyond_the_end_leaves_the_end():
+    points, notes = shaped("0@0 6@1/8 2@1", "from 3")
+    assert points == [(0, 0, 2, "smooth")]
+    assert notes == ("from: nothing is left but its end",)
+
+
+@pytest.mark.parametrize(
     ("do", "take"),
     [
         ("scale 0.5, mirror", TakeTransform(scale=-0.5)),
         ("stretch 2, reverse, reverse", TakeTransform(stretch=2)),
         ("reverse, shift 1/2, stretch 1/4", TakeTransform(1, 0.25, True, Time(0.125))),
         ("shift -20ms, shift 1", TakeTransform(shift=Time(1, -0.02))),
+        ("stretch 2, from 1", TakeTransform(stretch=2, front=0.25)),
+        ("from 1, stretch 2", TakeTransform(stretch=2, front=0.5)),
+        ("from 1, reverse, from 50ms", TakeTransform(reverse=True, front=0.5, back=0.05)),
+        ("shift 1, from 100ms", TakeTransform(shift=Time(0, 0.4))),
+        ("shift 1, from 2", TakeTransform(front=0.5)),
+        ("shift -1/2, from 1/2", TakeTransform(front=0.5)),
     ],
 )
 def test_transformations_of_a_take_sum_up(do, take):
-    assert apply_to_take(parse_chain(do)) == take
+    assert apply_to_take(parse_chain(do), beat=0.5) == take
 
 
 @pytest.mark.parametrize("do", ["jitter 4ms 0.2mm", "scale 2, quantise 1/8"])

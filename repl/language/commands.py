@@ -56,10 +56,7 @@ class Define(Command):
 
 @dataclass(frozen=True, slots=True)
 class Plays(Command):
-    """`ada plays knock every 1`: in place of what the player plays.
-
-    `start` is where in the gesture or take it begins, counted from its own beginning.
-    """
+    """`ada plays knock every 1`: in place of what the player plays."""
 
     player: str
     what: str
@@ -68,7 +65,6 @@ class Plays(Command):
     until: Position | None
     do: tuple[Transform, ...]
     manner: Manner
-    start: Position | None
 
 
 @dataclass(frozen=True, slots=True)

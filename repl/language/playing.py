@@ -1,4 +1,4 @@
-"""What follows `plays`: the words of a part's table, and where in a take it begins."""
+"""What follows `plays`: the words of a part's table."""
 
 from __future__ import annotations
 
@@ -54,7 +54,6 @@ def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
 _HERE = {
     "at": v.POSITION,
     "until": v.POSITION,
-    "from": v.IN_ITSELF,
     "every": v.LENGTH,
     "times": v.TIMES,
 }
@@ -90,10 +89,7 @@ def _offers(spot: v.Spot) -> Iterator[v.Offer]:
 
 
 # The options of `plays`, each with a line about it.
-HINTS = {
-    **{name: PLAY.by_name[name].doc for name in SHAPES if name not in (*_ELSEWHERE, "at")},
-    "from": "how far into it the first one begins",
-}
+HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in (*_ELSEWHERE, "at")}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 
@@ -123,7 +119,6 @@ def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> P
         options.get("until"),
         play.do,
         manner(options),
-        options.get("from"),
         when=at or when,
         words=said,
     )

@@ -248,14 +248,6 @@ def position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Pos
     return at
 
 
-def _in_itself(text: str, *_: Any) -> Position:
-    at = parse_position(text)
-    if at.mark is not None:
-        message = "marks lie in the piece; say beats or seconds from the gesture's own beginning"
-        raise TextError(message, length=len(text))
-    return at
-
-
 def positions(spot: Spot) -> Iterator[Offer]:
     """Marks, and how a bar is written."""
     yield from listed(spot.scope.marks)
@@ -269,11 +261,6 @@ LENGTH = Value(
 )
 SHIFT = Value("a time, such as 10ms or -10ms", _signed, _with_units("10ms", _LENGTH_UNITS, "time"))
 POSITION = Value("a position, such as 9|1, a mark or 12.5s", position, positions)
-IN_ITSELF = Value(
-    "a time in it, such as 4 (beats) or 2s",
-    _in_itself,
-    _with_units("4", ("", "s", "ms"), "how far into it"),
-)
 GRID = Value(
     "a boundary: now, beat, bar or a length such as 2bar",
     _grid,

@@ -69,8 +69,6 @@ def _define(command: c.Define, version: Version, beat: float) -> Texts:
 
 
 def _plays(command: c.Plays, version: Version, beat: float) -> Texts:
-    if command.start is not None:
-        raise NotTakenError("a part begins what it plays at its beginning; leave out 'from'")
     said = command.words["play"].text
     return parts.play(version.texts, version.piece, command.player, beat, said)
 

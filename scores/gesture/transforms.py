@@ -1,13 +1,13 @@
 """`do:` — what happens to a gesture before it is played: scale, stretch, mirror, reverse, …
 
 Transformations act left to right on points whose times count from the gesture's start. Where beats
-and seconds have to be compared (jitter, quantise) a beat lasts as long as it does at the start of
-the occurrence.
+and seconds have to be compared (jitter, quantise, from) a beat lasts as long as it does at the
+start of the occurrence.
 """
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor
 from typing import NamedTuple, Protocol
 
@@ -21,6 +21,7 @@ NOW = Time()
 LARGEST = 1e4  # of a scale or stretch; a key is not a crane
 # A jittered point keeps a tenth of the way to its neighbour free, so that order survives a rubato.
 JITTER_ROOM = 0.45
+SAME = 1e-9  # [s]: instants that are reckoned in different ways
 
 _TIME = re.compile(rf"({NUMBER})(?:/({NUMBER}))?({UNIT})")
 _POSITION = re.compile(rf"({NUMBER})({UNIT})")
@@ -56,12 +57,17 @@ class Transform:
 
 @dataclass(frozen=True, slots=True)
 class TakeTransform:
-    """What is left of transformations on a take: x·scale at t·stretch, moved by `shift`."""
+    """What is left of transformations on a take: x·scale at t·stretch, moved by `shift`.
+
+    `front` and `back` [s] of the take, as it was captured, are left out.
+    """
 
     scale: float = 1.0
     stretch: float = 1.0
     reverse: bool = False
     shift: Time = NOW
+    front: float = 0.0
+    back: float = 0.0
 
 
 class _Shaped(NamedTuple):
@@ -123,9 +129,13 @@ def apply(
     return shaped, tuple(notes)
 
 
-def apply_to_take(transforms: Sequence[Transform]) -> TakeTransform:
-    """Sum up transformations of a take. Raises TextError for those that need written points."""
+def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTransform:
+    """Sum up transformations of a take. Raises TextError for those that need written points.
+
+    `beat` is the duration [s] of a beat at the start of the occurrence.
+    """
     scale, stretch, reverse, shift = 1.0, 1.0, False, Time()
+    left_out = [0.0, 0.0]  # in front and at the back
     for transform in transforms:
         if transform.word in ("jitter", "quantise"):
             raise TextError(
@@ -139,8 +149,13 @@ def apply_to_take(transforms: Sequence[Transform]) -> TakeTransform:
             stretch *= amount
             shift = Time(shift.beats * amount, shift.seconds * amount)
         reverse ^= transform.word == "reverse"
+        if transform.word == "from":
+            into = (time.beats - shift.beats) * beat + time.seconds - shift.seconds
+            left_out[reverse] += max(0.0, into) / stretch
+            shift = Time(0.0, max(0.0, -into))
+            continue
         shift = Time(shift.beats + time.beats, shift.seconds + time.seconds)
-    return TakeTransform(scale, stretch, reverse, shift)
+    return TakeTransform(scale, stretch, reverse, shift, *left_out)
 
 
 def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Shaped:
@@ -163,6 +178,22 @@ def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Sh
             for p in points
         )
     )
+
+
+def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _Shaped:
+    """Leave out the points before an instant, which becomes the start; the last point stays.
+
+    How the first that is left is reached is a matter of joining.
+    """
+    start = t.time.beats * beat + t.time.seconds
+    late = (i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME)
+    first = next(late, None)
+    if first is None:
+        end = _moved(points[-1], NOW, points[-1].x)
+        return _Shaped((end,), "from: nothing is left but its end")
+    at = [Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first:]]
+    kept = [_moved(p, where, p.x) for p, where in zip(points[first:], at, strict=True)]
+    return _Shaped((replace(kept[0], curve=points[0].curve), *kept[1:]))
 
 
 def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Shaped:
@@ -288,6 +319,7 @@ class _Verb(NamedTuple):
 
 _VERBS = {
     "scale": _Verb("scale 0.5", (("amount", _ratio),), _scale),
+    "from": _Verb("from 4", (("time", _span),), _from),
     "stretch": _Verb("stretch 2", (("amount", _positive),), _stretch),
     "mirror": _Verb("mirror", (), _mirror),
     "reverse": _Verb("reverse", (), _reverse),

@@ -19,7 +19,6 @@ OPTIONS = {
     "every": "1",
     "times": "8",
     "until": "C",
-    "from": "4",
     "touch": "tracked",
     "ergons": "particle",
     "grain": "5ms",

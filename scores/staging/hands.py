@@ -184,8 +184,9 @@ class Hands:
         tempo = self.piece.tempo_map
         at = tempo.resolve(play.at)
         until = None if play.until is None else tempo.resolve(play.until)
-        shape = apply_to_take(play.do)
-        length = Time(shape.shift.beats, shape.shift.seconds + take.duration * shape.stretch)
+        shape = apply_to_take(play.do, 60.0 / tempo.bpm(at))
+        lasting = (take.duration - shape.front - shape.back) * shape.stretch
+        length = Time(shape.shift.beats, shape.shift.seconds + lasting)
         try:
             return starts(tempo, at, length, times=play.times, until=until)
         except TextError as error:
@@ -274,14 +275,16 @@ class Hands:
 
     def _taken(self, play: Play, take: _core.Take, start: float) -> None:
         tempo = self.piece.tempo_map
-        shape = apply_to_take(play.do)
+        shape = apply_to_take(play.do, 60.0 / tempo.bpm(start))
         at = tempo.instant(start, shape.shift)
-        stop = at + take.duration * shape.stretch
+        stop = at + (take.duration - shape.front - shape.back) * shape.stretch
         if stop <= self.window.after:
             return
         options = self._options(play, play.manner.over(DEFAULT_MANNER))
         index, struck = self._keys[self._key_of(play)]
         try:
+            if shape.front or shape.back:
+                take = take.part(shape.front, take.duration - shape.back)
             self.timeline.take(
                 index,
                 take,

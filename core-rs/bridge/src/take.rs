@@ -33,10 +33,9 @@ impl Take {
         self.0.duration()
     }
 
-    /// How many captured samples it keeps.
-    #[getter]
-    fn n_samples(&self) -> usize {
-        self.0.n_samples()
+    /// What lies between two instants [s], counted from its first one.
+    fn part(&self, first: f64, last: f64) -> PyResult<Self> {
+        self.0.part(first, last).map(Self).map_err(refused)
     }
 
     /// Position, velocity, acceleration at t [s].

@@ -257,7 +257,8 @@ class Take:
         smooth: float | None = None,
     ) -> Self: ...
     duration: float
-    n_samples: int
+    def part(self, first: float, last: float) -> Take:
+        """What lies between two instants [s], counted from its first one; raises EngineError."""
     def at(self, t: float) -> tuple[float, float, float]:
         """Position, velocity, acceleration at t [s]."""
     def positions(self, t: _Floats) -> _Floats:

@@ -16,7 +16,6 @@ pub const MAX_SAMPLES: usize = 20_000_000;
 #[derive(Clone, Debug)]
 pub struct Take {
     profile: Arc<Profile>,
-    n_samples: usize,
 }
 
 /// Why samples make no take.
@@ -77,6 +76,16 @@ pub enum TakeError {
         /// Last instant [s].
         stop: f64,
     },
+    /// A part that reaches beyond the take, or holds nothing.
+    #[error("{from} s to {to} s is no part of a take that lasts {stop} s")]
+    Part {
+        /// Wanted start [s].
+        from: f64,
+        /// Wanted end [s].
+        to: f64,
+        /// How long the take lasts [s].
+        stop: f64,
+    },
     /// `smooth` that these samples cannot carry.
     #[error(
         "smooth {cutoff} Hz must lie above 0 and below half of the {rate} samples a second \
@@ -100,7 +109,7 @@ pub struct Care {
 }
 
 impl Take {
-    /// The take of samples (`t` [s], `x` [m]), both (n_samples,).
+    /// The take of samples (`t` [s], `x` [m]), both (n,).
     ///
     /// `smooth` sees the whole take, then `trim` cuts the finished path, so that its ends pass
     /// exactly where the whole take does.
@@ -118,7 +127,6 @@ impl Take {
         let Some((from, to)) = care.trim else {
             return Ok(Self {
                 profile: Arc::new(profile),
-                n_samples: t.len(),
             });
         };
         let (start, stop) = (profile.start(), profile.stop());
@@ -130,10 +138,21 @@ impl Take {
                 stop,
             });
         }
-        let n_samples = t.iter().filter(|&&t| from <= t && t <= to).count();
         Ok(Self {
             profile: Arc::new(profile.trimmed(from, to).earlier(from)),
-            n_samples,
+        })
+    }
+
+    /// What lies between two instants [s], counted from its first one; the path stays exactly the same.
+    pub fn part(&self, from: f64, to: f64) -> Result<Self, TakeError> {
+        let stop = self.duration();
+        if !(0.0 <= from && from < to && to <= stop) {
+            return Err(TakeError::Part { from, to, stop });
+        }
+        let start = self.profile.start();
+        let part = self.profile.trimmed(start + from, start + to);
+        Ok(Self {
+            profile: Arc::new(part.earlier(start + from)),
         })
     }
 
@@ -158,11 +177,6 @@ impl Take {
     /// From its first instant to its last [s].
     pub fn duration(&self) -> f64 {
         self.profile.stop() - self.profile.start()
-    }
-
-    /// How many captured samples it keeps.
-    pub fn n_samples(&self) -> usize {
-        self.n_samples
     }
 }
 
