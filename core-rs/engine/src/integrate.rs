@@ -26,6 +26,7 @@ pub(crate) use way::Way;
 
 use std::sync::Arc;
 
+use crate::kernel::crew::Crew;
 use crate::network::{Error, Network};
 use crate::units::Rate;
 use mesh::Mesh;
@@ -33,7 +34,13 @@ use mesh::Mesh;
 /// What every method does.
 trait Method {
     /// Go on one step of the mesh's rate; impulses [N·s] act at its beginning.
-    fn step(&mut self, impulses: &[(usize, f64)]);
+    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>);
+    /// Be ready for a crew of so many threads, where that gains anything.
+    fn share(&mut self, _threads: usize) {}
+    /// Whether a crew can share its work.
+    fn is_shared(&self) -> bool {
+        false
+    }
     /// Positions now [m]                                            (n_mat)
     fn x(&self) -> &[f64];
     /// Velocity of a MAT now, before any impulse of this frame [m/s].
@@ -112,11 +119,11 @@ impl Integrator {
     }
 
     /// From frame n to n+1: impulses (MAT, [N·s]) act at the beginning of the frame.
-    pub(crate) fn step(&mut self, impulses: &[(usize, f64)]) {
+    pub(crate) fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
         let method = self.motion.method_mut();
-        method.step(impulses);
+        method.step(impulses, crew);
         for _ in 1..self.substeps {
-            method.step(&[]);
+            method.step(&[], crew);
         }
     }
 
@@ -147,6 +154,16 @@ impl Integrator {
     /// All MATs are set.
     pub(crate) fn settle(&mut self) {
         self.motion.method_mut().settle();
+    }
+
+    /// Be ready for a crew of so many threads, where that gains anything; the bits stay the same.
+    pub(crate) fn share(&mut self, threads: usize) {
+        self.motion.method_mut().share(threads);
+    }
+
+    /// Whether a crew can share its work.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.motion.method().is_shared()
     }
 
     /// Positions at the frame [m], (n_mat).

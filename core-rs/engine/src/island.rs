@@ -29,6 +29,7 @@ use std::sync::Arc;
 use crate::gesture::script::{Gesture, Report};
 use crate::gesture::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
+use crate::kernel::crew::Crew;
 use crate::network::Network;
 use crate::scheme::{Laws, Scheme};
 use crate::state::{Body, Target};
@@ -105,17 +106,22 @@ impl Island {
     /// Go on `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
     ///
     /// Fails with the first part that goes non-finite, unless faults are muted.
-    pub(crate) fn process(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
+    pub(crate) fn process(
+        &mut self,
+        out: &mut [f64],
+        n_frames: usize,
+        crew: &mut Crew<'_>,
+    ) -> Result<(), Fault> {
         let n_out = self.n_out();
-        (0..n_frames).try_for_each(|k| self.frame(&mut out[k * n_out..(k + 1) * n_out]))
+        (0..n_frames).try_for_each(|k| self.frame(&mut out[k * n_out..(k + 1) * n_out], crew))
     }
 
     /// One frame of the scene: the first of its steps is heard.
-    fn frame(&mut self, out: &mut [f64]) -> Result<(), Fault> {
-        self.step(out)?;
+    fn frame(&mut self, out: &mut [f64], crew: &mut Crew<'_>) -> Result<(), Fault> {
+        self.step(out, crew)?;
         if self.times > 1 {
             let mut unheard = std::mem::take(&mut self.state.unheard);
-            let done = (1..self.times).try_for_each(|_| self.step(&mut unheard));
+            let done = (1..self.times).try_for_each(|_| self.step(&mut unheard, crew));
             self.state.unheard = unheard;
             done?;
         }
@@ -123,7 +129,7 @@ impl Island {
     }
 
     /// One frame: forces, outputs, hands, contacts, masses.
-    fn step(&mut self, out: &mut [f64]) -> Result<(), Fault> {
+    fn step(&mut self, out: &mut [f64], crew: &mut Crew<'_>) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;
         let mut gliding = state.scheme.take();
@@ -141,7 +147,7 @@ impl Island {
             }
         }
         hands::arrive(&script.grips, &mut state.touches, n, &mut state.body);
-        kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws);
+        kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws, crew);
         state.targets.clear();
         for drive in &script.drives {
             drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
@@ -175,9 +181,15 @@ impl Island {
             ledger.before(scheme, &state.targets, &state.body);
         }
         for body in &mut state.bodies {
-            body.step(n, &state.body.force);
+            body.step(n, &state.body.force, crew);
         }
-        let sound = kernel::advance(scheme, &mut state.targets, &mut state.body);
+        let sound = kernel::advance(
+            scheme,
+            &mut state.targets,
+            &mut state.body,
+            state.laws.halves.as_ref(),
+            crew,
+        );
         let mut bodies_sound = true;
         for body in &state.bodies {
             body.place(&mut state.body);
@@ -207,6 +219,12 @@ impl Island {
     /// Positions now [m], (n_mat).
     pub(crate) fn positions(&self) -> &[f64] {
         &self.state.body.x
+    }
+
+    /// Whether a crew can share its work.
+    pub(crate) fn is_shared(&self) -> bool {
+        let state = &self.state;
+        state.laws.halves.is_some() || state.bodies.iter().any(inside::Playing::is_shared)
     }
 
     /// How many steps make a frame of the scene.

@@ -1,8 +1,10 @@
 //! The inner loops: one file per kind of work. They know no names, no scores, no reasons.
 
 pub(crate) mod bank;
+pub(crate) mod crew;
 pub(crate) mod dense;
 mod exact;
+pub(crate) mod halves;
 mod mats;
 pub(crate) mod ports;
 mod runs;

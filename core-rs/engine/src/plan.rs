@@ -97,7 +97,7 @@ pub(crate) enum Unit {
 
 impl Unit {
     /// Nanoseconds a frame, by the table of costs.
-    fn cost(&self) -> f64 {
+    pub(crate) fn cost(&self) -> f64 {
         match self {
             Self::Isle(isle) => {
                 let bodies = isle.bodies.iter().map(row::body_cost);

@@ -19,7 +19,8 @@ use std::sync::Arc;
 use crate::island::fine::may_be_fine;
 use discretise::Ties;
 
-use crate::kernel::springs::Spring;
+use crate::kernel::halves::Halves;
+use crate::kernel::springs::{Pull, Spring};
 use crate::law::{Hardening, Law, Scratch};
 use crate::network::{But, Error, MatKind, Network, Output};
 use crate::units::Rate;
@@ -72,6 +73,7 @@ impl Run {
             q,
             z,
             rest: self.rest,
+            pull: Pull::Both(self.a, self.b),
         })
     }
 }
@@ -121,6 +123,8 @@ pub(crate) struct Laws {
     pub(crate) v: Vec<f64>,
     /// Forces of one run of springs                      (longest fused run)
     pub(crate) room: Vec<f64>,
+    /// The springs again, cut for some threads; where there is one, none.
+    pub(crate) halves: Option<Halves>,
     /// One for each law                                  (n_laws)
     pub(crate) scratch: Vec<Scratch>,
     /// For native code, which all laws share            (largest)
@@ -134,6 +138,7 @@ impl Scheme {
             e: Vec::new(),
             v: Vec::new(),
             room: vec![0.0; self.fused.iter().map(|run| run.len).max().unwrap_or(0)],
+            halves: None,
             scratch: Vec::new(),
             native: Vec::new(),
         };

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex};
 use crate::bank::Bank;
 use crate::gesture::script::Report;
 use crate::island::{Island, Taken};
+use crate::kernel::crew::{Crew, flushed};
 use crate::network::{Error, Network};
 use crate::plan::{Isle, Plan, Unit, whole};
 use crate::timeline::Timeline;
@@ -27,6 +28,8 @@ const STRETCH: usize = 256;
 const LONG: usize = 4_096;
 /// Units are added up in so many groups at most, whatever the threads that compute them.
 const GROUPS: usize = 16;
+/// So much of a helper's time is a gain where several go through one mesh together.
+const HELP: f64 = 0.7;
 
 /// A network that plays.
 #[derive(Clone, Debug)]
@@ -43,6 +46,8 @@ struct Group {
     /// Index of the first in the plan.
     first: usize,
     units: Vec<Playing>,
+    /// Threads that go through its large meshes together.
+    crew: usize,
     /// (STRETCH or LONG · n_out)
     sum: Vec<f64>,
     /// One island's   (STRETCH · its n_out)
@@ -79,6 +84,7 @@ impl Simulation {
         for range in plan.groups(GROUPS) {
             let mut group = Group {
                 first: range.start,
+                crew: 1,
                 units: Vec::with_capacity(range.len()),
                 sum: vec![0.0; n_out * stretch],
                 sound: Vec::new(),
@@ -88,10 +94,12 @@ impl Simulation {
             }
             groups.push(group);
         }
+        let threads = options.threads.max(1);
+        crews(&mut groups, &plan, threads);
         Ok(Self {
             plan,
             groups,
-            threads: options.threads.max(1),
+            threads,
             frame: 0,
         })
     }
@@ -173,7 +181,11 @@ impl Simulation {
         let faults: Vec<Fault> = if self.threads == 1 {
             self.groups.iter_mut().filter_map(run).collect()
         } else {
-            shared(&mut self.groups, self.threads, &run)
+            let (large, small): (Vec<_>, Vec<_>) =
+                self.groups.iter_mut().partition(|group| group.crew > 1);
+            let mut faults: Vec<Fault> = large.into_iter().filter_map(run).collect();
+            faults.extend(shared(small, self.threads, &run));
+            faults
         };
         let fault = faults.into_iter().min_by_key(|fault| fault.frame);
         for frame in out.chunks_exact_mut(n_out.max(1)) {
@@ -393,37 +405,93 @@ impl Group {
         sum.fill(0.0);
         let mut fault: Option<Fault> = None;
         for (playing, unit) in self.units.iter_mut().zip(&plan.units[self.first..]) {
-            for from in (0..n_frames).step_by(STRETCH) {
-                let n_frames = STRETCH.min(n_frames - from);
-                let out = &mut sum[n_out * from..n_out * (from + n_frames)];
-                match (&mut *playing, unit) {
-                    (Playing::Bank(bank), _) => bank.process(out, n_out, n_frames),
-                    (Playing::Island(island), Unit::Isle(isle)) => {
-                        let own = island.n_out();
-                        let sound = &mut self.sound[..own * n_frames];
-                        if let Err(new) = island.process(sound, n_frames) {
-                            let new = new.at_frame(island.times());
-                            let is_first = fault.as_ref().is_none_or(|old| new.frame < old.frame);
-                            fault = if is_first { Some(new) } else { fault };
-                            break;
-                        }
-                        add(sound, own, isle, out, n_out);
-                    }
-                    (Playing::Island(_), Unit::Bank(_)) => {}
-                }
-            }
+            let crew = if playing.is_shared() { self.crew } else { 1 };
+            let found = Crew::with(crew, |crew| {
+                (0..n_frames).step_by(STRETCH).find_map(|from| {
+                    let n_frames = STRETCH.min(n_frames - from);
+                    let out = &mut sum[n_out * from..n_out * (from + n_frames)];
+                    playing.go_on(unit, &mut self.sound, out, (n_out, n_frames), crew)
+                })
+            });
+            let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);
+            fault = found.filter(is_first).or(fault);
         }
         fault
     }
 }
 
+impl Playing {
+    /// A few frames, added to `out` (n_frames · n_out); `sound` is room for its own.
+    fn go_on(
+        &mut self,
+        unit: &Unit,
+        sound: &mut [f64],
+        out: &mut [f64],
+        (n_out, n_frames): (usize, usize),
+        crew: &mut Crew<'_>,
+    ) -> Option<Fault> {
+        match (self, unit) {
+            (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
+            (Self::Island(island), Unit::Isle(isle)) => {
+                let own = island.n_out();
+                let sound = &mut sound[..own * n_frames];
+                if let Err(fault) = island.process(sound, n_frames, crew) {
+                    return Some(fault.at_frame(island.times()));
+                }
+                add(sound, own, isle, out, n_out);
+            }
+            (Self::Island(_), Unit::Bank(_)) => {}
+        }
+        None
+    }
+
+    /// Whether a crew can share its work.
+    fn is_shared(&self) -> bool {
+        matches!(self, Self::Island(island) if island.is_shared())
+    }
+}
+
+/// Give groups with large meshes a crew, where that is quicker than a thread for each group.
+fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
+    // Who waits for a helper that has no processor waits long.
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let crew = threads.min(processors);
+    let costs = |group: &Group| -> f64 {
+        let units = &plan.units[group.first..][..group.units.len()];
+        units.iter().map(Unit::cost).sum()
+    };
+    // Of groups side by side: the dearest takes longest, or all of them on all threads.
+    let beside = |costs: &[f64]| {
+        let longest = costs.iter().copied().fold(0.0, f64::max);
+        longest.max(costs.iter().sum::<f64>() / crew as f64)
+    };
+    let (mut all, mut large, mut small) = (Vec::new(), 0.0, Vec::new());
+    for group in &*groups {
+        let cost = costs(group);
+        all.push(cost);
+        if group.units.iter().any(Playing::is_shared) {
+            large += cost;
+        } else {
+            small.push(cost);
+        }
+    }
+    let together = large / (1.0 + HELP * (crew - 1) as f64) + beside(&small);
+    if crew > 1 && together < beside(&all) {
+        let large = |group: &&mut Group| group.units.iter().any(Playing::is_shared);
+        groups
+            .iter_mut()
+            .filter(large)
+            .for_each(|group| group.crew = crew);
+    }
+}
+
 /// Run every group, each by the next thread that is free.
 fn shared(
-    groups: &mut [Group],
+    groups: Vec<&mut Group>,
     threads: usize,
     run: &(impl Fn(&mut Group) -> Option<Fault> + Sync),
 ) -> Vec<Fault> {
-    let waiting = Mutex::new(groups.iter_mut());
+    let waiting = Mutex::new(groups.into_iter());
     let faults = Mutex::new(Vec::new());
     let work = || {
         // A poisoned lock is a thread that panicked: the scope passes that on.
@@ -454,10 +522,4 @@ fn add(sound: &[f64], own: usize, isle: &Isle, out: &mut [f64], n_out: usize) {
             frame[whole(&isle.to_whole.outputs, local)] += heard;
         }
     }
-}
-
-/// Run with denormals flushed to zero: decaying networks end in them, and they are slow.
-fn flushed<T>(run: impl FnOnce() -> T) -> T {
-    // SAFETY: nothing inside relies on gradual underflow; the guard restores the mode on the way out.
-    unsafe { no_denormals::no_denormals(run) }
 }

@@ -4,6 +4,8 @@
 mod blocks;
 #[path = "scenes/carry.rs"]
 mod carry;
+#[path = "scenes/crews.rs"]
+mod crews;
 #[path = "scenes/damping.rs"]
 mod damping;
 #[path = "scenes/faults.rs"]

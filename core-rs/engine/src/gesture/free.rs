@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::island::slow::{self, Slow};
 use crate::kernel;
+use crate::kernel::crew::Crew;
 use crate::scheme::{Kind, Laws, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
@@ -169,7 +170,7 @@ impl FreeKey {
         targets: &mut Vec<Target>,
     ) {
         let body = &mut motion.body;
-        kernel::links(&self.scheme, &[], body, laws);
+        kernel::links(&self.scheme, &[], body, laws, &mut Crew::alone());
         targets.clear();
         for drive in &self.drives {
             drive.apply(n, self.scheme.rate, body, targets);
@@ -221,7 +222,7 @@ impl FreeKey {
         body.force[self.struck] += force;
         kernel::contacts(&self.scheme, &[], targets, body);
         slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
-        kernel::advance(&self.scheme, targets, body);
+        kernel::advance(&self.scheme, targets, body, None, &mut Crew::alone());
         slow.iter().for_each(|slow| slow.place(body));
     }
 

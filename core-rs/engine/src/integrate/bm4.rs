@@ -11,6 +11,7 @@ use std::sync::Arc;
 use super::Method;
 use super::mesh::{Mesh, Room};
 use super::passes;
+use crate::kernel::crew::Crew;
 use crate::maths;
 use crate::network::Network;
 
@@ -48,9 +49,10 @@ impl Bm4 {
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
         let (mut room, zeros) = (mesh.room(), vec![0.0; x.len()]);
         let mut force = zeros.clone();
-        mesh.elastic(&x, &mut room, &mut force);
+        let crew = &mut Crew::alone();
+        mesh.elastic(&x, &mut room, &mut force, crew);
         let mut viscous = zeros.clone();
-        mesh.viscous(&x, &v, &mut room, &mut viscous);
+        mesh.viscous([&x, &v], &mut room, &mut viscous, crew);
         let zeta = &mesh.scheme.zeta;
         let exact = !mesh.damped && zeta.iter().any(|zeta| *zeta != 0.0);
         let stages = STAGES.iter().filter(|_| exact);
@@ -68,20 +70,30 @@ impl Bm4 {
     }
 
     /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` counts.
-    fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2]) {
+    fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], crew: &mut Crew<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
-        let ties = mesh.ties();
-        let (x, v) = (&mut self.x, &mut self.v);
+        let (x, v, force) = (&mut self.x, &mut self.v, &self.force);
         if mesh.damped {
-            let forces = [&self.force[..], &self.viscous[..]];
-            passes::midway(0.5 * b, ties, forces, [x, v], &mut self.midway);
-            mesh.viscous(x, &self.midway, room, &mut self.viscous);
-            let forces = [&self.force[..], &self.viscous[..]];
-            passes::lossy_kick_drift([b, a], ties, forces, &self.midway, x, v);
-        } else if let Some([decay, gain]) = self.losses.get(stage) {
-            passes::decaying_kick_drift(a, [decay, gain], ties, &self.force, x, v);
+            let (viscous, midway) = (&mut self.viscous, &mut self.midway);
+            mesh.ranges(room, crew, [&mut *midway], |mats, ties, [midway]| {
+                let forces = [&force[mats.clone()], &viscous[mats.clone()]];
+                let motion = [&x[mats.clone()], &v[mats]];
+                passes::midway(0.5 * b, ties, forces, motion, midway);
+            });
+            mesh.viscous([x, midway], room, viscous, crew);
+            mesh.ranges(room, crew, [x, v], |mats, ties, [x, v]| {
+                let forces = [&force[mats.clone()], &viscous[mats.clone()]];
+                passes::lossy_kick_drift([b, a], ties, forces, &midway[mats], x, v);
+            });
+        } else if let Some(losses) = self.losses.get(stage) {
+            mesh.ranges(room, crew, [x, v], |mats, ties, [x, v]| {
+                let losses = losses.each_ref().map(|all| &all[mats.clone()]);
+                passes::decaying_kick_drift(a, losses, ties, &force[mats], x, v);
+            });
         } else {
-            passes::kick_drift([b, a], ties, &self.force, x, v);
+            mesh.ranges(room, crew, [x, v], |mats, ties, [x, v]| {
+                passes::kick_drift([b, a], ties, &force[mats], x, v);
+            });
         }
     }
 }
@@ -100,15 +112,24 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
 }
 
 impl Method for Bm4 {
-    fn step(&mut self, impulses: &[(usize, f64)]) {
+    fn share(&mut self, threads: usize) {
+        self.mesh.share(&mut self.room, threads);
+    }
+
+    fn is_shared(&self) -> bool {
+        self.room.halves().is_some()
+    }
+
+    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
         for &(mat, impulse) in impulses {
             self.v[mat] += self.mesh.jump(mat, impulse);
         }
         for (at, stage) in STAGES.into_iter().enumerate() {
-            self.kick_drift(at, stage);
-            self.mesh.elastic(&self.x, &mut self.room, &mut self.force);
+            self.kick_drift(at, stage, crew);
+            self.mesh
+                .elastic(&self.x, &mut self.room, &mut self.force, crew);
         }
-        self.kick_drift(0, [B1, 0.0]);
+        self.kick_drift(0, [B1, 0.0], crew);
     }
 
     fn x(&self) -> &[f64] {
@@ -137,9 +158,10 @@ impl Method for Bm4 {
         for (v, half) in self.v.iter_mut().zip(&self.midway) {
             *v += half;
         }
-        self.mesh.elastic(&self.x, &mut self.room, &mut self.force);
-        self.mesh
-            .viscous(&self.x, &self.v, &mut self.room, &mut self.viscous);
+        let (room, crew) = (&mut self.room, &mut Crew::alone());
+        self.mesh.elastic(&self.x, room, &mut self.force, crew);
+        let motion = [&self.x[..], &self.v];
+        self.mesh.viscous(motion, room, &mut self.viscous, crew);
     }
 
     fn pace(&mut self) -> &mut [f64] {

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use super::Method;
 use super::mesh::Mesh;
 use crate::kernel;
+use crate::kernel::crew::Crew;
+use crate::kernel::halves::Halves;
 use crate::network::Network;
 use crate::scheme::{Laws, Scheme, backward_steps};
 use crate::state::Body;
@@ -27,7 +29,7 @@ impl Ca {
         let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[]);
         scheme.fuse(|_| false);
         let (mut body, mut laws) = (Body::new(&scheme, x, d), scheme.laws());
-        kernel::links(&scheme, &[], &mut body, &mut laws);
+        kernel::links(&scheme, &[], &mut body, &mut laws, &mut Crew::alone());
         Self {
             mesh,
             scheme,
@@ -38,14 +40,23 @@ impl Ca {
 }
 
 impl Method for Ca {
-    fn step(&mut self, impulses: &[(usize, f64)]) {
+    fn share(&mut self, threads: usize) {
+        self.laws.halves = Halves::of(&self.scheme.fused, self.scheme.n_mat(), threads);
+    }
+
+    fn is_shared(&self) -> bool {
+        self.laws.halves.is_some()
+    }
+
+    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
         let scheme = &self.scheme;
         for &(mat, impulse) in impulses {
             self.body.push(mat, impulse * scheme.rate);
         }
         kernel::contacts(scheme, &[], &[], &mut self.body);
-        kernel::advance(scheme, &mut [], &mut self.body);
-        kernel::links(scheme, &[], &mut self.body, &mut self.laws);
+        let halves = self.laws.halves.as_ref();
+        kernel::advance(scheme, &mut [], &mut self.body, halves, crew);
+        kernel::links(scheme, &[], &mut self.body, &mut self.laws, crew);
     }
 
     fn x(&self) -> &[f64] {
@@ -65,7 +76,8 @@ impl Method for Ca {
     }
 
     fn settle(&mut self) {
-        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws);
+        let crew = &mut Crew::alone();
+        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, crew);
     }
 
     fn pace(&mut self) -> &mut [f64] {

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use super::Method;
 use super::mesh::{Mesh, Room};
 use super::passes;
+use crate::kernel::crew::Crew;
 use crate::network::Network;
 
 #[derive(Clone, Debug)]
@@ -52,18 +53,20 @@ impl Ca2p {
             d,
             mesh,
         };
-        it.mesh.elastic(&it.there, &mut it.room, &mut it.elastic);
-        it.look();
+        let crew = &mut Crew::alone();
+        it.mesh
+            .elastic(&it.there, &mut it.room, &mut it.elastic, crew);
+        it.look(crew);
         it
     }
 
     /// The first pass: forces at the present frame.
-    fn look(&mut self) {
+    fn look(&mut self, crew: &mut Crew<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
         std::mem::swap(&mut self.elastic, &mut self.elastic_before);
-        mesh.elastic(&self.x, room, &mut self.elastic);
+        mesh.elastic(&self.x, room, &mut self.elastic, crew);
         if mesh.damped {
-            mesh.viscous(&self.x, &self.d, room, &mut self.viscous);
+            mesh.viscous([&self.x, &self.d], room, &mut self.viscous, crew);
         }
     }
 }
@@ -80,7 +83,7 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
         for (ahead, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
             let at: Vec<f64> = (0..n).map(|i| x[i] + ahead * h * there[i][0]).collect();
             let speed: Vec<f64> = (0..n).map(|i| v[i] + ahead * h * there[i][1]).collect();
-            mesh.total(&at, &speed, room, &mut force);
+            mesh.total([&at, &speed], room, &mut force, &mut Crew::alone());
             let scheme = &mesh.scheme;
             for i in 0..n {
                 let a = force[i] * scheme.w[i]
@@ -103,32 +106,43 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
 }
 
 impl Method for Ca2p {
-    fn step(&mut self, impulses: &[(usize, f64)]) {
+    fn share(&mut self, threads: usize) {
+        self.mesh.share(&mut self.room, threads);
+    }
+
+    fn is_shared(&self) -> bool {
+        self.room.halves().is_some()
+    }
+
+    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
-        passes::look(
-            mesh.ties(),
-            [&self.elastic, &self.viscous],
-            [&self.x, &self.d],
-            &mut self.there,
-            &mut self.v,
-        );
+        let [elastic, viscous] = [&self.elastic, &self.viscous];
+        let (x, d, there, v) = (&self.x, &self.d, &mut self.there, &mut self.v);
+        mesh.ranges(room, crew, [there, v], |mats, ties, [there, v]| {
+            let forces = [elastic, viscous].map(|all| &all[mats.clone()]);
+            let motion = [x, d].map(|all| &all[mats.clone()]);
+            passes::look(ties, forces, motion, there, v);
+        });
         for &(mat, impulse) in impulses {
             let jump = mesh.jump(mat, impulse);
             self.there[mat] += jump * (1.0 / 6.0);
             self.v[mat] += 0.5 * jump;
         }
-        mesh.total(&self.there, &self.v, room, &mut self.force);
+        mesh.total([&self.there, &self.v], room, &mut self.force, crew);
         for &(mat, impulse) in impulses {
             self.d[mat] += mesh.jump(mat, impulse);
         }
-        passes::leap(
-            mesh.ties(),
-            &self.force,
-            [&self.there, &self.v],
-            &mut self.x,
-            &mut self.d,
+        let (force, there, v) = (&self.force, &self.there, &self.v);
+        mesh.ranges(
+            room,
+            crew,
+            [&mut self.x, &mut self.d],
+            |mats, ties, [x, d]| {
+                let look = [&there[mats.clone()], &v[mats.clone()]];
+                passes::leap(ties, &force[mats], look, x, d);
+            },
         );
-        self.look();
+        self.look(crew);
     }
 
     fn x(&self) -> &[f64] {
@@ -160,9 +174,10 @@ impl Method for Ca2p {
         for (there, (x, d)) in self.there.iter_mut().zip(self.x.iter().zip(&self.d)) {
             *there = x - d;
         }
+        let (room, crew) = (&mut self.room, &mut Crew::alone());
         self.mesh
-            .elastic(&self.there, &mut self.room, &mut self.elastic);
-        self.look();
+            .elastic(&self.there, room, &mut self.elastic, crew);
+        self.look(crew);
     }
 
     fn pace(&mut self) -> &mut [f64] {

@@ -1,9 +1,13 @@
 //! What the methods step: the numbers of a scheme, its springs gathered for passes over all of them.
 
+use std::ops::Range;
+
 use super::passes::{self, Ties};
 use super::way::Way;
 use crate::kernel;
-use crate::kernel::springs::{self, Spring};
+use crate::kernel::crew::Crew;
+use crate::kernel::halves::Halves;
+use crate::kernel::springs::{self, Pull, Spring};
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::scheme::{Kind, Laws, Run, Scheme};
 use crate::units::Rate;
@@ -28,6 +32,13 @@ pub(super) struct Room {
     /// Forces of one run   (longest run)
     f: Vec<f64>,
     laws: Laws,
+}
+
+impl Room {
+    /// How the mesh is cut for a crew.
+    pub(super) fn halves(&self) -> Option<&Halves> {
+        self.laws.halves.as_ref()
+    }
 }
 
 /// Which part of the forces.
@@ -82,6 +93,7 @@ impl Mesh {
                 q,
                 z,
                 rest: run.rest,
+                pull: Pull::Both(run.a, run.b),
             });
         }
         Ok(mesh)
@@ -126,30 +138,91 @@ impl Mesh {
     }
 
     /// Elastic forces of all links at positions `x` [N], contacts among them.
-    pub(super) fn elastic(&self, x: &[f64], room: &mut Room, force: &mut [f64]) {
-        force.fill(0.0);
-        passes::elastic(&self.springs, x, &mut room.f, force);
+    pub(super) fn elastic(
+        &self,
+        x: &[f64],
+        room: &mut Room,
+        force: &mut [f64],
+        crew: &mut Crew<'_>,
+    ) {
+        self.springs(room, force, crew, |springs, room, force| {
+            passes::elastic(springs, x, room, force);
+        });
         self.others(Part::Elastic, [x, x], room, force);
     }
 
     /// Losses of all links at positions `x` and velocities `v` [N].
-    pub(super) fn viscous(&self, x: &[f64], v: &[f64], room: &mut Room, force: &mut [f64]) {
-        force.fill(0.0);
-        if self.damped {
-            passes::viscous(&self.springs, v, &mut room.f, force);
-            self.others(Part::Viscous, [x, v], room, force);
+    pub(super) fn viscous(
+        &self,
+        [x, v]: [&[f64]; 2],
+        room: &mut Room,
+        force: &mut [f64],
+        crew: &mut Crew<'_>,
+    ) {
+        if !self.damped {
+            force.fill(0.0);
+            return;
         }
+        self.springs(room, force, crew, |springs, room, force| {
+            passes::viscous(springs, v, room, force);
+        });
+        self.others(Part::Viscous, [x, v], room, force);
     }
 
     /// All forces of all links at positions `x` and velocities `v` [N].
-    pub(super) fn total(&self, x: &[f64], v: &[f64], room: &mut Room, force: &mut [f64]) {
-        force.fill(0.0);
-        if self.damped {
-            springs::total(&self.springs, x, v, &mut room.f, force);
-        } else {
-            passes::elastic(&self.springs, x, &mut room.f, force);
-        }
+    pub(super) fn total(
+        &self,
+        [x, v]: [&[f64]; 2],
+        room: &mut Room,
+        force: &mut [f64],
+        crew: &mut Crew<'_>,
+    ) {
+        self.springs(room, force, crew, |springs, room, force| {
+            if self.damped {
+                springs::total(springs, x, v, room, force);
+            } else {
+                passes::elastic(springs, x, room, force);
+            }
+        });
         self.others(Part::Total, [x, v], room, force);
+    }
+
+    /// A pass over all springs, by a crew where the mesh is cut for one.
+    fn springs(
+        &self,
+        room: &mut Room,
+        force: &mut [f64],
+        crew: &mut Crew<'_>,
+        pass: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
+    ) {
+        if let Some(halves) = &mut room.laws.halves {
+            halves.forces(crew, force, pass);
+        } else {
+            force.fill(0.0);
+            pass(&self.springs, &mut room.f, force);
+        }
+    }
+
+    /// A pass over all MATs: `work` on some of them, what they bring with them, and their part of what is changed.
+    pub(super) fn ranges<const N: usize>(
+        &self,
+        room: &Room,
+        crew: &mut Crew<'_>,
+        changed: [&mut [f64]; N],
+        work: impl Fn(Range<usize>, Ties<'_>, [&mut [f64]; N]) + Sync,
+    ) {
+        let ties = self.ties();
+        match room.halves() {
+            Some(halves) => halves.ranges(crew, changed, |mats, changed| {
+                work(mats.clone(), ties.of(mats), changed);
+            }),
+            None => work(0..self.n_mat(), ties, changed),
+        }
+    }
+
+    /// Cut for so many threads, where that gains anything.
+    pub(super) fn share(&self, room: &mut Room, threads: usize) {
+        room.laws.halves = Halves::of(&self.springs, self.n_mat(), threads);
     }
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], room: &mut Room, force: &mut [f64]) {

@@ -1,6 +1,8 @@
 //! Inner loops over all springs of a mesh at once: chosen for the processor once a pass, not once a run,
 //! since a mesh's rows are short.
 
+use std::ops::Range;
+
 use crate::kernel::springs::{Spring, ends, spread};
 use crate::kernel::wide::wide;
 
@@ -74,7 +76,18 @@ pub(super) struct Ties<'a> {
     pub(super) rest: &'a [f64],
 }
 
-impl Ties<'_> {
+impl<'a> Ties<'a> {
+    /// Those of some MATs.
+    pub(super) fn of(&self, mats: Range<usize>) -> Self {
+        let of = |numbers: &'a [f64]| &numbers[mats.clone()];
+        Self {
+            w: of(self.w),
+            kappa: of(self.kappa),
+            zeta: of(self.zeta),
+            rest: of(self.rest),
+        }
+    }
+
     /// The same, with lengths that the compiler sees.
     #[inline(always)]
     fn cut(&self, n: usize) -> [&[f64]; 4] {

@@ -11,6 +11,8 @@ use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::free::{FreeKey, Motion};
 use crate::gesture::script::{Gesture, Report, Touch};
 use crate::gesture::voice::{Voice, VoiceScript};
+use crate::kernel::crew::Crew;
+use crate::kernel::halves::Halves;
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Scheme, backward_steps, moves};
 use crate::state::Body;
@@ -58,7 +60,11 @@ impl Island {
             fuse(&mut scheme, &network, &scripts);
         }
         let glides = super::glide::glides(&network, timeline, &scheme)?;
-        let laws = scheme.laws();
+        let mut laws = scheme.laws();
+        laws.halves = Halves::of(&scheme.fused, scheme.n_mat(), options.threads);
+        bodies
+            .iter_mut()
+            .for_each(|body| body.share(options.threads));
         // What contacts do within a frame is added to a motion that is a CEL's own.
         let touches = |mat| fine.as_ref().map_or(0, |fine| fine.touches(mat));
         let pushes = pushes(&network, timeline, |mat| {
@@ -208,7 +214,13 @@ pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
     let x = network.mats().x0.clone();
     let mut body = Body::new(scheme, x.clone(), vec![0.0; x.len()]);
     // What presses may be heard too, though it moves nothing.
-    crate::kernel::links(scheme, &[], &mut body, &mut scheme.laws());
+    crate::kernel::links(
+        scheme,
+        &[],
+        &mut body,
+        &mut scheme.laws(),
+        &mut Crew::alone(),
+    );
     crate::kernel::contacts(scheme, &[], &[], &mut body);
     crate::kernel::tap(scheme, &body, heard);
 }

@@ -159,6 +159,9 @@ impl Island {
         let meets = |spring: &Spring| lets_go(spring.a, spring.b, spring.len);
         scheme.fused.retain(|spring| !meets(spring));
         scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
+        if let Some(halves) = &mut state.laws.halves {
+            halves.cut_again(&scheme.fused);
+        }
         if state.scheme.is_some() {
             state.scheme = Some(Box::new(scheme.clone()));
         }

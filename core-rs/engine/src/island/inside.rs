@@ -3,6 +3,7 @@
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
+use crate::kernel::crew::Crew;
 use crate::network::Error;
 use crate::state::Body;
 
@@ -116,10 +117,10 @@ impl Playing {
         }
     }
 
-    pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
+    pub(crate) fn step(&mut self, n: u64, force: &[f64], crew: &mut Crew<'_>) {
         match self {
             Self::Modal(modal) => modal.step(n, force),
-            Self::Mesh(mesh) => mesh.step(n, force),
+            Self::Mesh(mesh) => mesh.step(n, force, crew),
             Self::Slow(slow) => slow.step(n, force),
         }
     }
@@ -192,6 +193,21 @@ impl Playing {
             (Self::Mesh(own), Self::Mesh(old)) => own.go_on(old),
             (Self::Slow(own), Self::Slow(old)) => own.go_on(old),
             _ => {}
+        }
+    }
+
+    /// Be ready for a crew of so many threads, where that gains anything.
+    pub(crate) fn share(&mut self, threads: usize) {
+        if let Self::Mesh(mesh) = self {
+            mesh.share(threads);
+        }
+    }
+
+    /// Whether a crew can share its work.
+    pub(crate) fn is_shared(&self) -> bool {
+        match self {
+            Self::Modal(_) | Self::Slow(_) => false,
+            Self::Mesh(mesh) => mesh.is_shared(),
         }
     }
 

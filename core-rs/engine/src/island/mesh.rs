@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::integrate::{Integrator, Way};
+use crate::kernel::crew::Crew;
 use crate::network::{Error, Network};
 use crate::state::Body;
 use crate::units::Rate;
@@ -112,6 +113,16 @@ impl Playing {
         std::mem::swap(&mut self.own, &mut old.own);
     }
 
+    /// Be ready for a crew of so many threads.
+    pub(crate) fn share(&mut self, threads: usize) {
+        self.integrator.share(threads);
+    }
+
+    /// Whether a crew can share its work.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.integrator.is_shared()
+    }
+
     /// Room for all impulses of a frame: a cloned vector has only what it holds.
     pub(crate) fn reserve(&mut self) {
         let at_once = self
@@ -148,7 +159,7 @@ impl Playing {
     }
 
     /// From frame `n` to the next, by the forces that the ports feel (n_mat).
-    pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
+    pub(crate) fn step(&mut self, n: u64, force: &[f64], crew: &mut Crew<'_>) {
         let step = self.plan.rate.step();
         self.impulses.clear();
         for (row, &(own, mat)) in self.plan.ports.iter().enumerate() {
@@ -173,7 +184,7 @@ impl Playing {
         if self.damped < 1.0 {
             self.integrator.slow_down(self.damped);
         }
-        self.integrator.step(&self.impulses);
+        self.integrator.step(&self.impulses, crew);
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.

@@ -1,5 +1,9 @@
 //! The MAT phase: all kinds by one formula, d += F·w − κ(x − rest) − ζd, x += d.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::crew::Crew;
+use super::halves::Halves;
 use super::wide::wide;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
@@ -27,11 +31,20 @@ pub(crate) fn centred(scheme: &Scheme, body: &Body, i: usize) -> f64 {
 }
 
 /// Move every MAT one frame, those with a target onto it. Says whether all stayed within reason.
-pub(crate) fn advance(scheme: &Scheme, targets: &mut [Target], body: &mut Body) -> bool {
+pub(crate) fn advance(
+    scheme: &Scheme,
+    targets: &mut [Target],
+    body: &mut Body,
+    halves: Option<&Halves>,
+    crew: &mut Crew<'_>,
+) -> bool {
     for target in &mut *targets {
         target.was = body.x[target.mat];
     }
-    let mut within = free(scheme, body);
+    let mut within = match halves {
+        Some(halves) => free_by(halves, crew, scheme, body),
+        None => free(scheme, body),
+    };
     for target in targets {
         body.d[target.mat] = target.x - target.was;
         body.x[target.mat] = target.x;
@@ -54,6 +67,20 @@ fn free(scheme: &Scheme, body: &mut Body) -> bool {
         &mut body.x,
         &mut body.d,
     )
+}
+
+/// The same, every range of MATs by one of a crew.
+fn free_by(halves: &Halves, crew: &mut Crew<'_>, scheme: &Scheme, body: &mut Body) -> bool {
+    let numbers = [&scheme.w, &scheme.kappa, &scheme.zeta, &scheme.rest];
+    let Body { x, d, force, .. } = body;
+    let within = AtomicBool::new(true);
+    halves.ranges(crew, [x, d], |mats, [x, d]| {
+        let numbers = numbers.map(|numbers| &numbers[mats.clone()]);
+        if !move_all(numbers, &force[mats], x, d) {
+            within.store(false, Ordering::Relaxed);
+        }
+    });
+    within.into_inner()
 }
 
 wide! {

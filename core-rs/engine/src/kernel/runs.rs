@@ -1,6 +1,7 @@
 //! The link phase: every run in three passes (forces; pull a; pull b), so that each pass vectorises
 //! although a mesh's runs overlap themselves.
 
+use super::crew::Crew;
 use super::springs;
 use super::wide::wide;
 use crate::law::Hardening;
@@ -9,11 +10,21 @@ use crate::scheme::{Kind, Laws, Run, Scheme};
 use crate::state::Body;
 
 /// Sum the forces of all links into `body.force`, and keep each one in `body.link`.
-pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut Laws) {
-    body.force.fill(0.0);
+pub(crate) fn links(
+    scheme: &Scheme,
+    gates: &[f64],
+    body: &mut Body,
+    laws: &mut Laws,
+    crew: &mut Crew<'_>,
+) {
     body.outside.fill(0.0);
-    if !scheme.fused.is_empty() {
-        let Body { x, d, force, .. } = body;
+    let Body { x, d, force, .. } = body;
+    if let Some(halves) = &mut laws.halves {
+        halves.forces(crew, force, |springs, room, force| {
+            springs::total(springs, x, d, room, force);
+        });
+    } else {
+        force.fill(0.0);
         springs::total(&scheme.fused, x, d, &mut laws.room, force);
     }
     for run in &scheme.runs {

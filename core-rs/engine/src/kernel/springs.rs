@@ -1,6 +1,8 @@
 //! All springs of a network in one pass: chosen for the processor once, not once a run, since a mesh's rows
 //! are short; each force goes straight to its two ends.
 
+use std::ops::Range;
+
 use super::wide::wide;
 
 /// A run of hardening springs with dampers, f = k·e + q·e³ + z·(e − e⁻): numbers per step.
@@ -18,6 +20,28 @@ pub(crate) struct Spring {
     pub(crate) z: f64,
     /// [m]
     pub(crate) rest: f64,
+    pub(crate) pull: Pull,
+}
+
+/// Which ends a run pulls, and where the first of them stands among the forces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pull {
+    Both(usize, usize),
+    A(usize),
+    B(usize),
+}
+
+impl Spring {
+    /// Some of its links, with other ends to pull; `None` where they are none.
+    pub(super) fn piece(&self, links: Range<usize>, pull: impl Fn(usize) -> Pull) -> Option<Self> {
+        (!links.is_empty()).then(|| Self {
+            a: self.a + links.start,
+            b: self.b + links.start,
+            len: links.len(),
+            pull: pull(links.start),
+            ..*self
+        })
+    }
 }
 
 /// Both ends' numbers of a run, (len) each.
@@ -26,10 +50,23 @@ pub(crate) fn ends<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64]) {
     (&x[run.a..][..run.len], &x[run.b..][..run.len])
 }
 
-/// Add f(i) of every link to its end a and take it from its end b.
+/// Add f(i) of every link to its end a and take it from its end b, or what of this is asked for.
 #[inline(always)]
 pub(crate) fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
-    let Spring { a, b, len, .. } = *run;
+    let len = run.len;
+    let (a, b) = match run.pull {
+        Pull::Both(a, b) => (a, b),
+        Pull::A(a) => {
+            let force = &mut force[a..][..len];
+            (0..len).for_each(|i| force[i] += f(i));
+            return;
+        }
+        Pull::B(b) => {
+            let force = &mut force[b..][..len];
+            (0..len).for_each(|i| force[i] -= f(i));
+            return;
+        }
+    };
     // Where the two ends do not overlap one loop does it, with the same sums.
     if b >= a + len {
         let (low, high) = force.split_at_mut(b);

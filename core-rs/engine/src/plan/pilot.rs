@@ -15,6 +15,7 @@ use super::truncate::{Kept, choose};
 use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::{Island, OnFault, Options};
+use crate::kernel::crew::Crew;
 use crate::maths::{log10, pow, sqrt};
 use crate::network::{Error, LinkKind, Run};
 
@@ -274,7 +275,7 @@ pub(super) fn length(isle: &Isle) -> Result<usize, Error> {
         let mut sound = vec![0.0; LOOK * island.n_out()];
         for at in (0..most).step_by(LOOK) {
             // Faults are muted: a pilot says nothing of them.
-            let _ = island.process(&mut sound, LOOK);
+            let _ = island.process(&mut sound, LOOK, &mut Crew::alone());
             if island.has_touched() {
                 return Ok((at + after).min(most));
             }
@@ -332,7 +333,7 @@ pub(super) fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, E
         .map(|body| vec![0.0; modes(body)])
         .collect();
     for sound in sound.chunks_mut((LOOK * n_out).max(1)) {
-        let _ = island.process(sound, sound.len() / n_out.max(1));
+        let _ = island.process(sound, sound.len() / n_out.max(1), &mut Crew::alone());
         island.squares(&mut squares);
     }
     Ok(Take {

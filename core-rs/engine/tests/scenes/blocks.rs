@@ -5,7 +5,7 @@ use ergon_engine::simulation::{OnFault, Simulation};
 use proptest::prelude::*;
 
 /// Play on, in blocks of these sizes over and over.
-fn play(simulation: &mut Simulation, n_frames: usize, blocks: &[usize]) -> Vec<u64> {
+pub(crate) fn play(simulation: &mut Simulation, n_frames: usize, blocks: &[usize]) -> Vec<u64> {
     let n_out = simulation.n_out();
     let mut out = vec![f64::NAN; n_frames * n_out];
     let (mut rest, mut sizes) = (&mut out[..], blocks.iter().cycle());

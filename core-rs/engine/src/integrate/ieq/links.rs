@@ -3,7 +3,7 @@
 use super::super::mesh::{Mesh, force_of};
 use super::super::passes;
 use super::loops::{load, onward, springs};
-use crate::kernel::springs::Spring;
+use crate::kernel::springs::{Pull, Spring};
 use crate::kernel::{power, side};
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
@@ -91,6 +91,7 @@ impl Links {
             q: 0.0,
             z: 0.0,
             rest: run.rest,
+            pull: Pull::Both(run.a, run.b),
         });
         Self {
             runs: mesh.springs.iter().copied().chain(others).collect(),

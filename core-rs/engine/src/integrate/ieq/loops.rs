@@ -14,7 +14,7 @@ wide! {
         found: [&mut [f64]; 3],
     ) {
         let ([x, d], [g, c, f]) = (motion, found);
-        let Spring { a, b, len, k, q, z, rest } = *run;
+        let Spring { a, b, len, k, q, z, rest, .. } = *run;
         let (xa, xb, da, db) = (&x[a..][..len], &x[b..][..len], &d[a..][..len], &d[b..][..len]);
         let (psi, g, c, f) = (&psi[..len], &mut g[..len], &mut c[..len], &mut f[..len]);
         let (steep, fixed, back) = (sqrt(2.0 * q), 0.5 * z + beta * k, 2.0 * beta);

@@ -73,16 +73,55 @@ fn a_clone_is_a_snapshot() {
         let hard = if way == Way::Trapezoid { 0.0 } else { 2e12 };
         let network = hex(hard, Some(0.5));
         let mut it = by(&network, way, 2);
-        it.step(&[(165, 0.02)]);
+        it.step(&[(165, 0.02)], &mut Crew::alone());
         for _ in 0..20 {
-            it.step(&[]);
+            it.step(&[], &mut Crew::alone());
         }
         let mut copy = it.clone();
         for _ in 0..20 {
-            it.step(&[(3, 1e-3)]);
-            copy.step(&[(3, 1e-3)]);
+            it.step(&[(3, 1e-3)], &mut Crew::alone());
+            copy.step(&[(3, 1e-3)], &mut Crew::alone());
         }
         assert_eq!(it.positions(), copy.positions());
         assert!(it.sound() && it.energy() > 0.0);
+    }
+}
+
+/// A mesh cut for a crew is the same mesh, whoever steps its ranges.
+#[test]
+fn a_crew_steps_the_same_bits() {
+    // Enough masses for three ranges; every kind of pass: with losses of links, of ties, and without any.
+    let hung = |t60: Option<f64>| {
+        let mut network = hex_of(32, 60.0, 1e12, t60);
+        let tie = Tie::Physical { k: 1e3, z: 0.2 };
+        network
+            .cel("hung", 1e-3, tie, 0.0, 1e-4, 0.0)
+            .expect("a cell");
+        network
+    };
+    for (network, way) in [
+        (hung(Some(0.5)), Way::Ca),
+        (hung(Some(0.5)), Way::Ca2p),
+        (hung(Some(0.5)), Way::Bm4),
+        (hung(None), Way::Ca2p),
+        (hung(None), Way::Bm4),
+        (hex_of(32, 60.0, 1e12, None), Way::Bm4),
+    ] {
+        let last = |threads: usize| {
+            let mut it = by(&network, way, 1);
+            it.share(threads);
+            assert_eq!(it.is_shared(), threads > 1);
+            crate::kernel::crew::flushed(|| {
+                Crew::with(threads, |crew| {
+                    it.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], crew);
+                    (0..15).for_each(|_| it.step(&[], crew));
+                });
+            });
+            let bits = it.positions().iter().map(|x| x.to_bits());
+            (bits.collect::<Vec<_>>(), it.energy().to_bits())
+        };
+        let alone = last(1);
+        assert_eq!(alone, last(2), "{way:?}");
+        assert_eq!(alone, last(3), "{way:?}");
     }
 }

@@ -1,7 +1,7 @@
 //! Cost of a frame on two gongs:
 //! `cargo test --release -p ergon-engine --lib integrate::tests::cost -- --ignored --nocapture`.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::*;
 
@@ -11,10 +11,13 @@ fn cost(network: &Network, way: Way, frames: u32) -> f64 {
     let centre = network.centre(0);
     for _ in 0..5 {
         let mut it = by(network, way, 1);
-        it.step(&[(centre, 2.0 * network.mats().m[centre])]);
+        it.step(
+            &[(centre, 2.0 * network.mats().m[centre])],
+            &mut Crew::alone(),
+        );
         let start = Instant::now();
         for _ in 0..frames {
-            it.step(&[]);
+            it.step(&[], &mut Crew::alone());
         }
         best = best.min(start.elapsed().as_secs_f64() / f64::from(frames));
         assert!(it.sound());
@@ -34,6 +37,37 @@ fn table(network: &Network, frames: u32, ways: &[Way]) {
             "  {name:10} {:8.0} ns a frame, {ratio:.2} of ca",
             1e9 * cost
         );
+    }
+}
+
+/// Seconds a frame by a crew of so many, the best of many short runs: others may use the processor too.
+fn shared(network: &Network, way: Way, threads: usize) -> f64 {
+    let (mut best, frames) = (f64::INFINITY, 50);
+    let mut it = by(network, way, 1);
+    it.share(threads);
+    it.step(&[(network.centre(0), 1e-3)], &mut Crew::alone());
+    let end = Instant::now() + Duration::from_millis(2_000);
+    Crew::with(threads, |crew| {
+        while Instant::now() < end {
+            let start = Instant::now();
+            (0..frames).for_each(|_| it.step(&[], crew));
+            best = best.min(start.elapsed().as_secs_f64() / f64::from(frames));
+        }
+    });
+    best
+}
+
+#[test]
+#[ignore = "a timing"]
+fn of_a_crew() {
+    for radius in [58, 26, 18, 12, 8] {
+        let network = hex_of(radius, 60.0, 1e13, Some(2.0));
+        for way in [Way::Ca, Way::Ca2p, Way::Bm4] {
+            let one = shared(&network, way, 1);
+            let times = one / shared(&network, way, 2);
+            let (name, n_mat, us) = (way.facts().name, network.n_mat(), 1e6 * one);
+            eprintln!("{name:5} {n_mat:6} masses {us:7.2} us; by 2 threads {times:.2} times");
+        }
     }
 }
 

@@ -181,10 +181,10 @@ fn general_laws_are_stepped_like_springs() {
         assert!(by_points < f64::max(most, -95.0), "{way:?} {by_points}");
     }
     let mut undamped = by(&law("2e4*d + 1e11*d**3"), Way::Ieq, 1);
-    undamped.step(&[]);
+    undamped.step(&[], &mut Crew::alone());
     let start = undamped.energy();
     for _ in 0..4000 {
-        undamped.step(&[]);
+        undamped.step(&[], &mut Crew::alone());
     }
     let drift = undamped.energy() / start - 1.0;
     assert!(drift.abs() < 1e-12, "{drift:e}");

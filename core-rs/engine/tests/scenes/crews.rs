@@ -1,0 +1,120 @@
+//! A gong large enough that threads go through it together, beside smaller parts that are shared out: whatever
+//! happens to it, their number changes no byte.
+
+use std::sync::Arc;
+
+use super::blocks::play;
+use super::scene::options;
+use ergon_engine::generator::{Rim, Shape, plate};
+use ergon_engine::network::{Network, Term};
+use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+const N: usize = 150;
+
+/// A version of the piece: the pitch of each gong.
+fn piece([gong, bell]: [f64; 2], method: Method) -> Arc<Plan> {
+    let mut network = Network::new();
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    timeline.open();
+    for (radius, f, part) in [(32, gong, "gong"), (3, bell, "bell"), (2, 65.4, "other")] {
+        network.part(part, None);
+        let topology = plate(Shape::Hex, radius, Rim::Fixed).unwrap();
+        let first = network.n_mat();
+        network
+            .mesh("p", &topology, 0.3, f, Some(4.0), 4e8)
+            .unwrap();
+        listen(&mut network, part, first + 9);
+        timeline.strike(&network, first + 5, 1e-3, 0.02, 0).unwrap();
+    }
+    Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Method(method), None).unwrap())
+}
+
+fn listen(network: &mut Network, name: &str, first: usize) {
+    let (len, weight) = (1, 1.0);
+    let term = Term::Position { first, len, weight };
+    network.listen(name, vec![term]).unwrap();
+}
+
+fn by(threads: usize) -> Options {
+    Options {
+        ledger: false,
+        threads,
+        ..options(OnFault::Mute)
+    }
+}
+
+/// The same for 1, 2 and 3 threads, and something.
+fn same_for_all(sound: impl Fn(usize, &[usize]) -> Vec<u64>) {
+    let alone = sound(1, &[2 * N]);
+    assert!(alone.iter().rev().take(N).any(|bits| *bits != 0));
+    assert!(alone == sound(2, &[2 * N]));
+    assert!(alone == sound(3, &[7, 2 * N]));
+}
+
+#[test]
+fn by_themselves_set_back_and_forked() {
+    for method in [Method::Ca, Method::Ca2p] {
+        let plan = piece([65.4, 65.4], method);
+        same_for_all(|threads, blocks| {
+            let mut simulation = Simulation::planned(plan.clone(), by(threads)).unwrap();
+            let mut all = play(&mut simulation, N, blocks);
+            // Another crew goes on from there.
+            let (snapshot, mut fork) = (simulation.snapshot(), simulation.fork());
+            let end = play(&mut simulation, N, &[N]);
+            assert!(play(&mut fork, N, blocks) == end);
+            simulation.restore(&snapshot);
+            assert!(play(&mut simulation, N, blocks) == end);
+            all.extend(end);
+            all
+        });
+    }
+}
+
+/// Taken over by a version where the gong is the same, then by one where it is another.
+#[test]
+fn taken_over_and_damped() {
+    for method in [Method::Ca, Method::Ca2p] {
+        let versions = [[65.4, 65.4], [65.4, 80.0], [70.0, 80.0]].map(|f| piece(f, method));
+        same_for_all(|threads, blocks| {
+            let mut playing = Simulation::planned(versions[0].clone(), by(threads)).unwrap();
+            let mut all = play(&mut playing, N, blocks);
+            for plan in &versions[1..] {
+                let (plan, at) = (plan.clone(), playing.frame());
+                let mut new = Simulation::planned_from(plan, by(threads), at).unwrap();
+                let mut carry = Carry::new(&playing, &new);
+                assert!(new.take_over(&mut playing, &mut carry));
+                playing = new;
+                playing.damp(Some(0.1));
+                all.extend(play(&mut playing, N, blocks));
+            }
+            all
+        });
+    }
+}
+
+/// A part that is muted takes its links out of the mesh that threads share.
+#[test]
+fn a_part_of_its_island_is_muted() {
+    let mut network = Network::new();
+    network.part("gong", None);
+    let topology = plate(Shape::Hex, 32, Rim::Fixed).unwrap();
+    network
+        .mesh("p", &topology, 0.3, 65.4, Some(4.0), 4e8)
+        .unwrap();
+    listen(&mut network, "gong", 9);
+    network.part("sick", None);
+    // Passes 10 km after 44 frames.
+    let mass = network.mas("m", 1.0, 0.0, 1e7).unwrap();
+    network.spring("r", 11, mass, 1e-3, 0.0, 0.0).unwrap();
+    let network = Arc::new(network);
+    let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    same_for_all(|threads, blocks| {
+        let mut simulation = Simulation::new(network.clone(), &timeline, by(threads)).unwrap();
+        let sound = play(&mut simulation, 2 * N, blocks);
+        assert_eq!(simulation.muted().len(), 1);
+        sound
+    });
+}
