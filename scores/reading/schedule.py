@@ -11,6 +11,10 @@ from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
 from ergon.scores.text.errors import Collector, TextError, quote
 from ergon.scores.text.values import Place, Time
 
+# How long a gesture is, and what was lost by its transformations, a sentence each.
+_Length = tuple[Time, tuple[str, ...]]
+_NOTHING: tuple[str, ...] = ()
+
 MAX_STRIKES = 4_000_000  # about 1 GB of events while they are put in order
 
 
@@ -19,16 +23,20 @@ def schedule(
 ) -> tuple[Sequence[float] | None, ...]:
     """Beats on which each line of the parts is played; None where only a take's file can tell.
 
-    `begins` are the beats of their first times. Reports occurrences without end and bar checks
-    that are not on a bar (W311).
+    `begins` are the beats of their first times. Reports occurrences without end, bar checks
+    that are not on a bar (W311), and points that transformations lose (W315).
     """
     room = MAX_OCCURRENCES
-    lengths: dict[tuple[str, tuple[Transform, ...], float], Time] = {}
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
     for play, at in zip(piece.parts, begins, strict=True):
         found = None
         gesture = piece.gestures.get(play.what)
-        length = _length(piece, gesture, play, at, lengths) if gesture is not None else Time()
+        length, lost = Time(), _NOTHING
+        if gesture is not None:
+            length, lost = _length(piece, gesture, play, at, lengths)
+        for note in lost:
+            collector.error("W315", f"{quote(play.what)}: {note}", play.place)
         told = gesture is not None or (_take_can(play, collector) and play.every is not None)
         if told:
             found = _found(piece, play, at, length, room, collector)
@@ -94,16 +102,17 @@ def _length(
     gesture: Gesture,
     play: Play,
     at: float,
-    known: dict[tuple[str, tuple[Transform, ...], float], Time],
-) -> Time:
+    known: dict[tuple[str, tuple[Transform, ...], float], _Length],
+) -> _Length:
     """The length of a gesture from beat `at` on, after its transformations."""
     chain = (*gesture.do, *play.do)
     if not chain:
-        return gesture.points[-1].at
+        return gesture.points[-1].at, ()
     beat = 60.0 / piece.tempo_map.bpm(at)
     memo = gesture.name, play.do, beat
     if memo not in known:
-        known[memo] = apply(gesture.points, chain, Middle(), beat)[0][-1].at
+        points, lost = apply(gesture.points, chain, Middle(), beat)
+        known[memo] = points[-1].at, lost
     return known[memo]
 
 
