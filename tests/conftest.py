@@ -1,5 +1,9 @@
 """Tests make their plans themselves; those of plans that are kept say where."""
 
 import os
+import signal
 
 os.environ["ERGON_CACHE"] = "off"
+# What a shell starts in the background ignores Ctrl-C, and hands that on to all that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)

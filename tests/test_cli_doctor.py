@@ -203,7 +203,10 @@ def test_ctrl_c_ends_it(folder: Path, asked: list[str]):
     ):
         time.sleep(3.0)
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=10) == 130
+        try:
+            assert process.wait(timeout=10) == 130
+        finally:
+            process.kill()  # else a failure would wait for its end
     if "record" in asked:
         found = _core.read_recording("c.take")
         assert found.whole
