@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> int:
         "check": reading.check,
         "start": reading.start,
         "repl": repl,
-        "duet": partial(duet, asked.minutes),
+        "duet": partial(duet, loops, asked.minutes),
     }
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)

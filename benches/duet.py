@@ -1,4 +1,7 @@
-"""Two keys in other processes, by the wall clock, for minutes: late ticks and gaps in the sound."""
+"""Two keys in other processes, by the wall clock, for minutes: late ticks and gaps in the sound.
+
+A machine that is a guest is stopped by its host: a bare loop beside the duet tells how often.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,19 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
+from benches.beside import Bare, bare
 from benches.measure import Row
+from benches.native import Loops
 
 _ERGON = [sys.executable, "-m", "ergon.cli"]
 _BLOCK = 256  # frames
+_TARGETS = {
+    "UDP": "target: no gaps, below 0.1 %",
+    "pty": "no target: the kernel hands its bytes on",
+}
 _HAND = "0mm@0 (smooth 7mm@1 0mm@2)*{times}"
 _SCORE = """\
 ergon: 1
@@ -34,12 +44,15 @@ render: {{tail: 500ms}}
 """
 
 
-def duet(minutes: float = 1.0) -> list[Row]:
+def duet(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
     """A duet at 1,002 Hz over UDP, and the same over pseudo-terminals beside it."""
-    return [_played("UDP", ("--udp", "0"), minutes), _played("pty", ("--pty",), minutes)]
+    return [
+        _played("UDP", ("--udp", "0"), minutes, loops),
+        _played("pty", ("--pty",), minutes, loops),
+    ]
 
 
-def _played(wire: str, way: tuple[str, ...], minutes: float) -> Row:
+def _played(wire: str, way: tuple[str, ...], minutes: float, loops: Loops | None) -> Row:
     seconds = round(60 * minutes)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as keys:
         score = Path(folder) / "duet.yaml"
@@ -49,18 +62,35 @@ def _played(wire: str, way: tuple[str, ...], minutes: float) -> Row:
         live = ("--live", f"ada={first}", "--live", f"remi={second}")
         audio = ("--audio", f"null,block={_BLOCK}", "--gain", "0dB", "--unchecked", "--json")
         command = [*_ERGON, "duet", str(score), *live, *audio]
-        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-    told = json.loads(done.stdout.splitlines()[-1])
+        told, beside = _told(command, loops)
     gaps = told["underruns"] + (told["dropped"] > 0)
     late = told["late_ticks"] / told["ticks"]
     return Row(
         f"a duet of two keys over {wire} at 1,002 Hz, {_BLOCK} frames a block, {seconds} s",
         f"{gaps} gaps, {late:.3%} of ticks late",
-        "target: none, below 0.1 %" if wire == "UDP" else "none: the kernel hands its bytes on",
-        None,
-        "by the clock",
-        {"gaps": gaps, "late": late, "ticks": told["ticks"], "dropped": told["dropped"]},
+        f"{beside or 'no bare loop without Linux and a C compiler'}; {_TARGETS[wire]}",
+        beside and beside.ratio(late),
+        "late ticks over the bare loop's",
+        {
+            "gaps": gaps,
+            "late": late,
+            "ticks": told["ticks"],
+            "dropped": told["dropped"],
+            **{f"bare_{name}": value for name, value in (asdict(beside) if beside else {}).items()},
+        },
     )
+
+
+def _told(command: list[str], loops: Loops | None) -> tuple[dict[str, int], Bare | None]:
+    """What a duet says in the end, and a bare loop that ran while it sounded."""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        last = process.stdout.readline()  # it plays
+        with bare(loops) as beside:
+            for line in process.stdout:
+                last = line
+    assert process.returncode == 0, f"{command} ended with {process.returncode}"
+    return json.loads(last), beside
 
 
 @contextmanager

@@ -41,6 +41,9 @@ interleaved, medians. Only the ratios travel to other machines.
   A module is a MAT or a LIA; an ergon counts as two where it is said.
 * dB: root mean square of the difference from the exact motion over that of the motion, all outputs
   together. Exact are the modes, in closed form, and through a contact DOP853 to 1e-12.
+* Late ticks begin more than half a tick after they were due. The bare loop is a thread in C that
+  does nothing but wake so often, under SCHED_FIFO, while the duet plays: what is late there is late
+  by the machine. A virtual one is stopped by its host for milliseconds, whatever runs in it.
 * Growth in all sizes: `benches/growth.csv`.
 * Targets in brackets are wall time on an idle machine; beside it stands processor time, which does
   not count what else the machine did.

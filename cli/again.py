@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from . import score
 from .console import Console
-from .outcome import Diverged, Findings, Refused
+from .outcome import Diverged, Refused
 from .summary import rendered
 
 if TYPE_CHECKING:
@@ -39,20 +39,16 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.replay import Again, opened
     from ergon.repl.session.version import NotTakenError
-    from ergon.scores.staging.stage import StageError
 
     for option, name in _NOT_HERE.items():
         if getattr(wishes, name) is not None:
             raise Refused(f"a journal is rendered as it was played; {option} does nothing to it")
     try:
         replay = opened(path)
-        again = Again(replay)
+        with score.staging(console, replay.opening.texts.load):
+            again = Again(replay)
     except (JournalError, NotTakenError) as error:
         raise Refused(str(error)) from None
-    except StageError as error:
-        for found in error.diagnostics:
-            console.warn(found.message)
-        raise Findings from None
     if not again.n_frames:
         raise Refused(f"{path}: nothing was played")
     opening = replay.opening

@@ -78,7 +78,6 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     from ergon.exchange.plan_store import of_user
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
-    from ergon.scores.staging.stage import StageError
 
     version, clock, gain = _beginning(console, path, wishes.resume)
     piece = version.piece
@@ -87,7 +86,8 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
         for board in playing.boards_of(piece, wishes.playing)
     ]
     real = {player: None for board in boards for _, player in board.axes}
-    order = _order(console, piece, wishes, boards, gain)
+    with score.staging(console, version.texts.load):
+        order = _order(console, piece, wishes, boards, gain)
     told = free(wishes.journal)
     hands = free(told.with_suffix(".take")) if real else None
     order = replace(order, record=hands, about={"journal": told.name})
@@ -97,25 +97,22 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     except JournalError as error:
         raise Refused(str(error)) from None
     try:
-        session = Session(
-            version,
-            make,
-            margin=_MARGIN,
-            journal=journal,
-            real=real,
-            store=of_user(),
-            clock=clock,
-            hands=hands,
-            watches=wishes.watch,
-        )
-    except BaseException as error:
+        with score.staging(console, version.texts.load):
+            session = Session(
+                version,
+                make,
+                margin=_MARGIN,
+                journal=journal,
+                real=real,
+                store=of_user(),
+                clock=clock,
+                hands=hands,
+                watches=wishes.watch,
+            )
+    except BaseException:
         journal.close()
         told.unlink(missing_ok=True)  # nothing has begun
-        if not isinstance(error, StageError):
-            raise
-        for found in error.diagnostics:
-            console.warn(found.message)
-        raise Findings from None
+        raise
     journal.tell("session", **opening(session.commits.engine.every).fields())
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()

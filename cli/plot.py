@@ -10,7 +10,7 @@ import click
 
 from . import options, score
 from .console import Console
-from .outcome import Findings, Refused
+from .outcome import Refused
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -93,7 +93,7 @@ def _staged(
     console: Console, loaded: Loaded, name: str, key: str | None
 ) -> tuple[Stage, Sequence[StagedGesture]]:
     """The stage to look at, and which of its gestures are meant."""
-    from ergon.scores.staging.stage import StageError, solo
+    from ergon.scores.staging.stage import solo
 
     piece = score.piece_of(loaded)
     if key is None:
@@ -110,11 +110,8 @@ def _staged(
         raise Refused("--key takes a gesture or a take; a player has a key already")
     if not piece.keys:
         raise Refused("this piece has no key to play on")
-    try:
+    with score.staging(console, lambda: loaded):
         alone = solo(piece, name, key or next(iter(piece.keys)))
-    except StageError as error:
-        score.show(console, loaded, error.diagnostics)
-        raise Findings from error
     return alone, alone.gestures
 
 

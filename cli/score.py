@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -125,16 +126,16 @@ def stage_piece(
     With a `plan` as it says, without one every module is stepped as it is written.
     """
     from ergon.exchange.plan_store import of_user
-    from ergon.scores.staging.stage import StageError, stage
+    from ergon.scores.staging.stage import stage
 
     piece = piece_of(loaded)
     start = time.perf_counter()
-    try:
-        # Parameters are physical: another rate needs no other score.
-        played = piece if rate is None else replace(piece, rate=rate)
-        if plan is not None:
-            played = replace(played, accuracy=plan.accuracy(played.accuracy))
-        pins = None if plan is None else plan.pins()
+    # Parameters are physical: another rate needs no other score.
+    played = piece if rate is None else replace(piece, rate=rate)
+    if plan is not None:
+        played = replace(played, accuracy=plan.accuracy(played.accuracy))
+    pins = None if plan is None else plan.pins()
+    with staging(console, lambda: loaded):
         staged = stage(
             played,
             seed=seed,
@@ -147,9 +148,6 @@ def stage_piece(
             silent=silent,
             on_fault=on_fault,
         )
-    except StageError as error:
-        show(console, loaded, error.diagnostics)
-        raise Findings from error
     plan_s = time.perf_counter() - start
     show(console, loaded, staged.diagnostics)
     return Staged(piece, staged, plan_s)
@@ -158,6 +156,18 @@ def stage_piece(
 def show(console: Console, loaded: Loaded, found: Sequence[Diagnostic]) -> None:
     """Print diagnostics that come after loading."""
     console.diagnostics(found, loaded.files, {})
+
+
+@contextmanager
+def staging(console: Console, loaded: Callable[[], Loaded]) -> Iterator[None]:
+    """What the engine will not play is printed in its place, and is Findings."""
+    from ergon.scores.staging.stage import StageError
+
+    try:
+        yield
+    except StageError as error:
+        show(console, loaded(), error.diagnostics)
+        raise Findings from error
 
 
 def instant(piece: Piece, text: str, option: str) -> float:

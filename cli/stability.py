@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from ergon.lab.names import MAPS, METHODS
+from ergon.lab.names import CUTS, MAPS, METHODS, SLOW
 
 from . import laboratory, options, score
 from .console import Console
+from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.lab.maps import Map
 
 
+_HOW = f"How it is computed; {SLOW}: a part that is slower than the rest."
+_WHICH = f"Only these, of {','.join(MAPS)}; with {SLOW} of {','.join(CUTS)}."
+
+
 @click.command()
 @click.argument("score_path", metavar="[SCORE]", required=False)
 @click.option("-o", "--output", metavar="NAME", help="NAME.svg, .png, .csv; X-stability here.")
-@click.option("--method", type=click.Choice(METHODS), default="ca", help="How it is computed.")
-@click.option("--maps", "chosen", metavar="NAMES", help=f"Only these, of {','.join(MAPS)}.")
+@click.option("--method", type=click.Choice((*METHODS, SLOW)), default="ca", help=_HOW)
+@click.option("--maps", "chosen", metavar="NAMES", help=_WHICH)
 @click.option("--seconds", type=click.FloatRange(0.05, 60), default=0.5, help="Of a score.")
 @click.option(
     "--accurate",
     type=click.FloatRange(-200, 0),
-    default=-20.0,
-    help="Error of the first 0.1 s of sound that still counts as right [dB].",
+    help="Error that still counts as right [dB]: -20 of the first 0.1 s of sound; of e4 -75 of a "
+    "second up to 10 frames, -70 beyond.",
 )
 @options.force
 @options.speaking
@@ -37,14 +44,14 @@ def stability(
     method: str,
     chosen: str | None,
     seconds: float,
-    accurate: float,
+    accurate: float | None,
     force: bool,
 ) -> None:
     """Draw where a method fails, as predicted and as it is.
 
     Without SCORE the maps are of small scenes of ergon's own: a cell, a contact, a hard stroke, the
-    rate of a string, a joint. With SCORE its springs and its rate are multiplied. Every spot is
-    really run, also where ergon would refuse to.
+    rate of a string, a joint; by e4 a slow key that pulls a string. With SCORE its springs and its
+    rate are multiplied. Every spot is really run, also where ergon would refuse to.
     """
     from ergon.lab import map_table
     from ergon.lab.draw_maps import draw
@@ -52,15 +59,17 @@ def stability(
 
     stem = laboratory.stem(output, score_path or method, "stability", force)
     maps, title = _maps(console, score_path, method, chosen, seconds)
+    if accurate is not None:
+        maps = {name: replace(one, right=((inf, accurate),)) for name, one in maps.items()}
     total = sum(one.n_spots for one in maps.values())
     with console.progress("mapping", total, 1.0) as progress:
-        found = survey_all(maps, method, accurate, progress.at)
+        found = survey_all(maps, progress.at)
     if console.json:
         for record in map_table.records(found):
             console.record("spot", **record)
     else:
         console.data(map_table.lines(found))
-    table = map_table.csv(found, f"{method}, {title}", accurate)
+    table = map_table.csv(found, f"{method}, {title}")
     laboratory.write(console, stem, table, lambda: draw(found, title), force)
 
 
@@ -70,11 +79,13 @@ def _maps(
     from ergon.lab import atlas
 
     if score_path is None:
-        names = laboratory.words(chosen, MAPS, "--maps")
         known = atlas.built_in(method)
+        names = laboratory.words(chosen, tuple(known), "--maps")
         return {name: known[name] for name in names}, f"where {method} is stable, and where right"
+    if method == SLOW:
+        raise Refused(f"--method {SLOW} maps a scene of ergon's own: without SCORE")
     piece = score.piece_of(score.read(console, score_path))
-    known = atlas.of_score(piece, seconds)
+    known = atlas.of_score(piece, seconds, method)
     names = laboratory.words(chosen, tuple(known), "--maps")
     title = piece.title or Path(score_path).stem
     return {name: known[name] for name in names}, f"{title}: where {method} is stable, and right"

@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from math import inf
 
 import numpy as np
 
-from ergon.lab import canonical
+from ergon.lab import canonical, cut
 from ergon.lab.canonical import RATE
-from ergon.lab.maps import Case, Map
+from ergon.lab.case import Case, Stepped
+from ergon.lab.maps import Map
 from ergon.lab.metrics import Floats
+from ergon.lab.names import SLOW
+from ergon.lab.runs import Setting
 from ergon.lab.scene import Bare, Scene, Score
 from ergon.lab.stiffness import has_contacts, stiffer
-from ergon.lab.truth import Truth, converged
+from ergon.lab.truth import EXACT_DB, Truth, converged
 from ergon.scores.reading.piece import Piece
 
 _TIMES = (1.0, 2.0, 4.0, 8.0)
 _OVERSAMPLED = "oversampling"
-EXACT_DB = -300.0  # what a formula does not know
 
 
 def _spaced(low: float, high: float, count: int) -> tuple[float, ...]:
@@ -32,7 +35,11 @@ def _found(scene: Scene) -> Callable[[int], Truth]:
 
 def built_in(method: str) -> dict[str, Map]:
     """The maps of a method, by name."""
-    maps = (_cell(method), _contact(method), _strike(method), _rate(method), _coupling(method))
+    if method == SLOW:
+        maps = tuple(_cut(name, *one) for name, one in _CUTS.items())
+    else:
+        of = (_cell, _contact, _strike, _rate, _coupling)
+        maps = tuple(make(method) for make in of)
     return {one.name: one for one in maps}
 
 
@@ -41,7 +48,7 @@ def _cell(method: str) -> Map:
         def exact(n_frames: int) -> Truth:
             return Truth(canonical.cell_exactly(kappa, zeta, n_frames), EXACT_DB)
 
-        return Case(canonical.cell(kappa, zeta, method), 1, exact)
+        return Stepped(canonical.cell(kappa, zeta, method), Setting(method), exact)
 
     def load(kappa: float, zeta: float) -> float:
         return canonical.cell_load(kappa, zeta, method)
@@ -54,14 +61,20 @@ def _cell(method: str) -> Map:
                load, log_x=False, log_y=False)  # fmt: skip
 
 
-def _oversampled(make: Callable[[float], Bare], finer: int = 16) -> Callable[[float, float], Case]:
+def _oversampled(
+    method: str, make: Callable[[float], Bare], finer: int = 16
+) -> Callable[[float, float], Case]:
     """Cases of a scene over oversampling. What it really does does not depend on that."""
 
     @cache
     def truth(x: float, n_frames: int) -> Truth:
         return converged(make(x), n_frames, finer)
 
-    return lambda x, times: Case(make(x), round(times), lambda n_frames: truth(x, n_frames))
+    def case(x: float, times: float) -> Case:
+        setting = Setting(method, round(times))
+        return Stepped(make(x), setting, lambda n_frames: truth(x, n_frames))
+
+    return case
 
 
 def _contact(method: str) -> Map:
@@ -72,7 +85,7 @@ def _contact(method: str) -> Map:
     title = "a hammer that bounces on a bar" + ("" if method == "ca" else ", by CA")
     return Map("contact", title, "κ of the contact at 44.1 kHz",
                _OVERSAMPLED, _spaced(0.03, 3000.0, 21), _TIMES, 0.25,
-               _oversampled(canonical.contact), load)  # fmt: skip
+               _oversampled(method, canonical.contact), load)  # fmt: skip
 
 
 def _strike(method: str) -> Map:
@@ -85,13 +98,13 @@ def _strike(method: str) -> Map:
 
     return Map("strike", title, "speed of the stroke [m/s]",
                _OVERSAMPLED, _spaced(0.1, 1000.0, 21), _TIMES, 0.1,
-               _oversampled(canonical.struck), load)  # fmt: skip
+               _oversampled(method, canonical.struck), load)  # fmt: skip
 
 
 def _rate(method: str) -> Map:
     def case(rate: float, masses: float) -> Case:
         scene = canonical.string(round(masses), rate)
-        return Case(scene, 1, _found(scene))
+        return Stepped(scene, Setting(method), _found(scene))
 
     def load(rate: float, masses: float) -> float:
         return canonical.string_load(masses, rate, method)
@@ -108,7 +121,31 @@ def _coupling(method: str) -> Map:
     return Map("coupling", "two cells joined by a spring", "κ of the joint at 44.1 kHz",
                _OVERSAMPLED, _spaced(0.003, 300.0, 21), _TIMES, 0.1,
                # The difference mode is high and rings long: its phase asks for much.
-               _oversampled(lambda kappa: canonical.coupled(kappa, method), 256), load)  # fmt: skip
+               _oversampled(method, lambda kappa: canonical.coupled(kappa, method), 256),
+               load)  # fmt: skip
+
+
+# A key, and what is said of it. What a plan calls preserved is right; above 20 frames it says the
+# figure alone, and the map goes on at -70 dB.
+_CUTS = {
+    "soft": (cut.SOFT, "23 Hz"),
+    "quick": (cut.QUICK, "264 Hz, its last mass 1 g"),
+}
+_PRESERVED = ((10.0, -75.0), (inf, -70.0))
+
+
+def _cut(name: str, key: cut.Key, modes: str) -> Map:
+    def case(stiffness: float, every: float) -> Case:
+        return cut.Slow(cut.Cut(key, 1e3 * stiffness, round(every)))
+
+    def load(stiffness: float, every: float) -> float:
+        return cut.load(key, 1e3 * stiffness)
+
+    title = f"a slow key, modes to {modes}, pulls a string"
+    every = tuple(float(frames) for frames in range(2, 61, 2))
+    return Map(name, title, "K of the spring between [kN/m]", "frames from pull to pull",
+               _spaced(0.01, 1e3, 21), every, 4.0, case, load,
+               log_y=False, right=_PRESERVED, judged=1.0)  # fmt: skip
 
 
 # --- a score ------------------------------------------------------------------------------------
@@ -117,15 +154,15 @@ _FACTORS = tuple(2.0**i for i in range(-2, 9))
 _RATES = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
-def of_score(piece: Piece, seconds: float) -> dict[str, Map]:
+def of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
     """All springs stiffer; and only the contacts, where there are any."""
-    maps = [_stiffer(piece, seconds, "springs", contacts_only=False)]
+    maps = [_stiffer(piece, seconds, method, "springs", contacts_only=False)]
     if has_contacts(piece):
-        maps.append(_stiffer(piece, seconds, "contacts", contacts_only=True))
+        maps.append(_stiffer(piece, seconds, method, "contacts", contacts_only=True))
     return {one.name: one for one in maps}
 
 
-def _stiffer(piece: Piece, seconds: float, name: str, *, contacts_only: bool) -> Map:
+def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_only: bool) -> Map:
     top = _RATES[-1]
 
     def scene(factor: float, times: float) -> Score:
@@ -146,7 +183,7 @@ def _stiffer(piece: Piece, seconds: float, name: str, *, contacts_only: bool) ->
             frames: Floats = found.frames[::stride][:n_frames]
             return Truth(frames, found.change_db)
 
-        return Case(scene(factor, times), 1, truth)
+        return Stepped(scene(factor, times), Setting(method), truth)
 
     what = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {what} stiffer"

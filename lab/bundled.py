@@ -13,15 +13,15 @@ from ergon.exchange.safe import write_text
 from ergon.lab import atlas, chart_table, draw_chart, draw_maps, map_table
 from ergon.lab.chart import measure, planned, settings
 from ergon.lab.machine import machine
-from ergon.lab.maps import ACCURATE_DB, survey_all
-from ergon.lab.names import METHODS, PRECISIONS
+from ergon.lab.maps import survey_all
+from ergon.lab.names import METHODS, PRECISIONS, SLOW
 from ergon.lab.pictures import save, targets
 from ergon.lab.scene import Score
 from ergon.scores.reading.load import load
 
 SCORES = ("one-gesture", "tempo", "hand", "two-keys")
 _SECONDS, _UPTO = 2.0, 8
-_MAPPED = ("ca", "ca2p", "bm4")
+_MAPPED = ("ca", "ca2p", "bm4", SLOW)
 _HEAD = """\
 # Charts of what ships
 
@@ -58,11 +58,11 @@ def _chart(folder: Path, name: str) -> str:
 
 
 def _maps(folder: Path, method: str) -> str:
-    found = survey_all(atlas.built_in(method), method, ACCURATE_DB, lambda done: None)
+    found = survey_all(atlas.built_in(method), lambda done: None)
     title = f"where {method} is stable, and where right"
     name = "stability" if method == "ca" else f"stability-{method}"
     stem = folder / name
-    write_text(targets(stem)[0], map_table.csv(found, title, ACCURATE_DB), force=True)
+    write_text(targets(stem)[0], map_table.csv(found, title), force=True)
     save(lambda: draw_maps.draw(found, title), stem, force=True, png=False)
     print(map_table.lines(found), flush=True)
     return (

@@ -12,17 +12,25 @@ _NAMES = [f.name for f in names_of(Spot) if f.name not in ("x", "y")]
 Surveyed = Mapping[str, tuple[Map, Sequence[Spot]]]
 
 
-def csv(found: Surveyed, method: str, accurate_db: float) -> str:
+def csv(found: Surveyed, method: str) -> str:
     """The whole file: a row for every spot of every map."""
     facts = [
         f"stability of {method}",
         "theory, certified: predicted by a formula, by the engine before it runs",
-        f"stable: what happened; accurate: error_db of at most {accurate_db:g} dB",
+        *dict.fromkeys(
+            f"stable: what happened; accurate: {_bar(one)}" for one, _ in found.values()
+        ),
         *(f"{name}: x is {one.x_label}, y is {one.y_label}" for name, (one, _) in found.items()),
     ]
     names = ["map", "x", "y", *_NAMES]
     rows = ([record[name] for name in names] for record in records(found))
     return table.text(facts, names, rows)
+
+
+def _bar(one: Map) -> str:
+    *steps, (_, last) = one.right
+    upto = [f"{db:g} dB up to {y:g}, " for y, db in steps]
+    return f"error_db of at most {''.join(upto)}{last:g} dB"
 
 
 def records(found: Surveyed) -> list[dict[str, table.Value]]:

@@ -39,10 +39,10 @@ def onset(x: Floats) -> int | None:
     return int(np.argmax(size >= _ONSET * peak)) if peak > 0.0 else None
 
 
-def early_db(y: Floats, x: Floats, rate: float) -> float:
-    """`waveform_db` over the first 0.1 s of sound."""
+def early_db(y: Floats, x: Floats, rate: float, seconds: float = EARLY) -> float:
+    """`waveform_db` over the first 0.1 s of sound, or as many."""
     first = onset(x) or 0
-    span = slice(first, first + max(1, round(EARLY * rate)))
+    span = slice(first, first + max(1, round(seconds * rate)))
     return waveform_db(y[span], x[span])
 
 

@@ -26,6 +26,8 @@ METRICS: dict[Metric, str] = {
     "energy": "energy that the scheme made [dB of what was given]",
 }
 MAPS = ("cell", "contact", "strike", "rate", "coupling")
+SLOW = "e4"  # the exact flow of a slow part: no method of its own for all of a scene
+CUTS = ("soft", "quick")  # its maps
 EXTRA = "pip install ergon-live[lab]"
 
 

@@ -14,6 +14,7 @@ from ergon.scores.staging.stage import StageError
 
 _FINER = 16  # times what is just stable
 _HIGHEST = 1024  # times the scene's own rate
+EXACT_DB = -300.0  # what a formula does not know
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,6 +114,8 @@ def test_what_the_planner_takes_for_an_error_is_one_point_more(
         (["stability", "--maps", "cel"], 2, "did you mean 'cell'?"),
         (["stability", "--method", "euler"], 2, "euler"),
         (["stability", "--accurate", "3"], 2, "accurate"),
+        (["stability", "--method", "e4", "--maps", "cell"], 2, "soft, quick"),
+        (["stability", "bell.yaml", "--method", "e4"], 2, "without SCORE"),
         (["stability", "bell.yaml", "--maps", "cell"], 2, "springs, contacts"),
         (["stability", "wrong.yaml"], 1, "E1"),
     ],

@@ -26,7 +26,7 @@ def survey(
 ) -> tuple[maps.Map, list[maps.Spot]]:
     whole = atlas.built_in(method)[name]
     one = replace(whole, ys=whole.ys[rows])
-    return one, maps.survey(one, method, maps.ACCURATE_DB, silent)
+    return one, maps.survey(one, silent)
 
 
 def test_the_border_of_a_cell_is_jurys():
@@ -180,15 +180,15 @@ def test_stiffer_means_every_spring():
 
 def test_a_score_fails_where_its_certificate_says():
     """λ ≈ K·T²/M: 4 at 44.1 kHz is 7.8 MN/m for 1 g, 26 times the score's."""
-    one = atlas.of_score(piece(), 0.05)["springs"]
-    spots = {(s.x, s.y): s for s in maps.survey(one, "ca", maps.ACCURATE_DB, silent)}
+    one = atlas.of_score(piece(), 0.05, "ca")["springs"]
+    spots = {(s.x, s.y): s for s in maps.survey(one, silent)}
     assert spots[16.0, 1.0].stable is True
     assert spots[32.0, 1.0].stable is False
     assert spots[32.0, 2.0].stable is True
     assert spots[128.0, 2.0].stable is False
     assert all(s.certified == s.stable for s in spots.values() if s.x >= 16.0)
     assert spots[0.25, 4.0].accurate is True
-    text = map_table.csv({"springs": (one, list(spots.values()))}, "ca", maps.ACCURATE_DB)
+    text = map_table.csv({"springs": (one, list(spots.values()))}, "ca")
     header, *rows = (line for line in text.splitlines() if not line.startswith("#"))
     assert header.startswith("map,x,y,theory,certified,stable,accurate")
     assert len(rows) == one.n_spots

@@ -1,0 +1,89 @@
+"""One spot of a map: what the engine says of it beforehand, and what it does when it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ergon import _core
+from ergon.lab import runs
+from ergon.lab.energy import production_db
+from ergon.lab.metrics import Floats
+from ergon.lab.runs import Setting
+from ergon.lab.scene import Scene
+from ergon.lab.truth import Truth
+
+RUNAWAY_DB = 10.0  # ten times the energy that went in, made by the scheme alone
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Whether it stayed finite (None: the engine would not run it), its outputs, and why not."""
+
+    stable: bool | None
+    frames: Floats | None = None
+    reason: str = ""
+
+
+class Case(Protocol):
+    """A scene, and how it is computed."""
+
+    @property
+    def scene(self) -> Scene:
+        """What is computed."""
+
+    def refused(self) -> str:
+        """Why the engine would not run it; nothing where it would."""
+
+    def run(self, n_frames: int) -> Outcome:
+        """Run it, refused or not."""
+
+    def truth(self, n_frames: int) -> Truth:
+        """What it really does (outputs)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stepped:
+    """A scene by one method, oversampled."""
+
+    scene: Scene
+    setting: Setting
+    known: Callable[[int], Truth]
+
+    def refused(self) -> str:
+        """What the certificate says against it."""
+        try:
+            if self.setting.method == "ca":
+                rate = self.scene.rate * self.setting.oversampling
+                self.scene.at(rate).network.certify(rate)
+            else:
+                runs.start(self.scene, self.setting)
+        except _core.UnstableError as error:
+            return str(error)
+        return ""
+
+    def run(self, n_frames: int) -> Outcome:
+        """By CA with its ledger: what makes energy runs away too."""
+        ledger = self.setting.method == "ca"
+        try:
+            run = runs.start(self.scene, self.setting, ledger=ledger, unchecked=True)
+        except _core.UnstableError as error:
+            return Outcome(None, reason=str(error))
+        try:
+            frames = run.frames(n_frames)
+        except _core.DivergedError as error:
+            return Outcome(False, reason=str(error))
+        if not np.all(np.isfinite(frames)):
+            return Outcome(False, reason="an output is not finite")
+        made = production_db(run.energy()) if ledger else -np.inf
+        if made > RUNAWAY_DB:
+            times = f"{10 ** (made / 10):.3g} times the energy given"
+            return Outcome(False, frames, f"the scheme made {times}")
+        return Outcome(True, frames)
+
+    def truth(self, n_frames: int) -> Truth:
+        """As it was given."""
+        return self.known(n_frames)

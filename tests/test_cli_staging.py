@@ -1,0 +1,58 @@
+"""What the engine will not play is said in one way, whichever command staged it."""
+
+from pathlib import Path
+
+import pytest
+
+from ergon.cli import app
+from ergon.repl.session.journal import Journal
+from ergon.repl.session.replay import Opening
+from ergon.repl.session.texts import Texts
+from ergon.repl.session.version import Desk
+
+SCORE = """\
+ergon: 1
+instruments:
+  bell:
+    units: ca
+    at: 44100Hz
+    modules:
+      m: {CEL: {M: 1, K: 5, X0: 1mm}}
+    out: {SOX: m}
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A score that is read without a mistake and cannot be played, and the journal of one."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    Path("score.yaml").write_text(SCORE, encoding="utf-8")
+    journal = Journal(Path("began.jsonl"))
+    opening = Opening(Texts.read("score.yaml"), 0.0, Desk(), 64, 1.0, 1.0, None)
+    journal.tell("session", **opening.fields())
+    journal.tell("said", line="show", taken=True, reply="", frame=640)
+    journal.close()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        ["render", "score.yaml", "-o", "x.wav", "--method", "ca"],
+        ["render", "began.jsonl", "-o", "x.wav"],
+        ["repl", "score.yaml", "--audio", "null"],
+        ["repl", "score.yaml", "--audio", "null", "--gain", "0dB"],
+        ["repl", "--resume", "began.jsonl", "--audio", "null"],
+    ],
+    ids=" ".join,
+)
+def test_it_is_said_in_its_place(
+    here: Path, capsys: pytest.CaptureFixture[str], typed: list[str]
+) -> None:
+    assert app.run(typed) == 1
+    place, line, mark, *_ = capsys.readouterr().err.splitlines()
+    assert place.startswith("score.yaml:7:7: error[E309] bell.m: unstable")
+    assert line == " 7 |       m: {CEL: {M: 1, K: 5, X0: 1mm}}"
+    assert mark == "   |       ^"
+    assert {path.name for path in here.iterdir()} == {"score.yaml", "began.jsonl"}

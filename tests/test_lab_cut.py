@@ -1,0 +1,82 @@
+"""Maps of a slow key: its certificate against what happens, and what the slowness costs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ergon import _core
+from ergon.lab import atlas, cut, map_table, maps
+from ergon.lab.cut import QUICK, RATE, SOFT, Cut, Slow
+from ergon.lab.names import CUTS, SLOW
+
+KEYS = {"soft": SOFT, "quick": QUICK}
+
+
+def survey(name: str, *every: float) -> tuple[maps.Map, list[maps.Spot]]:
+    one = replace(atlas.built_in(SLOW)[name], ys=every)
+    return one, maps.survey(one, lambda done: None)
+
+
+def test_a_soft_key_is_preserved_wherever_a_plan_says_so():
+    _, spots = survey("soft", 4.0, 10.0, 20.0)
+    *_, outside = spots[:21]
+    assert (outside.theory, outside.certified, outside.stable) == (False, False, False)
+    inside = [spot for spot in spots if spot.theory]
+    assert all(spot.certified and spot.stable for spot in inside)
+    assert all(spot.accurate for spot in inside if spot.y <= 10.0)
+    # Twenty frames are too many for a stiff spring: stable, and another sound.
+    slower = {spot.x: spot.accurate for spot in inside if spot.y == 20.0}
+    assert slower[min(slower)] is True
+    assert slower[max(slower)] is False
+
+
+def test_what_the_certificate_refuses_grows_and_nothing_else_does():
+    _, spots = survey("quick", 20.0, 36.0, 54.0)
+    assert {spot.certified for spot in spots if spot.theory} == {True, False}
+    for spot in spots:
+        assert spot.certified == spot.stable, spot
+        if spot.stable is False:
+            assert "beyond all bounds" in spot.reason or "times as far" in spot.reason
+
+
+@pytest.mark.parametrize("name", CUTS)
+def test_the_formula_is_the_border_of_what_goes_at_every_frame(name: str):
+    """Whatever the key's rate; its own springs have no part in it."""
+    key = KEYS[name]
+    low, high = 1e3, 1e7
+    while high / low > 1.0 + 1e-6:
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if cut.load(key, middle) < 1.0 else (low, middle)
+    for every in (2, 4):
+        assert Slow(Cut(key, low * 0.998, every)).refused() == ""
+    bare = replace(key, K=(1e-3, 1e-3, 1e-3, 1e-3), Z=(0.0, 0.0, 0.0, 0.0))
+    made = Cut(bare, low * (1.0 - 1e-5), None).at(RATE)
+    made.network.certify(RATE)
+    made = Cut(bare, high * (1.0 + 1e-5), None).at(RATE)
+    with pytest.raises(_core.UnstableError):
+        made.network.certify(RATE)
+
+
+def test_a_factor_that_no_certificate_sees_changes_no_bit():
+    """So what is refused is run as it would be, were it not."""
+
+    def frames(scene: Cut) -> np.ndarray:
+        found = Slow(scene).run(8820).frames
+        assert found is not None
+        return found
+
+    for every in (10, 44):
+        plain = Cut(SOFT, 5e3, every)
+        assert frames(replace(plain, hidden=64.0)).tobytes() == frames(plain).tobytes()
+
+
+def test_the_table_says_what_counts_as_right():
+    one = replace(atlas.built_in(SLOW)["soft"], xs=(1.0,), ys=(10.0, 12.0))
+    assert [one.right_db(y) for y in (2.0, 10.0, 12.0, 60.0)] == [-75.0, -75.0, -70.0, -70.0]
+    spots = maps.survey(one, lambda done: None)
+    strict = replace(one, right=((float("inf"), -88.0),))
+    assert [spot.accurate for spot in spots] == [True, True]
+    assert [s.accurate for s in maps.survey(strict, lambda done: None)] == [True, False]
+    text = map_table.csv({"soft": (one, spots)}, SLOW)
+    assert "error_db of at most -75 dB up to 10, -70 dB" in text

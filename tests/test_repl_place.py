@@ -1,0 +1,103 @@
+"""Where a session is found, and who is let in."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import stat
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+from sockets import remote, serving
+
+from ergon.repl.wire import place
+
+
+def test_the_place_is_its_owners_alone(short_folder: Path):
+    found = place.default({"XDG_RUNTIME_DIR": str(short_folder)})
+    assert found == short_folder / "ergon" / "session.sock"
+    assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
+    door = place.Door(found)
+    try:
+        assert stat.S_IMODE(found.stat().st_mode) == 0o600
+        with pytest.raises(place.PlaceError, match=f"{found} already"):
+            place.Door(found)
+    finally:
+        door.close()
+    assert list(found.parent.iterdir()) == []
+    found.parent.chmod(0o755)
+    with pytest.raises(place.PlaceError, match="not yours alone"):
+        place.default({"XDG_RUNTIME_DIR": str(short_folder)})
+    found.parent.rmdir()
+    (short_folder / "elsewhere").mkdir(mode=0o700)
+    found.parent.symlink_to(short_folder / "elsewhere")
+    with pytest.raises(place.PlaceError, match="not yours alone"):
+        place.default({"XDG_RUNTIME_DIR": str(short_folder)})
+
+
+def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
+    short_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
+    for environment in ({}, {"XDG_RUNTIME_DIR": "not/absolute"}, {"XDG_RUNTIME_DIR": "/nowhere"}):
+        found = place.default(environment)
+        assert found == short_folder / f"ergon-{os.geteuid()}" / "session.sock"
+        assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
+
+
+def test_what_a_killed_process_left_is_taken_over_and_a_file_is_not(short_folder: Path):
+    left = socket.socket(socket.AF_UNIX)
+    left.bind(str(short_folder / "s"))
+    left.close()
+    with serving(short_folder / "s"):
+        pass
+    (short_folder / "s").write_text("mine")
+    with pytest.raises(place.PlaceError, match="no socket"):
+        place.Door(short_folder / "s")
+    assert (short_folder / "s").read_text() == "mine"
+    with pytest.raises(place.PlaceError, match="too long"):
+        place.Door(short_folder / ("x" * 200))
+
+
+def test_another_user_is_not_let_in(short_folder: Path, monkeypatch: pytest.MonkeyPatch):
+    with serving(short_folder / "s"):
+        monkeypatch.setattr(place, "is_ours", lambda connection: False)
+        with socket.socket(socket.AF_UNIX) as stranger:
+            stranger.connect(str(short_folder / "s"))
+            with stranger.makefile("rb") as said:
+                told = json.loads(said.readline())
+        assert told == {"error": "this session is another user's"}
+        with pytest.raises(place.PlaceError, match="another user"):
+            remote(short_folder / "s")
+        monkeypatch.undo()
+        one, two = socket.socketpair()
+        with one, two:
+            assert place.is_ours(one)
+            other = os.geteuid() + 1
+            monkeypatch.setattr(os, "geteuid", lambda: other)
+            assert not place.is_ours(one)
+            monkeypatch.undo()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be another user")
+def test_a_process_of_another_user_is_refused_though_it_can_connect(short_folder: Path):
+    with serving(short_folder / "s"):
+        short_folder.chmod(0o777)
+        (short_folder / "s").chmod(0o777)
+        code = f"""
+import socket
+s = socket.socket(socket.AF_UNIX)
+s.connect({str(short_folder / "s")!r})
+print(s.makefile().readline())
+"""
+        done = subprocess.run(
+            ["/usr/bin/python3", "-c", code],
+            user=65534,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    assert json.loads(done.stdout) == {"error": "this session is another user's"}

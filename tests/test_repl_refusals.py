@@ -1,0 +1,116 @@
+"""A line that is not taken: its place, why, and a better line."""
+
+import dataclasses
+
+import pytest
+from spoken import SCOPE, refused
+
+from ergon.repl.language import commands as c
+from ergon.repl.language.lines import MAX_LINE, MAX_PASTE
+from ergon.repl.language.parse import parse
+from ergon.scores.clock.positions import Position
+
+
+@pytest.mark.parametrize(
+    ("line", "at_fault", "better"),
+    [
+        ("ada plyas leen", "plyas", "ada plays lean"),
+        ("aad plyas leen", "aad", "ada plays lean"),
+        ("ada plays knok every 1", "knok", "ada plays knock every 1"),
+        ("ada plays knock evry 1", "evry", "ada plays knock every 1"),
+        ("ada do scael 0.5", "scael", "ada do scale 0.5"),
+        ("knock every 1", "knock", "ada plays knock every 1"),
+        ("knock = 0@0 smoth 6@1", "smoth", "knock = 0@0 smooth 6@1"),
+        ("set bel.m.K x2", "bel.m.K", "set bell.m.K x2"),
+        ("set bell.m.k x2", "bell.m.k", "set bell.m.K x2"),
+        ("set bell.m.K 900N/mm/s", "N/mm/s", "set bell.m.K 900N/mm"),
+        ("gain bell -6", "-6", "gain bell -6dB"),
+        ("temop 72", "temop", "tempo 72"),
+        ("tempo 72 nwo", "72 nwo", None),
+        ("hush nwo", "nwo", "hush now"),
+        ("record remi as solo", "solo", "record remi as solo-2"),
+        ("record remi os lala", "os", None),
+        ("quant bra", "bra", "quant bar"),
+        ("uncuple k1 k2", "uncuple", "uncouple k1 k2"),
+        ("save my piece.yaml", "piece.yaml", None),
+        ("ada\xa0plays knock", "\xa0", "ada plays knock"),
+        ("ada plays \x1bknock\x00", "\x1bknock\x00", "ada plays knock"),
+    ],
+)
+def test_a_refusal_has_a_place_and_a_better_line(line: str, at_fault: str, better: str | None):
+    refusal = refused(line)
+    assert line[refusal.offset : refusal.offset + refusal.length] == at_fault
+    assert refusal.try_ == better
+    if better is not None:
+        assert parse(better, SCOPE)
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("set bell.m.K 900N", "unit 'N' does not measure stiffness"),
+        ("set k1.M 2s", "unit 's' does not measure mass"),
+        ("set bell.m.K x-1", "negative"),
+        ("damp 3", "'3' has no unit"),
+        ("link on", "not built yet"),
+        ("u", "'u' may be uncouple or unmute or undo"),
+        ("help re", "'re' may be"),
+        ("ada plays knock until Q", "'Q' is not a mark"),
+        ("stop at Q+2", "'Q' is not a mark"),
+        ("ada plays knock at B now", "said twice"),
+        ("ada plays knock every", "'every' needs a value"),
+        ("ada plays knock every 0", "no time at all"),
+        ("ada plays knock rate 4kHz", "audio rate"),
+        ("ada plays solo from B", "is not a time"),
+        ("ada plays", "a gesture or a take is missing"),
+        ("ada", "plays or does what?"),
+        ("stop at", "'at' wants a position"),
+        ("panic at C", "acts at once"),
+        ("rest", "is missing"),
+        ("couple k1 k2", "K or Z"),
+        ("couple k1 k1 K=1N/m", "'k1' twice"),
+        ("guide remi remi", "'remi' twice"),
+        ("gain bell", "a level is missing"),
+        ("couple k1 k2 K=", "'K=' wants a stiffness"),
+        ("tempo 60 over 4bar", "a ramp says"),
+        ("tempo 60 -> 90", "a ramp says"),
+        ("quant 1s", "not on seconds"),
+        ("back 0", "outside 1 to"),
+        ("every = 0@0 6@1", "'every' is a word of these lines"),
+        ("solo = 0@0 6@1", "'solo' is a take"),
+        ("9th = 0@0 6@1", "is not a name"),
+        ("knock = ", "is missing"),
+        ("knock = 0@0 throw", "leads into no point"),
+        ("knock = 0@0 (1@1 0@2)*90000", "more than 2,000 points"),
+        ('load "duet.yaml', "not closed"),
+        ("xyz", "unknown verb 'xyz'"),
+        ("= 0@0", "unknown verb '='"),
+        ("x" * (MAX_LINE + 1), "10,000 are the most"),
+        ("play\n" * MAX_PASTE, "100,000 are the most"),
+        ("play\n" * 201, "more than 200 lines"),
+    ],
+)
+def test_what_is_refused_says_why(line: str, reason: str):
+    refusal = refused(line)
+    assert reason in refusal.message
+    assert "\n" not in refusal.message
+    assert refusal.try_ is None or parse(refusal.try_, SCOPE)
+
+
+def test_a_name_may_be_that_of_a_verb():
+    """`tempo.yaml` has a gesture `tap`; players are called what they are called."""
+    scope = dataclasses.replace(
+        SCOPE, gestures={"tap": "", "help": ""}, players={"set": "", "ada": ""}
+    )
+    assert isinstance(parse("ada plays tap", scope)[0], c.Plays)
+    assert isinstance(parse("tap", scope)[0], c.Tap)
+    assert isinstance(parse("help = 0@0 1@1", scope)[0], c.Define)
+    assert isinstance(parse("set plays help", scope)[0], c.Plays)
+    assert isinstance(parse("set bell.m.K x2", scope)[0], c.Set)
+
+
+def test_a_mark_with_a_minus_is_a_mark():
+    scope = dataclasses.replace(SCOPE, marks={"verse-2": ""})
+    (stop,) = parse("stop at verse-2", scope)
+    assert isinstance(stop.when, Position)
+    assert stop.when.text == "verse-2"

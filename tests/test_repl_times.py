@@ -1,0 +1,121 @@
+"""Edits of tempo, names and couplings."""
+
+from pathlib import Path
+
+import pytest
+from edited import DUET, ROOT, SCORES, TEMPO, TWO, lines, opened, piece_of
+
+from ergon.repl.session.edits import keys, names, times
+from ergon.repl.session.texts import Texts
+from ergon.scores.text.edit import EditError
+
+
+@pytest.mark.parametrize("path", SCORES)
+@pytest.mark.parametrize("at", [0.0, 3.0, 12.0, 22.0, 60.0])
+@pytest.mark.parametrize(("bpm", "over"), [("72", None), ("60 -> 96", "8")])
+def test_the_tempo_holds_from_its_beat(path, at, bpm, over):
+    texts, piece = opened(path)
+    after = piece_of(times.change(texts, piece, at, bpm, over)).tempo_map
+    for k in range(20):
+        beats = at * k / 20
+        assert after.seconds(beats) == pytest.approx(piece.tempo_map.seconds(beats), abs=1e-9)
+        assert after.bar_beat(at + k) == piece.tempo_map.bar_beat(at + k)
+    assert after.bpm(at) == float(bpm.split()[0])
+    assert after.bpm(at + 1000) == float(bpm.split()[-1])
+
+
+def test_a_ramp_under_way_ends_where_it_is():
+    texts, piece = opened(DUET)
+    after = times.change(texts, piece, 36.0, "72")
+    assert lines(texts, after)[1] == [
+        "- {at: 9|1, bpm: 60 -> 69, over: 4}   # accelerando",
+        "- {at: 10|1, bpm: 72}",
+    ]
+
+
+@pytest.mark.parametrize(
+    "tempo",
+    [
+        "tempo: {at: 1|1, bpm: 60}\n",
+        "tempo: {at: 3|1, meter: 3/4}\n",
+        "tempo:\n  at: 3|1\n  bpm: 60\n",
+        "tempo: []\n",
+        "",
+    ],
+)
+def test_a_tempo_beside_a_lone_one(tempo):
+    head, tail = Path(TWO).read_text().split("tempo:\n")
+    texts, piece = opened(TWO, head + tempo + tail[tail.index("marks:") :])
+    after = piece_of(times.change(texts, piece, 4.0, "90"))
+    assert after.tempo_map.bpm(4.0) == 90.0
+    assert after.tempo_map.bar_beat(20.0) == piece.tempo_map.bar_beat(20.0)
+
+
+def test_a_mark_is_where_it_was_set():
+    texts, piece = opened(DUET)
+    after = piece_of(times.mark(texts, piece, "verse-2", 13.25))
+    assert {m.name: after.tempo_map.resolve(m.at) for m in after.marks}["verse-2"] == 13.25
+
+
+@pytest.mark.parametrize("name", ["knock", "roll", "lean", "soft", "new"])
+def test_a_gesture_is_what_was_said(name):
+    texts, piece = opened(DUET)
+    after = names.define(texts, name, "0@0 smooth 7@1/8 0@1/4")
+    found = piece_of(after).gestures[name]
+    assert [point.x for point in found.points] == [0.0, 0.007, 0.0]
+    if name in piece.gestures:
+        assert found.do == piece.gestures[name].do
+        assert found.manner == piece.gestures[name].manner
+
+
+def test_a_gesture_of_a_file_is_redefined_there():
+    texts, _ = opened(TEMPO)
+    after = names.define(texts, "tap", "0@0 smooth 7@1/8 0@1/4")
+    file = str(ROOT / "scores" / "library" / "gestures" / "common.yaml")
+    assert after.text == texts.text
+    assert lines(texts, after, file)[1] == [
+        "tap: 0@0 smooth 7@1/8 0@1/4     # throws a hammer over a gap of 7 mm"
+    ]
+    assert piece_of(after).gestures["tap"].points[1].x == 0.007
+    prefixed = texts.text.replace(", gestures/common.yaml]", "]").replace(
+        "use: [instruments/string.yaml]",
+        "use: {s: instruments/string.yaml, c: gestures/common.yaml}",
+    )
+    texts = Texts(TEMPO, prefixed.replace("tap,", "c.tap,").replace(" tap", " c.tap"))
+    after = names.define(texts, "c.tap", "0@0 smooth 7@1/8 0@1/4")
+    assert list(after.overlay) == [file]
+
+
+def test_a_take_and_a_seed():
+    texts, _ = opened(DUET)
+    after = piece_of(names.seed(names.take(texts, "solo", "takes/hand-draw-1.csv", "x"), 7))
+    assert (after.takes["solo"].channel, after.seed) == ("x", 7)
+
+
+def acting(piece, at):
+    found = []
+    for c in piece.duet:
+        until = piece.tempo_map.resolve(c.until) if c.until else float("inf")
+        if piece.tempo_map.resolve(c.at) <= at < until:
+            found.append(c.link.fields["K"])
+    return found
+
+
+@pytest.mark.parametrize("at", [8.0, 32.0, 40.0])
+def test_a_coupling_takes_the_place_of_another(at):
+    texts, piece = opened(DUET)
+    after = keys.couple(texts, piece, at, "k2", "k1", "90N/m", "1Ns/m")
+    new = piece_of(after)
+    for beat in (0.0, 7.0, 31.0, 39.0, 41.0, 100.0):
+        assert acting(new, beat) == ([90.0] if beat >= at else acting(piece, beat))
+    assert "duet:                                      # the two keys" in after.text
+    free = piece_of(keys.uncouple(after, new, at + 8, "k1", "k2"))
+    assert acting(free, at + 9) == []
+    assert acting(free, at + 7) == [90.0]
+
+
+def test_keys_that_nothing_joins_cannot_part():
+    texts, piece = opened(DUET)
+    texts = keys.uncouple(texts, piece, 8.0, "k1", "k2")
+    with pytest.raises(EditError, match="not coupled"):
+        keys.uncouple(texts, piece_of(texts), 8.0, "k1", "k2")
