@@ -27,6 +27,7 @@ mod search;
 mod slow;
 mod split;
 mod truncate;
+mod turned;
 mod whole;
 mod wiring;
 
@@ -84,6 +85,8 @@ pub(crate) struct BankPlan {
     pub(crate) of: Option<Arc<Network>>,
     /// Which of its modes they are.
     pub(crate) kept: Vec<u32>,
+    /// Its MATs that modes of one frequency were turned towards; none where they are as they were found.
+    pub(crate) turned: Option<Vec<usize>>,
     /// What else may strike them is not known.
     pub(crate) is_open: bool,
 }

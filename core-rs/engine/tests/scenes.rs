@@ -22,3 +22,5 @@ mod live;
 mod plans;
 #[path = "scenes/scene.rs"]
 mod scene;
+#[path = "scenes/turned.rs"]
+mod turned;

@@ -50,7 +50,12 @@ pub(super) fn bank(
     let is_discrete = discrete.is_some_and(|part| network.parts()[part].ca_rate.is_some());
     let strikes = blows(timeline, rate, |_| true, is_discrete);
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
-    let modes = memo.modes(network, &rows, rate)?;
+    let mut modes = memo.modes(network, &rows, rate)?;
+    // What a session may bring is not known: all of them may move.
+    let turned = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
+    if turned.is_some() {
+        modes.turn(&(n_out..rows.len()).collect::<Vec<_>>(), rate);
+    }
     if let Some(why) = modes.unfit(rate) {
         return Err(why);
     }
@@ -74,15 +79,16 @@ pub(super) fn bank(
             still + held[output]
         })
         .collect();
+    let bank = bank_of(
+        &modes,
+        &kept.modes,
+        [seen, felt],
+        &subset.outputs,
+        &strikes,
+        rate,
+    );
     Ok(Body {
-        bank: bank_of(
-            &modes,
-            &kept.modes,
-            [seen, felt],
-            &subset.outputs,
-            &strikes,
-            rate,
-        ),
+        bank: BankPlan { turned, ..bank },
         rest,
         modes: modes.len(),
         kept,

@@ -128,24 +128,28 @@ fn modal(
     let rate = timeline.rate;
     let subset = network.subset(&body.mats, &body.guests, &body.links);
     let outputs = heard(&subset.network)?;
-    let ports = body
-        .ports
-        .iter()
-        .map(|&mat| subset.mat(mat as usize).unwrap_or(0));
-    let ports: Vec<Row> = ports.map(|mat| vec![(mat, 1.0)]).collect();
+    let local = |mat: &u32| subset.mat(*mat as usize).unwrap_or(0);
+    let row = |mat: usize| vec![(mat, 1.0)];
+    let ports: Vec<usize> = body.ports.iter().map(local).collect();
     let strikes = blows(
         timeline,
         rate,
         |mat| body.mats.binary_search(&mat).is_ok(),
         is_discrete(network, body),
     );
-    let struck = strikes
-        .keys()
-        .map(|&mat| subset.mat(mat as usize).unwrap_or(0));
-    let struck: Vec<Row> = struck.map(|mat| vec![(mat, 1.0)]).collect();
-    let rows = [ports, outputs.rows, struck].concat();
-    let modes = memo.modes(&subset.network, &rows, rate)?;
+    let struck: Vec<usize> = strikes.keys().map(local).collect();
+    let (n_ports, n_out) = (ports.len(), subset.outputs.len());
+    let mut rows: Vec<Row> = ports.iter().copied().map(row).collect();
+    rows.extend(outputs.rows);
+    rows.extend(struck.iter().copied().map(row));
+    let mut modes = memo.modes(&subset.network, &rows, rate)?;
     let n = modes.len();
+    // What a session may bring is not known: all of them may move.
+    let turned = (!timeline.is_open).then(|| [ports, struck].concat());
+    if turned.is_some() {
+        let moved: Vec<usize> = (0..n_ports).chain(n_ports + n_out..rows.len()).collect();
+        modes.turn(&moved, rate);
+    }
     if let Some(why) = modes.unfit(rate) {
         return Err(why);
     }
@@ -156,12 +160,12 @@ fn modal(
             .map(|(a, b)| a * b)
             .sum()
     };
-    let (n_ports, n_out) = (body.ports.len(), subset.outputs.len());
     let still = (0..n_out)
         .map(|row| rest(n_ports + row) + outputs.held[row])
         .collect();
     Ok(Modal {
         kept: (0..n as u32).collect(),
+        turned,
         modes: (0..n).map(|mode| own(&modes, mode, rate)).collect(),
         ports: body
             .ports

@@ -27,13 +27,24 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    /// Of a body by itself, some of its modes. Takes as long as its whole spectrum, and longer. `None` where it has none.
-    pub(crate) fn new(network: &Network, kept: &[u32], rate: Rate, sight: Sight) -> Option<Self> {
+    /// Of a body by itself, some of its modes, turned towards some MATs. Takes as long as its whole spectrum, and longer. `None`
+    /// where it has none.
+    pub(crate) fn new(
+        network: &Network,
+        (kept, turned): (&[u32], Option<&[usize]>),
+        rate: Rate,
+        sight: Sight,
+    ) -> Option<Self> {
         let kinds = network.mats().kind.iter().enumerate();
         let moving = kinds.filter(|(_, kind)| moves(**kind));
         let mats: Vec<usize> = moving.map(|(mat, _)| mat).collect();
         let rows: Vec<Row> = mats.iter().map(|&mat| vec![(mat, 1.0)]).collect();
-        let modes = Modes::new(network, &rows, rate).ok()?;
+        let mut modes = Modes::new(network, &rows, rate).ok()?;
+        if let Some(towards) = turned {
+            let row = |mat: &usize| mats.binary_search(mat).ok();
+            let moved: Vec<usize> = towards.iter().filter_map(row).collect();
+            modes.turn(&moved, rate);
+        }
         if kept.iter().any(|&mode| mode as usize >= modes.len()) {
             return None;
         }

@@ -42,7 +42,8 @@ struct Known<'a> {
 }
 
 enum What<'a> {
-    Modes(&'a Network, &'a [u32]),
+    /// Of a body: which of its modes, and what they were turned towards.
+    Modes(&'a Network, (&'a [u32], Option<&'a [usize]>)),
     Masses(Vec<usize>),
 }
 
@@ -70,8 +71,11 @@ impl<'a> Known<'a> {
                     at,
                     body: Some(index),
                 };
-                let (network, kept, own): (&Network, Option<&[u32]>, Vec<usize>) = match body {
-                    Inside::Modal(modal) => (&modal.of, Some(&modal.kept), Vec::new()),
+                let (network, kept, own): (&Network, Option<_>, Vec<usize>) = match body {
+                    Inside::Modal(modal) => {
+                        let kept = (&modal.kept[..], modal.turned.as_deref());
+                        (&modal.of, Some(kept), Vec::new())
+                    }
                     Inside::Mesh(mesh) => {
                         (&mesh.network, None, (0..mesh.network.n_mat()).collect())
                     }
@@ -89,7 +93,7 @@ impl<'a> Known<'a> {
         for (&(at, bank), _) in others(&side.banks, banks) {
             let Some(network) = &bank.of else { continue };
             let place = Place { at, body: None };
-            let what = What::Modes(network, &bank.kept);
+            let what = What::Modes(network, (&bank.kept, bank.turned.as_deref()));
             found.push(Self::new(place, network, &moving(network), what, step));
         }
         found

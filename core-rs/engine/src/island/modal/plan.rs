@@ -46,6 +46,8 @@ pub(crate) struct Modal {
     /// The body by itself, and which of its modes these are.
     pub(crate) of: Arc<Network>,
     pub(crate) kept: Vec<u32>,
+    /// Its MATs that modes of one frequency were turned towards; none where they are as they were found.
+    pub(crate) turned: Option<Vec<usize>>,
     pub(crate) modes: Vec<Mode>,
     pub(crate) ports: Vec<Port>,
     /// Outputs that hear it, and how much of each mode   (n_modes)
@@ -117,6 +119,7 @@ impl Modal {
         Self {
             of: self.of.clone(),
             kept: kept.iter().map(|&mode| self.kept[mode]).collect(),
+            turned: self.turned.clone(),
             modes: kept.iter().map(|&mode| self.modes[mode]).collect(),
             ports: self
                 .ports

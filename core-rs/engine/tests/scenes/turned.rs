@@ -1,0 +1,150 @@
+//! A body with symmetries has several modes of each frequency: of those only as many are computed as it is moved at
+//! points, and it plays the same.
+
+use std::sync::Arc;
+
+use ergon_engine::generator::{Rim, Shape, plate};
+use ergon_engine::network::{But, Contact, Network, Side, Term};
+use ergon_engine::plan::{Budget, Plan, What};
+use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+use super::scene::options;
+
+const SIDE: usize = 11;
+const N: usize = 22_050;
+
+/// What moves the plate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum By {
+    Strikes,
+    Hammer,
+}
+
+/// A square plate moved off its axes, heard at two points. Of what is `open` nothing is known, so that no mode is turned
+/// and none left out.
+fn plan(by: By, is_open: bool) -> Arc<Plan> {
+    let mut network = Network::new();
+    network.part("plate", None);
+    let topology = plate(Shape::Square, SIDE / 2, Rim::Fixed).unwrap();
+    network
+        .mesh("p", &topology, 0.2, 220.0, Some(1.0), 0.0)
+        .unwrap();
+    let at = |row: usize, column: usize| row * SIDE + column;
+    for (name, first) in [("left", at(2, 3)), ("right", at(8, 4))] {
+        let (len, weight) = (1, 1.0);
+        network
+            .listen(name, vec![Term::Position { first, len, weight }])
+            .unwrap();
+    }
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    if is_open {
+        timeline.open();
+    }
+    match by {
+        By::Strikes => {
+            for (mat, instant) in [(at(1, 4), 1e-3), (at(7, 3), 0.1), (at(1, 4), 0.2)] {
+                timeline.strike(&network, mat, instant, 0.01, 0).unwrap();
+            }
+        }
+        By::Hammer => {
+            network.part("hammer", None);
+            let hammer = network.mas("m", 5e-3, -1e-3, 1.5).unwrap();
+            let but = But {
+                k: 4e4,
+                z: 0.0,
+                gap: 0.0,
+                side: Side::Below,
+                contact: Contact::Plain,
+                restitution: 1.0,
+                steps: 2,
+                exponent: 1.0,
+                clamp: false,
+            };
+            network.but("b", hammer, at(1, 4), but).unwrap();
+        }
+    }
+    Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-100.0), None).unwrap())
+}
+
+fn kept(plan: &Plan) -> usize {
+    let modes = plan.rows().iter().find_map(|row| match row.what {
+        What::Modes { kept, .. } => Some(kept),
+        _ => None,
+    });
+    modes.unwrap_or_else(|| panic!("{:?}", plan.rows()))
+}
+
+fn alone() -> Options {
+    Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    }
+}
+
+fn heard(simulation: &mut Simulation, n_frames: usize) -> Vec<f64> {
+    let mut out = vec![0.0; n_frames * simulation.n_out()];
+    simulation.process(&mut out).unwrap();
+    out
+}
+
+impl By {
+    /// How far two ways of computing it may be apart: what lies below the budget, and how finely a contact is computed.
+    fn apart(self) -> f64 {
+        match self {
+            Self::Strikes => 1e-5,
+            Self::Hammer => 1e-3,
+        }
+    }
+}
+
+/// ‖a − b‖ / ‖b‖
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    let square = |of: &mut dyn Iterator<Item = f64>| of.map(|x| x * x).sum::<f64>();
+    let difference = square(&mut a.iter().zip(b).map(|(a, b)| a - b));
+    (difference / square(&mut b.iter().copied())).sqrt()
+}
+
+#[test]
+fn one_mode_of_a_frequency_for_each_point_that_moves_it() {
+    // Of 121 frequencies (i, j) and (j, i) are one, but where i = j: 66.
+    let pairs = SIDE * (SIDE + 1) / 2;
+    for (by, most) in [(By::Strikes, SIDE * SIDE), (By::Hammer, pairs)] {
+        let (closed, open) = (plan(by, false), plan(by, true));
+        assert_eq!(kept(&open), SIDE * SIDE);
+        assert!(kept(&closed) <= most && kept(&closed) > pairs / 2, "{by:?}");
+        let sound = |plan: &Arc<Plan>| {
+            let mut simulation = Simulation::planned(plan.clone(), alone()).unwrap();
+            heard(&mut simulation, N)
+        };
+        let (closed, open) = (sound(&closed), sound(&open));
+        assert!(
+            apart(&closed, &open) < by.apart(),
+            "{by:?}: {}",
+            apart(&closed, &open)
+        );
+    }
+}
+
+/// What was turned is seen mass by mass as it stands: another version goes on from there.
+#[test]
+fn another_version_goes_on_from_turned_modes() {
+    for by in [By::Strikes, By::Hammer] {
+        let (closed, open) = (plan(by, false), plan(by, true));
+        let mut whole = Simulation::planned(open.clone(), alone()).unwrap();
+        heard(&mut whole, N / 2);
+        let wanted = heard(&mut whole, N / 2);
+        let mut old = Simulation::planned(closed, alone()).unwrap();
+        heard(&mut old, N / 2);
+        let mut new = Simulation::planned_from(open, alone(), (N / 2) as u64).unwrap();
+        let mut carry = Carry::new(&old, &new);
+        assert!(new.take_over(&mut old, &mut carry));
+        let found = heard(&mut new, N / 2);
+        assert!(
+            apart(&found, &wanted) < by.apart(),
+            "{by:?}: {}",
+            apart(&found, &wanted)
+        );
+    }
+}
