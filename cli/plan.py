@@ -113,6 +113,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "contact_steps": row.steps,
         "error_db": row.error_db,
         "error_over_s": row.error_s,
+        "spectral_db": row.spectral_db,
         "cost": row.cost,
         "certificate": row.word,
         "because": row.because,
@@ -150,6 +151,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         error = "not measured"
     if row.preserved:
         error += ", preserved"
+    if row.spectral_db is not None:
+        error += f" over {row.error_s:.2g} s, then {row.spectral_db:.1f} dB by spectrum"
     return (
         " + ".join(row.parts),
         f"{row.n_mat + row.n_lia:,}",
@@ -208,6 +211,11 @@ def _why(row: PlanRow) -> list[str]:
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
+    if row.spectral_db is not None:
+        said.append(
+            "  After that the smallest difference has grown until no two methods give one waveform;"
+        )
+        said.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
     if row.word is not None:
         said.append(
             f"  It cannot diverge: {row.word}."

@@ -22,7 +22,8 @@ from ergon import _core
 from .plan_file import Choices, NotPlanError, decided, text
 from .safe import RefusedError, writing
 
-Told = Sequence[tuple[float | None, float | None, float | None, str | None]]
+_Row = tuple[float | None, float | None, float | None, float | None, str | None]
+Told = Sequence[_Row]
 Kept = tuple[Choices, str, Told]  # and a hash of what was decided
 
 _FILES_MAX = 256
@@ -118,13 +119,13 @@ def _kept(found: object, key: str) -> Kept:
     return choices, digest, [_told(row) for row in told]
 
 
-def _told(row: object) -> tuple[float | None, float | None, float | None, str | None]:
-    if isinstance(row, list) and len(row) == 4:
-        db, over, left_out, because = row
+def _told(row: object) -> _Row:
+    if isinstance(row, list) and len(row) == 5:
+        db, over, spectral, left_out, because = row
         is_words = because is None or (isinstance(because, str) and len(because) <= _WORDS_MAX)
-        if all(map(_is_number, (db, over, left_out))) and is_words:
-            return db, over, left_out, because
-    raise NotPlanError("a row is [dB, s, dB, why]")
+        if all(map(_is_number, (db, over, spectral, left_out))) and is_words:
+            return db, over, spectral, left_out, because
+    raise NotPlanError("a row is [dB, s, dB, dB, why]")
 
 
 def _is_number(value: object) -> bool:

@@ -14,7 +14,8 @@ from ergon.scores.reading.piece import Accuracy, Method
 _LOOSER = (-80.0, -60.0, -40.0, -20.0)
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
-Told = Sequence[tuple[float | None, float | None, float | None, str | None]]
+_Row = tuple[float | None, float | None, float | None, float | None, str | None]
+Told = Sequence[_Row]
 
 
 class Store(Protocol):
@@ -84,9 +85,14 @@ class _Planner:
                     return made
         self.are_kept = False
         made = _core.Plan(*self._of, **budget)
-        said = [(row.error_db, row.error_s, row.left_out_db, row.because) for row in made.rows()]
+        said = [_said(row) for row in made.rows()]
         self._store.put(key, (made.choices(), made.hash, said))
         return made
+
+
+def _said(row: _core.PlanRow) -> _Row:
+    """What a pilot told of a row."""
+    return row.error_db, row.error_s, row.spectral_db, row.left_out_db, row.because
 
 
 def make(
@@ -122,17 +128,22 @@ def make(
 
 
 def _missed(plan: _core.Plan, error: float | None) -> list[str]:
-    """Parts whose error stays above what is asked for, once an island."""
+    """Parts whose error stays above what is asked for, or for some time only; once an island."""
     if error is None:
         return []
-    found: dict[tuple[float, float | None], list[str]] = {}
+    found: dict[tuple[float, float, float | None], list[str]] = {}
     for row in plan.rows():
-        if row.error_db is not None and row.error_db > error:
-            found.setdefault((row.error_db, row.error_s), []).extend(row.parts)
+        db, over = row.error_db, row.error_s
+        if db is not None and over is not None and (db > error or row.spectral_db is not None):
+            found.setdefault((db, over, row.spectral_db), []).extend(row.parts)
     return [
-        f"{' + '.join(dict.fromkeys(parts))} stays at {db:.0f} dB over the first {over:.2g} s, "
-        f"above the {error:g} dB asked for"
-        for (db, over), parts in found.items()
+        f"{' + '.join(dict.fromkeys(parts))} stays at {db:.0f} dB over the first {over:.2g} s"
+        + (
+            f", above the {error:g} dB asked for"
+            if spectral is None
+            else f"; then no two ways of computing it agree but by spectrum, to {spectral:.1f} dB"
+        )
+        for (db, over, spectral), parts in found.items()
     ]
 
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::plan::{self, Budget, Reason, Told, What};
+use ergon_engine::plan::{self, Budget, Measured, Reason, Told, What};
 use ergon_engine::scheme::Word;
 use pyo3::prelude::*;
 
@@ -13,8 +13,14 @@ use crate::words;
 
 /// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
 type Pin = (usize, u32, usize, Vec<Vec<u32>>);
-/// What was told of a row: error [dB] over [s], modes left out [dB], why it is stepped.
-type Said = (Option<f64>, Option<f64>, Option<f64>, Option<String>);
+/// What was told of a row: error [dB] over [s], by spectrum [dB], modes left out [dB], why it is stepped.
+type Said = (
+    Option<f64>,
+    Option<f64>,
+    Option<f64>,
+    Option<f64>,
+    Option<String>,
+);
 
 /// What is computed, how, and why the rest is not.
 #[pyclass(frozen, module = "ergon._core")]
@@ -110,9 +116,11 @@ fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
     }
 }
 
-fn said((db, over, left_out, because): Said) -> Told {
+fn said((db, over, spectral, left_out, because): Said) -> Told {
     Told {
-        error: db.zip(over),
+        error: db
+            .zip(over)
+            .map(|(db, over)| Measured { db, over, spectral }),
         left_out,
         because,
     }
@@ -163,6 +171,7 @@ pub(crate) struct PlanRow {
     steps: usize,
     error_db: Option<f64>,
     error_s: Option<f64>,
+    spectral_db: Option<f64>,
     cost: f64,
     word: Option<&'static str>,
     because: Option<String>,
@@ -195,8 +204,9 @@ impl PlanRow {
                 _ => row.times,
             },
             steps: row.steps,
-            error_db: row.error.map(|(db, _)| db),
-            error_s: row.error.map(|(_, over)| over),
+            error_db: row.error.map(|error| error.db),
+            error_s: row.error.map(|error| error.over),
+            spectral_db: row.error.and_then(|error| error.spectral),
             cost: row.cost,
             word: row.word.map(|word| match word {
                 Word::Proved => "proved",

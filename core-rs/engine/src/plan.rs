@@ -3,12 +3,15 @@
 //! Nothing passes between two islands, so each is computed on its own, by the cheapest method that is exact
 //! enough for it. A plan is a function of its arguments alone, never of a timing.
 
+mod apart;
 mod assemble;
+mod bands;
 mod body;
 mod budget;
 mod cells;
 mod choice;
 mod cost;
+mod fewer;
 mod forest;
 mod islands;
 mod kept;
@@ -20,6 +23,7 @@ mod memo;
 mod mesh;
 mod modes;
 mod multirate;
+mod parting;
 mod pilot;
 mod ported;
 mod row;
@@ -34,7 +38,7 @@ mod wiring;
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
 pub use kept::{Told, key};
-pub use row::{Reason, Row, What};
+pub use row::{Measured, Reason, Row, What};
 pub(crate) use whole::{Seen, Sight};
 
 use std::ops::Range;

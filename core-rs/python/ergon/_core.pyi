@@ -463,6 +463,7 @@ class PlanRow:
     steps: int  # how often a step contacts are computed while they may be closed
     error_db: float | None  # of the waveform, as a pilot measured it over
     error_s: float | None  # so many seconds from the start
+    spectral_db: float | None  # chaotic after that: mean difference of third octaves
     cost: float  # seconds of work for a second of sound, by the table of costs
     word: Literal["proved", "guarded", "tried"] | None
     because: str | None  # why it is stepped
@@ -487,11 +488,15 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
-        told: Sequence[tuple[float | None, float | None, float | None, str | None]] | None = None,
+        told: Sequence[
+            tuple[float | None, float | None, float | None, float | None, str | None]
+        ]
+        | None = None,
         like: Plan | None = None,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, to decide the same again;
-        `told`: error_db, error_s, left_out_db and because of each of its rows, to say the same;
+        `told`: error_db, error_s, spectral_db, left_out_db and because of each of its rows, to say
+        the same;
         `like`: a plan of another version: what it knows of bodies is not computed again."""
 
     @staticmethod

@@ -114,6 +114,14 @@ impl Budget {
         }
     }
 
+    /// The error of the waveform that is asked for, or where it is none that counts, what contacts are right to [dB].
+    pub(crate) fn asked(&self) -> f64 {
+        match *self {
+            Self::Error(db) => db,
+            Self::Cents { .. } | Self::Method(_) => CONTACT,
+        }
+    }
+
     /// How often a frame contacts are computed while they may be closed, κ = K(1/M + 1/M) being the stiffest of
     /// theirs: their error falls by 12 dB with each doubling, from −50 dB where κ is at most 1.
     pub(crate) fn steps(&self, kappa: f64) -> usize {

@@ -7,15 +7,15 @@ use sha2::{Digest, Sha256};
 use super::budget::Budget;
 use super::choice::another;
 use super::linear::NoModes;
-use super::row::{Row, What};
+use super::row::{Measured, Row, What};
 use crate::network::{Error, Network};
 use crate::timeline::Timeline;
 
 /// What a row says that its choice does not: a pilot found it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Told {
-    /// Error of the waveform [dB], and over how long it was measured [s].
-    pub error: Option<(f64, f64)>,
+    /// The error that was measured.
+    pub error: Option<Measured>,
     /// How loud the modes that are not computed would be [dB].
     pub left_out: Option<f64>,
     /// Why it is not computed in a better way.
@@ -49,8 +49,9 @@ pub(super) fn recall(rows: &mut [Row], told: &[Told]) -> Result<(), Error> {
         return Err(another());
     }
     for (row, told) in rows.iter_mut().zip(told) {
-        let numbers = told.error.iter().flat_map(|&(db, over)| [db, over]);
-        let is_number = numbers.chain(told.left_out).all(f64::is_finite);
+        let numbers = told.error.iter();
+        let numbers = numbers.flat_map(|told| [Some(told.db), Some(told.over), told.spectral]);
+        let is_number = numbers.flatten().chain(told.left_out).all(f64::is_finite);
         let is_known = told.because.as_deref().is_none_or(NoModes::is_why);
         if !is_number || !is_known {
             return Err(another());

@@ -1,11 +1,13 @@
 //! Whether slow parts of an island may be slow: they do not make it grow, and what they cost in exactness.
 
+use super::apart::{Spans, difference};
 use super::assemble::Assembled;
 use super::budget::Budget;
 use super::macrostep::{self, Growth};
 use super::memo::Memo;
 use super::mesh::Ways;
-use super::pilot::{Spans, difference, is_worth, length, play};
+use super::pilot::{is_worth, length, play};
+use super::row::Measured;
 use super::slow::{Stays, slow};
 use super::split::Own;
 use crate::island::inside::Inside;
@@ -73,7 +75,7 @@ pub(super) fn error(
     budget: &Budget,
     island: &Assembled,
     memo: &Memo<'_>,
-) -> Result<Option<(f64, f64)>, Error> {
+) -> Result<Option<Measured>, Error> {
     let ways = island.ways();
     let (times, steps) = (island.isle.times, island.isle.steps);
     let how = (times, Ways::As(&ways));
@@ -93,8 +95,12 @@ pub(super) fn error(
     let pair = [&slow, &single].map(|island| play(&island.isle, steps, n_frames));
     let [slow, single] = pair;
     let db = difference(&slow?.sound, &single?.sound, &spans);
-    let seconds = n_frames as f64 * f64::from(times) / island.isle.timeline.rate.hertz();
-    Ok(db.is_finite().then_some((db, seconds)))
+    let over = n_frames as f64 / spans.rate;
+    Ok(db.is_finite().then_some(Measured {
+        db,
+        over,
+        spectral: None,
+    }))
 }
 
 /// How sure a certificate is of an island whose other links say `word`.

@@ -45,6 +45,18 @@ pub enum What {
     LeftOut(Reason),
 }
 
+/// An error that a pilot measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Of the waveform [dB].
+    pub db: f64,
+    /// Over how long from the start [s].
+    pub over: f64,
+    /// Where no two ways of computing give the same waveform for longer: how far third octaves are apart after
+    /// all, in the mean [dB].
+    pub spectral: Option<f64>,
+}
+
 /// A row of a plan.
 #[derive(Clone, Debug)]
 pub struct Row {
@@ -64,9 +76,8 @@ pub struct Row {
     pub times: u32,
     /// How often a step its contacts are computed while they may be closed.
     pub steps: usize,
-    /// Error of the waveform [dB], and over how long from the start it was measured [s]; `None`: exact, but for
-    /// what is left out.
-    pub error: Option<(f64, f64)>,
+    /// The error that a pilot measured; `None`: exact, but for what is left out.
+    pub error: Option<Measured>,
     /// Why it is not computed in a better way.
     pub because: Option<String>,
     /// Largest eigenvalue of what slow parts and all that they touch do from kick to kick; `None`: none is slow.
@@ -82,13 +93,13 @@ const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
 impl Row {
     /// Whether a slow part sounds as at every frame, as far as a pilot heard.
     pub fn is_preserved(&self) -> bool {
-        let (What::Slow(every), Some((error, _))) = (self.what, self.error) else {
+        let (What::Slow(every), Some(error)) = (self.what, self.error) else {
             return false;
         };
         let every = every / self.times.max(1);
         PRESERVED
             .iter()
-            .any(|&(most, db)| every <= most && error <= db)
+            .any(|&(most, db)| every <= most && error.db <= db)
     }
 
     pub(super) fn left_out(network: &Network, island: &Island, reason: Reason) -> Self {

@@ -1,9 +1,13 @@
 //! The search for an island that is exact enough: its meshes by better methods, all of it more often.
 
+use super::apart::{ORDERS, Spans, difference, errors};
+use std::cell::OnceCell;
+
 use super::assemble::Assembled;
 use super::budget::Budget;
 use super::mesh::Ways;
-use super::pilot::{ORDERS, Spans, TIMES_MAX, Take, difference, errors, is_worth, play};
+use super::parting::{Pair, Parting, Stretches};
+use super::pilot::{TIMES_MAX, Take, is_worth, play};
 use crate::integrate::Way;
 use crate::network::Error;
 
@@ -18,7 +22,9 @@ const RUNGS: [(Way, u32); 5] = [
 /// The way to an island that is exact enough: meshes by better methods, all of it more often.
 pub(super) struct Search<'a, F> {
     pub(super) assemble: &'a F,
-    pub(super) spans: Spans,
+    pub(super) spans: &'a Spans,
+    /// Of the first take that was not lost.
+    pub(super) stretches: &'a OnceCell<Stretches>,
     /// How often a frame contacts are computed, whatever the rate.
     pub(super) once: usize,
     pub(super) n_frames: usize,
@@ -36,10 +42,17 @@ pub(super) struct Standing {
     pub(super) own: f64,
     /// What that change was.
     pub(super) change: f64,
+    /// Where it is chaotic.
+    pub(super) parting: Option<Parting>,
 }
 
 /// A step on the way is worth it where it gains so much [dB]: by another method, and by a higher rate.
 const GAINS: (f64, f64) = (6.0, 3.0);
+/// Third octaves of takes that have parted: two that differ by rounding alone are up to 2 dB apart over 0.3 s (the
+/// bundled tamtam, struck softly to hard), so what is within that is as good as the same; beyond it a step has to
+/// gain so much [dB].
+const ALIKE: f64 = 2.0;
+const GAIN: f64 = 1.0;
 
 impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     /// An island put together with the error that it has; `None` where that would take long, or it is not stable.
@@ -78,14 +91,28 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     ) -> Result<Standing, Error> {
         let times = island.isle.times;
         let fine = play(&finer.isle, self.steps(2 * times), self.n_frames)?;
-        let change = difference(&take.sound, &fine.sound, &self.spans);
+        let change = difference(&take.sound, &fine.sound, self.spans);
         let (own, _) = errors(change, last, ORDERS.1);
+        let steps = self.steps(times);
+        let first = || Stretches::of(&take.sound, self.spans);
+        let parting = if take.is_lost {
+            None
+        } else {
+            let pair = Pair {
+                take: &take,
+                finer: &fine,
+                spans: self.spans,
+                stretches: self.stretches.get_or_init(first),
+            };
+            pair.parting(&island.isle, steps)?
+        };
         Ok(Standing {
+            parting,
             own: if take.is_lost { f64::INFINITY } else { own },
             island,
             rung,
             times,
-            steps: self.steps(times),
+            steps,
             take,
             change,
         })
@@ -98,25 +125,39 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// As far as the budget asks, or as it helps.
     pub(super) fn climb(&self, mut best: Standing, budget: &Budget) -> Result<Standing, Error> {
-        let is_short = |best: &Standing| match budget {
+        let is_short = |best: &Standing| match (budget, &best.parting) {
             // Contacts and modes have their share too.
-            Budget::Error(_) => best.own > budget.contact(),
-            Budget::Cents { .. } | Budget::Method(_) => best.take.is_lost,
-        };
-        while is_short(&best) {
-            match self.better(&best)? {
-                Some(better) => best = better,
-                None => break,
+            (Budget::Error(_), None) => best.own > budget.contact(),
+            // No waveform can be kept: of it the attack counts, and of all the spectrum.
+            (Budget::Error(_), Some(parting)) => {
+                let most = budget.contact();
+                (parting.attack > most && parting.may_have(most)) || parting.spectral > ALIKE
             }
+            (_, Some(parting)) => parting.spectral > ALIKE,
+            (_, None) => best.take.is_lost,
+        };
+        let mut fair = None;
+        while is_short(&best) {
+            let Some(better) = self.better(&best)? else {
+                break;
+            };
+            let last = std::mem::replace(&mut best, better);
+            let is_fair = |parting: &Parting| parting.spectral <= ALIKE;
+            fair = fair.or_else(|| last.parting.as_ref().is_some_and(is_fair).then_some(last));
         }
-        Ok(best)
+        // An attack that cannot be had is worth no work.
+        let is_missed = |parting: &Parting| parting.attack > budget.asked();
+        Ok(match fair {
+            Some(fair) if best.parting.as_ref().is_some_and(is_missed) => fair,
+            _ => best,
+        })
     }
 
     fn better(&self, best: &Standing) -> Result<Option<Standing>, Error> {
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
             let stand = self.stand(best.times, Ways::All(way), Some(rung), None)?;
-            if let Some(stand) = stand.filter(|stand| stand.own < best.own - GAINS.0) {
+            if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0)) {
                 return Ok(Some(stand));
             }
         }
@@ -126,6 +167,30 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         let ways = best.island.ways();
         let last = (!best.take.is_lost).then_some(best.change);
         let stand = self.stand(2 * best.times, Ways::As(&ways), best.rung, last)?;
-        Ok(stand.filter(|stand| stand.own < best.own - GAINS.1))
+        if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.1)) {
+            return Ok(Some(stand));
+        }
+        if best
+            .parting
+            .as_ref()
+            .is_none_or(|parting| parting.spectral <= ALIKE)
+        {
+            return Ok(None);
+        }
+        // It is the method that raves: a plainer one, more often, may not.
+        let stand = self.stand(2 * best.times, Ways::Budget, None, None)?;
+        Ok(stand.filter(|stand| stand.beats(best, GAINS.1)))
+    }
+}
+
+impl Standing {
+    /// Whether it is worth its work: by waveform, or where both are chaotic by the attack or the spectrum.
+    fn beats(&self, other: &Self, gain: f64) -> bool {
+        let (Some(own), Some(others)) = (&self.parting, &other.parting) else {
+            return self.own < other.own - gain;
+        };
+        let most = others.spectral.max(ALIKE);
+        own.spectral.max(ALIKE) < most - GAIN
+            || (own.attack < others.attack - gain && own.spectral <= most)
     }
 }

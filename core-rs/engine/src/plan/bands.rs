@@ -1,0 +1,177 @@
+//! Levels of third octaves: what can still be compared of two sounds whose waveforms have parted.
+
+use std::f64::consts::TAU;
+
+use crate::maths::{log10, pow, sincos};
+
+/// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to what is heard, if the rate carries it.
+const CENTRE: f64 = 1_000.0;
+const LOWEST: i32 = -16;
+const HIGHEST: f64 = 20_000.0;
+const CARRIED: f64 = 0.45;
+/// A level is the mean of as many numbers as width × duration says; with fewer it is chance (two takes that
+/// differ by rounding alone are then 2 to 4 dB apart).
+const FEWEST: f64 = 8.0;
+/// Bands so far below the strongest are not compared, and one that is missing is as far off as this [power].
+const HEARD: f64 = 1e-6;
+const MISSING: f64 = 1e-10;
+
+/// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: third octaves
+/// within 60 dB of its strongest, of all outputs together, each as loud as the others there.
+pub(super) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
+    let n_frames = b.len() / n_out.max(1);
+    let bands = bands(n_frames, rate);
+    let (mut ours, mut theirs) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);
+    for output in 0..n_out {
+        let of =
+            |x: &[f64]| -> Vec<f64> { x.iter().skip(output).step_by(n_out).copied().collect() };
+        let (a, b) = (level(of(a)), level(of(b)));
+        let whole: f64 = b.iter().map(|x| x * x).sum();
+        if whole <= 0.0 {
+            continue;
+        }
+        for (sound, levels) in [(a, &mut ours), (b, &mut theirs)] {
+            let powers = powers(sound);
+            for (level, band) in levels.iter_mut().zip(&bands) {
+                *level += powers[band.0..band.1].iter().sum::<f64>() / whole;
+            }
+        }
+    }
+    let strongest = theirs.iter().fold(0.0_f64, |most, level| most.max(*level));
+    let pairs = ours.iter().zip(&theirs);
+    let heard = pairs.filter(|(_, theirs)| **theirs > HEARD * strongest);
+    let (sum, n) = heard.fold((0.0, 0), |(sum, n), (ours, theirs)| {
+        let apart = 10.0 * log10((ours / theirs).max(MISSING));
+        (sum + apart.abs(), n + 1)
+    });
+    sum / f64::from(n.max(1))
+}
+
+/// That something stands aside is no sound.
+fn level(mut sound: Vec<f64>) -> Vec<f64> {
+    let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
+    sound.iter_mut().for_each(|x| *x -= mean);
+    sound
+}
+
+/// First bin and end of each band that there is enough of.
+fn bands(n_frames: usize, rate: f64) -> Vec<(usize, usize)> {
+    let seconds = n_frames as f64 / rate;
+    let bin = rate / length(n_frames) as f64;
+    let at = |frequency: f64| (frequency / bin).ceil() as usize;
+    let centres = (LOWEST..).map(|i| CENTRE * pow(2.0, f64::from(i) / 3.0));
+    let (down, up) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
+    centres
+        .take_while(|centre| *centre <= HIGHEST.min(CARRIED * rate))
+        .filter(|centre| centre * (up - down) * seconds >= FEWEST)
+        .map(|centre| (at(centre * down), at(centre * up)))
+        .collect()
+}
+
+/// A sound is filled up with silence to a power of two.
+fn length(n_frames: usize) -> usize {
+    n_frames.max(2).next_power_of_two()
+}
+
+/// |X|² of a sound up to half its rate.
+fn powers(mut re: Vec<f64>) -> Vec<f64> {
+    let n = length(re.len());
+    re.resize(n, 0.0);
+    let mut im = vec![0.0; n];
+    transform(&mut re, &mut im);
+    let half = re.iter().zip(&im).take(n / 2 + 1);
+    half.map(|(re, im)| re * re + im * im).collect()
+}
+
+/// Fourier's transform of 2^k numbers in place (Cooley and Tukey), by sines of our own: a plan rests on it.
+fn transform(re: &mut [f64], im: &mut [f64]) {
+    let n = re.len();
+    let unused = usize::BITS - n.ilog2();
+    for i in 0..n {
+        let j = i.reverse_bits().checked_shr(unused).unwrap_or(0);
+        if i < j {
+            re.swap(i, j);
+            im.swap(i, j);
+        }
+    }
+    let turns: Vec<(f64, f64)> = (0..n / 2)
+        .map(|i| sincos(-TAU * i as f64 / n as f64))
+        .collect();
+    let mut half = 1;
+    while half < n {
+        let stride = n / (2 * half);
+        for first in (0..n).step_by(2 * half) {
+            for k in 0..half {
+                let (sin, cos) = turns[k * stride];
+                let (low, high) = (first + k, first + k + half);
+                let (x, y) = (re[high], im[high]);
+                let (x, y) = (x * cos - y * sin, x * sin + y * cos);
+                (re[high], im[high]) = (re[low] - x, im[low] - y);
+                re[low] += x;
+                im[low] += y;
+            }
+        }
+        half *= 2;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Partials of 60 Hz up to 20 kHz, 0.4 s, two outputs: what stands before a partial, and where it begins.
+    fn sound(size: impl Fn(f64) -> f64, phase: f64) -> Vec<f64> {
+        let at = |n: usize| {
+            let each = (1..=333).map(|k| {
+                let (hertz, k) = (60.0 * f64::from(k), f64::from(k));
+                size(hertz) / k * sincos(TAU * hertz * n as f64 / 44_100.0 + phase * k * k).0
+            });
+            each.sum::<f64>()
+        };
+        let mono = (0..17_640).map(at);
+        mono.flat_map(|x| [x, 3.0 + 1e-3 * x]).collect()
+    }
+
+    #[test]
+    fn a_transform_is_the_sum_that_defines_it() {
+        let x: Vec<f64> = (0..16)
+            .map(|i| f64::from((7 * i * i + 3 * i) % 13))
+            .collect();
+        let powers = powers(x.clone());
+        for (bin, power) in powers.iter().enumerate() {
+            let turn = |i: usize| sincos(TAU * (bin * i) as f64 / 16.0);
+            let each = x.iter().enumerate();
+            let (re, im) = each.fold((0.0, 0.0), |(re, im), (i, x)| {
+                (re + x * turn(i).1, im + x * turn(i).0)
+            });
+            assert!((power - (re * re + im * im)).abs() < 1e-9, "{bin}");
+        }
+        assert_eq!(powers.len(), 9);
+    }
+
+    #[test]
+    fn phases_are_forgiven_and_levels_are_not() {
+        let apart = |a: &[f64], b: &[f64]| levels_apart(a, b, 2, 44_100.0);
+        let b = sound(|_| 1.0, 1.0);
+        let other = apart(&sound(|_| 1.0, 2.0), &b);
+        assert!((0.001..1.0).contains(&other), "{other}");
+        let louder: Vec<f64> = b.iter().map(|x| 2.0 * x).collect();
+        assert!((apart(&louder, &b) - 6.02).abs() < 0.01);
+        // 6 dB less in the upper half: of the 20 bands that are wide enough and full, ten.
+        let darker = apart(
+            &sound(|hertz| if hertz > 890.0 { 0.5 } else { 1.0 }, 1.0),
+            &b,
+        );
+        assert!((2.5..3.6).contains(&darker), "{darker}");
+    }
+
+    #[test]
+    fn what_is_missing_or_silent_is_no_nonsense() {
+        let b = sound(|_| 1.0, 1.0);
+        let silence = vec![0.0; b.len()];
+        assert_eq!(levels_apart(&b, &b, 2, 44_100.0), 0.0);
+        assert_eq!(levels_apart(&b, &silence, 2, 44_100.0), 0.0);
+        assert!((levels_apart(&silence, &b, 2, 44_100.0) - 100.0).abs() < 1e-9);
+        assert_eq!(levels_apart(&[], &[], 0, 44_100.0), 0.0);
+    }
+}

@@ -1,0 +1,136 @@
+//! Which modes of the bodies in an island are computed: those that are heard, by what a pilot told.
+
+use super::Isle;
+use super::apart::{Spans, difference};
+use super::assemble::Assembled;
+use super::budget::Budget;
+use super::pilot::{Take, is_worth, play};
+use super::truncate::{Kept, choose};
+use crate::island::inside::Inside;
+use crate::island::modal::Modal;
+use crate::maths::pow;
+use crate::network::{Error, LinkKind};
+
+/// So often fewer modes are tried, each time quieter ones by at least so much [dB].
+const TRIES: usize = 4;
+const QUIETER: f64 = 2.0;
+/// An island without the modes that are not heard: those that energies tell, then tested by ear.
+pub(super) fn fewer(
+    island: &Assembled,
+    (steps, take): (usize, &Take),
+    n_frames: usize,
+    budget: &Budget,
+) -> Result<Assembled, Error> {
+    let with = |allowed: Option<f64>| {
+        let bodies = island.isle.bodies.iter().zip(&take.squares);
+        let kept = bodies.map(|(body, squares)| match body {
+            Inside::Modal(modal) => keep(&island.isle, modal, squares, allowed, budget),
+            Inside::Mesh(_) | Inside::Slow(_) => Kept::none(),
+        });
+        island.clone().only(steps, kept.collect())
+    };
+    let count = |island: &Assembled| island.isle.bodies.iter().map(modes).sum::<usize>();
+    let Some(most) = budget.left_out() else {
+        return Ok(with(None));
+    };
+    if !is_worth(&island.isle, 2 * n_frames) {
+        return Ok(with(Some(most)));
+    }
+    // What nobody can hear is no error.
+    let all = with(None);
+    let sound = if count(&all) == count(island) {
+        take.sound.clone()
+    } else {
+        play(&all.isle, steps, n_frames)?.sound
+    };
+    let spans = Spans::of(&island.isle, n_frames);
+    let mut allowed = most;
+    for _ in 0..TRIES {
+        let mut fewer = with(Some(allowed));
+        if count(&fewer) == count(&all) {
+            break;
+        }
+        let take = play(&fewer.isle, steps, n_frames)?;
+        let loud = difference(&take.sound, &sound, &spans);
+        if loud <= most {
+            let bodies = fewer.bodies.iter_mut();
+            bodies.for_each(|body| body.left_out = body.left_out.map(|_| loud));
+            return Ok(fewer);
+        }
+        allowed -= (loud - most).max(QUIETER);
+    }
+    Ok(all)
+}
+
+/// How many modes a body goes by.
+pub(super) fn modes(body: &Inside) -> usize {
+    match body {
+        Inside::Modal(modal) => modal.modes.len(),
+        Inside::Mesh(_) | Inside::Slow(_) => 0,
+    }
+}
+
+/// The modes of a body that its outputs hear and its ports feel.
+fn keep(isle: &Isle, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> Kept {
+    let ports = body.ports.iter().map(|port| port.shape.as_slice());
+    let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
+    let rows: Vec<&[f64]> = ports.chain(heard).collect();
+    let mut kept = choose(&ways(body, squares), &rows, allowed, budget, |mode| {
+        body.frequency(mode)
+    });
+    let Some(db) = budget.left_out() else {
+        return kept;
+    };
+    // Modes that fall no longer give way: as long as a contact does not notice.
+    let enough = pow(10.0, db / 20.0);
+    let mut fallen: Vec<usize> = (0..body.modes.len())
+        .filter(|mode| kept.modes.binary_search(mode).is_err())
+        .collect();
+    for port in &body.ports {
+        let stiff = stiffest(isle, port.mat);
+        let give =
+            |mode: usize| stiff * port.shape[mode] * port.shape[mode] * body.compliance(mode);
+        let mut lost: f64 = fallen.iter().map(|&mode| give(mode)).sum();
+        // The lowest give most.
+        fallen.retain(|&mode| {
+            if lost <= enough {
+                return true;
+            }
+            lost -= give(mode);
+            kept.modes.push(mode);
+            false
+        });
+    }
+    kept.modes.sort_unstable();
+    kept
+}
+
+/// Ways that modes get their energies: what the pilot heard, and what may come after it. That is a strike on
+/// every place that is struck at all, and a touch of a port that may not have been touched.
+fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
+    let by = |shape: &Vec<f64>| -> Vec<f64> {
+        let each = shape.iter().enumerate();
+        each.map(|(mode, share)| share * share * body.compliance(mode))
+            .collect()
+    };
+    let is_told = body.ports.len() == 1 && squares.iter().any(|square| *square > 0.0);
+    let ports = body.ports.iter().filter(|_| !is_told);
+    let struck = body.struck.iter().map(|struck| by(&struck.shape));
+    let touched = ports.map(|port| by(&port.shape));
+    struck.chain(touched).chain([squares.to_vec()]).collect()
+}
+
+/// Stiffness of the stiffest link on a MAT [N/m].
+fn stiffest(isle: &Isle, mat: usize) -> f64 {
+    let runs = isle.network.runs().iter();
+    let on = runs.filter(|run| {
+        [run.a, run.b]
+            .iter()
+            .any(|&end| (end..end + run.len).contains(&mat))
+    });
+    on.map(|run| match &run.kind {
+        LinkKind::Lnl(law) => law.slope(0.0).abs(),
+        _ => run.k,
+    })
+    .fold(0.0, f64::max)
+}

@@ -1,0 +1,292 @@
+//! Takes that part for good: where the smallest difference grows, no method and no rate gives the same waveform twice.
+//!
+//! Such a beginning is known by a nudge: all speeds a little less for a moment, far below any error of a method. In
+//! what is linear the nudge stays as small; where pitches depend on amplitudes it grows with time, or its square;
+//! where it grows faster than that the part is chaotic. Then waveforms tell of the time until they part,
+//! and after it what is left to compare is the spectrum.
+
+use super::Isle;
+use super::apart::{ORDERS, Spans, errors};
+use super::bands::levels_apart;
+use super::pilot::{LOOK, Take, nudged};
+use crate::island::inside::Inside;
+use crate::maths::{log10, sqrt};
+use crate::network::{Error, LinkKind, Network};
+
+/// The first stretch that takes are compared over [s]; each is as long as all before it.
+const FIRST: f64 = 1.25e-3;
+/// A stroke is heard by its first [s].
+const ATTACK: f64 = 0.02;
+/// Waveforms further apart than this have parted [dB].
+const PARTED: f64 = -10.0;
+/// A stretch that is so much quieter than the loudest tells nothing [power].
+const QUIET: f64 = 1e-4;
+/// Speeds are so much less at each step of a nudge.
+const NUDGE: f64 = 1e-12;
+/// A nudge that grows with the square of time gains so much a stretch [dB]; and what two stretches may differ by.
+const REGULAR: (f64, f64) = (12.04, 6.0);
+/// No method is right to this over a stroke's first millisecond [dB].
+const LEAST: f64 = -120.0;
+
+/// Stretches of time after the first sound, each up to twice the time.
+#[derive(Clone, Debug)]
+pub(super) struct Stretches {
+    n_out: usize,
+    /// Frames: where the first begins, and where each ends.
+    edges: Vec<usize>,
+}
+
+/// How far two takes are apart, stretch by stretch [dB], all outputs together, each as loud as the others.
+struct Profile {
+    /// In each alone; `None` where it is too quiet.
+    alone: Vec<Option<f64>>,
+    /// From the first to each.
+    upto: Vec<f64>,
+}
+
+/// What two takes, one of half the step, say of each other where they part for good.
+#[derive(Clone, Debug)]
+pub(super) struct Parting {
+    /// Error from the first sound to the end of each stretch [dB].
+    upto: Vec<f64>,
+    /// Over the attack.
+    pub(super) attack: f64,
+    /// How much a nudge grows over the attack [dB].
+    grows: f64,
+    /// Mean difference of third octaves [dB].
+    pub(super) spectral: f64,
+}
+
+/// Two takes of an island, the second one of half the step, and by which errors each is judged.
+#[derive(Clone, Copy)]
+pub(super) struct Pair<'a> {
+    pub(super) take: &'a Take,
+    pub(super) finer: &'a Take,
+    pub(super) spans: &'a Spans,
+    pub(super) stretches: &'a Stretches,
+}
+
+impl Stretches {
+    /// From the first sound after the event.
+    pub(super) fn of(sound: &[f64], spans: &Spans) -> Self {
+        let (n_out, from) = (spans.n_out.max(1), spans.event());
+        let start = &sound[(from * n_out).min(sound.len())..];
+        let size = |frame: &[f64], output: usize| (frame[output] - start[output]).abs();
+        let mut peak = vec![0.0_f64; n_out];
+        for frame in start.chunks_exact(n_out) {
+            (0..n_out).for_each(|output| peak[output] = peak[output].max(size(frame, output)));
+        }
+        let is_heard =
+            |frame: &[f64]| (0..n_out).any(|output| size(frame, output) > 1e-3 * peak[output]);
+        let silent = start.chunks_exact(n_out).position(is_heard).unwrap_or(0);
+        Self::from(from + silent, sound.len() / n_out, spans)
+    }
+
+    fn from(start: usize, n_frames: usize, spans: &Spans) -> Self {
+        let mut edges = vec![start];
+        let mut length = FIRST * spans.rate;
+        while ((start as f64 + 1.5 * length) as usize) < n_frames {
+            edges.push(start + length as usize);
+            length *= 2.0;
+        }
+        edges.push(n_frames.max(start));
+        Self {
+            n_out: spans.n_out,
+            edges,
+        }
+    }
+
+    /// When the first begins [frames].
+    fn start(&self) -> usize {
+        self.edges[0]
+    }
+
+    fn apart(&self, a: &[f64], b: &[f64]) -> Profile {
+        let n = self.edges.len() - 1;
+        // Of each stretch: how far apart, and how loud.
+        let mut sums = vec![(0.0, 0.0); n];
+        for output in 0..self.n_out {
+            let of = |x: &[f64], edges: &[usize]| -> Vec<f64> {
+                let own = x.iter().skip(output).step_by(self.n_out);
+                own.skip(edges[0])
+                    .take(edges[1] - edges[0])
+                    .copied()
+                    .collect()
+            };
+            let all = of(b, &[self.edges[0], self.edges[n]]);
+            let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+            let loud: f64 = all.iter().map(|x| (x - mean) * (x - mean)).sum();
+            if loud <= 0.0 {
+                continue;
+            }
+            for (sum, edges) in sums.iter_mut().zip(self.edges.windows(2)) {
+                let (a, b) = (of(a, edges), of(b, edges));
+                let apart: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
+                let whole: f64 = b.iter().map(|x| (x - mean) * (x - mean)).sum();
+                *sum = (sum.0 + apart / loud, sum.1 + whole / loud);
+            }
+        }
+        let db = |(apart, whole): (f64, f64)| {
+            let ratio = if apart > 0.0 { apart / whole } else { 0.0 };
+            20.0 * log10(sqrt(ratio).clamp(1e-15, 1e15))
+        };
+        let power = |at: usize| sums[at].1 / (self.edges[at + 1] - self.edges[at]).max(1) as f64;
+        let loudest = (0..n).map(power).fold(0.0, f64::max);
+        let mut so_far = (0.0, 0.0);
+        Profile {
+            alone: (0..n)
+                .map(|at| (power(at) > QUIET * loudest).then(|| db(sums[at])))
+                .collect(),
+            upto: sums
+                .iter()
+                .map(|sum| {
+                    so_far = (so_far.0 + sum.0, so_far.1 + sum.1);
+                    db(so_far)
+                })
+                .collect(),
+        }
+    }
+
+    /// How many stretches end within so much time [s]; one at least.
+    fn within(&self, seconds: f64, spans: &Spans) -> usize {
+        let last = self.start() + (seconds * spans.rate) as usize;
+        let ends = self.edges.iter().skip(1);
+        ends.take_while(|end| **end <= last).count().max(1)
+    }
+}
+
+impl Pair<'_> {
+    /// The first stretch in which they have parted.
+    fn parts_at(&self) -> Option<usize> {
+        let alone = self
+            .stretches
+            .apart(&self.take.sound, &self.finer.sound)
+            .alone;
+        alone.iter().position(|db| db.is_some_and(|db| db > PARTED))
+    }
+
+    /// Frames until they part; one stretch at least.
+    pub(super) fn together(&self) -> Option<usize> {
+        Some(self.stretches.edges[self.parts_at()?.max(1)])
+    }
+
+    /// What they say where they part, and a nudge has the take part from itself; `None` where that is not so: then
+    /// finer steps bring takes together.
+    pub(super) fn parting(&self, isle: &Isle, steps: usize) -> Result<Option<Parting>, Error> {
+        if self.take.is_lost || self.parts_at().is_none() || is_linear(isle) {
+            return Ok(None);
+        }
+        let grown = self.nudge(isle, steps)?;
+        if !is_chaotic(&grown) {
+            return Ok(None);
+        }
+        let last = self.stretches.within(ATTACK, self.spans) - 1;
+        let ends = grown
+            .first()
+            .copied()
+            .flatten()
+            .zip(grown.get(last).copied().flatten());
+        Ok(Some(self.told(
+            ends.map_or(0.0, |(first, last)| last - first),
+            |(own, _)| own,
+        )))
+    }
+
+    /// What they say, by the errors of the take or of the finer one; a nudge is known to grow.
+    fn told(&self, grows: f64, of: fn((f64, f64)) -> f64) -> Parting {
+        let (take, finer) = (&self.take.sound, &self.finer.sound);
+        let upto = self.stretches.apart(take, finer).upto.into_iter();
+        let upto: Vec<f64> = upto
+            .map(|change| of(errors(change, None, ORDERS.1)))
+            .collect();
+        let from = self.stretches.start() * self.spans.n_out;
+        let (n_out, rate) = (self.spans.n_out, self.spans.rate);
+        Parting {
+            attack: upto[self.stretches.within(ATTACK, self.spans) - 1],
+            upto,
+            grows,
+            spectral: levels_apart(&take[from..], &finer[from..], n_out, rate),
+        }
+    }
+
+    /// How far a nudge has the take from itself, stretch by stretch.
+    fn nudge(&self, isle: &Isle, steps: usize) -> Result<Vec<Option<f64>>, Error> {
+        let n_frames = self.take.sound.len() / self.spans.n_out.max(1);
+        let from = self.stretches.start().next_multiple_of(LOOK);
+        let nudged = nudged(isle, steps, n_frames, (from, 1.0 - NUDGE))?;
+        // From then on it goes as it will.
+        let after = Stretches::from(from + LOOK, n_frames, self.spans);
+        Ok(after.apart(&nudged.sound, &self.take.sound).alone)
+    }
+}
+
+/// Whether a nudge grows as nothing regular does.
+fn is_chaotic(grown: &[Option<f64>]) -> bool {
+    let (a_stretch, chance) = REGULAR;
+    let grows = |(i, early): (usize, &Option<f64>)| {
+        let later = grown.iter().enumerate().skip(i + 1);
+        let most = |j: usize, early: f64| early + a_stretch * (j - i) as f64 + chance;
+        later.into_iter().any(|(j, late)| {
+            early
+                .zip(*late)
+                .is_some_and(|(early, late)| late > most(j, early))
+        })
+    };
+    grown.iter().enumerate().any(grows)
+}
+
+impl Parting {
+    /// What another pair says of the same, by the errors of the finer one where `is_finer`.
+    pub(super) fn again(&self, pair: &Pair<'_>, is_finer: bool) -> Self {
+        pair.told(
+            self.grows,
+            if is_finer {
+                |(_, left)| left
+            } else {
+                |(own, _)| own
+            },
+        )
+    }
+
+    /// Whether an attack of so small an error [dB] is more than a wish.
+    pub(super) fn may_have(&self, attack: f64) -> bool {
+        attack - self.grows > LEAST
+    }
+
+    /// With errors that something else adds.
+    pub(super) fn with(mut self, other: Option<&Self>) -> Self {
+        for (own, other) in self
+            .upto
+            .iter_mut()
+            .zip(other.iter().flat_map(|other| &other.upto))
+        {
+            *own = own.max(*other);
+        }
+        self
+    }
+
+    /// The error, and until what frame it is that: as long as it is what is `asked` for, or where it never is, as
+    /// long as takes agree at all.
+    pub(super) fn until(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
+        let of = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
+        let n = [of(asked), of(PARTED), 1]
+            .into_iter()
+            .find(|n| *n > 0)
+            .unwrap_or(1);
+        (self.upto[n - 1], stretches.edges[n])
+    }
+}
+
+fn is_linear(isle: &Isle) -> bool {
+    let is_linear = |network: &Network| {
+        network
+            .runs()
+            .iter()
+            .all(|run| matches!(run.kind, LinkKind::Ref))
+    };
+    let meshes = isle.bodies.iter().filter_map(|body| match body {
+        Inside::Mesh(mesh) => Some(&*mesh.network),
+        Inside::Modal(_) | Inside::Slow(_) => None,
+    });
+    meshes.chain([&*isle.network]).all(is_linear)
+}
