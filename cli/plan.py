@@ -120,6 +120,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "every": row.every,
         "radius": row.radius,
         "preserved": row.preserved,
+        "offered": row.offered,
         "stays": row.stays,
     }
 
@@ -196,6 +197,8 @@ def _why(row: PlanRow) -> list[str]:
         said.append(
             f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
         )
+        if row.offered:
+            said.append("  Nobody asked for that: the planner did, for so its island costs less.")
         if row.radius is not None:
             said.append(f"  From pull to pull nothing grows: |λ| is {row.radius:.9g} at most.")
     elif row.what == "stepped":

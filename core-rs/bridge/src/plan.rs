@@ -179,6 +179,7 @@ pub(crate) struct PlanRow {
     radius: Option<f64>,
     preserved: bool,
     stays: Option<String>,
+    offered: bool,
 }
 
 impl PlanRow {
@@ -222,6 +223,7 @@ impl PlanRow {
             radius: row.radius,
             preserved: row.is_preserved(),
             stays: row.stays.clone(),
+            offered: row.is_offered,
         }
     }
 }

@@ -64,6 +64,15 @@ pub(crate) struct Isle {
     pub(crate) to_whole: Whole,
 }
 
+impl Isle {
+    /// Nanoseconds a frame, by the table of costs.
+    fn cost(&self) -> f64 {
+        let bodies = self.bodies.iter().map(row::body_cost);
+        let hub = row::stepped_cost(&self.network, &self.timeline);
+        f64::from(self.times) * (hub + bodies.sum::<f64>())
+    }
+}
+
 /// Local index → index in the whole; `None` where the island is the whole.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Whole {
@@ -106,11 +115,7 @@ impl Unit {
     /// Nanoseconds a frame, by the table of costs.
     pub(crate) fn cost(&self) -> f64 {
         match self {
-            Self::Isle(isle) => {
-                let bodies = isle.bodies.iter().map(row::body_cost);
-                let hub = row::stepped_cost(&isle.network, &isle.timeline);
-                f64::from(isle.times) * (hub + bodies.sum::<f64>())
-            }
+            Self::Isle(isle) => isle.cost(),
             Self::Bank(bank) => row::bank_cost(bank),
         }
     }

@@ -470,6 +470,7 @@ class PlanRow:
     every: int | None  # frames from one pull of its own springs to the next
     radius: float | None  # largest eigenvalue of what it and all it touches do from pull to pull
     preserved: bool  # slow, and not heard: at most -75 dB up to 10 frames, -70 dB up to 20
+    offered: bool  # slow without being asked to be: so its island costs less
     stays: str | None  # parts that have a rate of their own and go at every frame, and why
 
 @final

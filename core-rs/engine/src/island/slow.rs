@@ -21,6 +21,8 @@ pub(crate) struct Slow {
     /// Its MATs that move, by their index in the network   (n)
     pub(crate) free: Vec<usize>,
     pub(crate) flow: Arc<Flow>,
+    /// How far its quickest mode turns from kick to kick [rad].
+    pub(crate) turn: f64,
     /// Where its springs balance [m]   (n)
     pub(crate) rest: Vec<f64>,
     /// Where it begins [m], and its steps there [m a frame]   (n)

@@ -77,11 +77,11 @@ impl Network {
     }
 
     /// The same with other rates of its slow parts: what `of` makes of a part's name, and of its frames from
-    /// kick to kick.
-    pub(crate) fn with_every(&self, of: impl Fn(&str, u32) -> Option<u32>) -> Self {
+    /// kick to kick; `None`: at every frame.
+    pub(crate) fn with_every(&self, of: impl Fn(&str, Option<u32>) -> Option<u32>) -> Self {
         let mut own = self.clone();
         for part in &mut own.parts {
-            part.every = part.every.and_then(|every| of(&part.name, every));
+            part.every = of(&part.name, part.every);
         }
         own
     }

@@ -49,7 +49,7 @@ impl Assembled {
         let sped = (times > 1 && multirate::is_asked(&subset.network)).then(|| Subset {
             network: subset
                 .network
-                .with_every(|_, every| every.checked_mul(times)),
+                .with_every(|_, every| every?.checked_mul(times)),
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);

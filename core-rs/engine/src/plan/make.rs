@@ -8,12 +8,13 @@ use super::budget::Budget;
 use super::choice::{Choice, Pins, another};
 use super::islands::{Island, islands};
 use super::linear::NoModes;
+use super::macrostep::Growth;
 use super::memo::Memo;
 use super::mesh::Ways;
 use super::multirate;
 use super::pilot::{self, Found};
 use super::ported::Found as Body;
-use super::row::{self, Reason, Row, What};
+use super::row::{self, Measured, PRESERVED, Reason, Row, What};
 use super::slow::Stays;
 use super::split::{Own, split};
 use super::{Plan, Unit, body, cells};
@@ -28,6 +29,20 @@ struct Maker<'a> {
     pins: Pins,
     memo: Memo<'a>,
 }
+
+/// How an island goes.
+struct Solved {
+    found: Found,
+    growth: Option<Growth>,
+    /// What its slow parts change of the sound.
+    slow_error: Option<Measured>,
+    stay: Vec<Stays>,
+    /// Keys in it are slow without being asked to be.
+    is_offered: bool,
+}
+
+/// Keys are made slow where their island then costs so many times as much at most.
+const WORTH: f64 = 0.95;
 
 pub(super) fn make(
     network: Arc<Network>,
@@ -178,6 +193,75 @@ impl Maker<'_> {
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
+        let solved = match self.solve(subset, own, pin) {
+            Ok(solved) if pin.is_none() => self.offered(subset, own, solved)?,
+            Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, own, pin)) {
+                Some(solved) => solved,
+                None => return Err(error),
+            },
+            Ok(solved) => solved,
+        };
+        let Solved {
+            found: Found { island, error },
+            growth,
+            slow_error,
+            stay,
+            is_offered,
+            ..
+        } = solved;
+        let first_row = self.plan.rows.len();
+        let Assembled {
+            isle,
+            bodies,
+            certificate,
+            because,
+        } = island;
+        self.plan.choices.push(Choice {
+            modules,
+            times: isle.times,
+            steps: isle.steps,
+            kept: bodies.iter().map(Body::numbers).collect(),
+        });
+        let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
+        if isle.network.n_mat() > n_ports {
+            let mut row = Row::stepped(&isle.network, &isle.timeline, certificate);
+            row.mats -= n_ports;
+            (row.times, row.steps, row.error) = (isle.times, isle.steps, error);
+            let because = why.filter(|_| bodies.is_empty()).or(because);
+            row.because = because.map(|why| why.why().to_owned());
+            self.plan.rows.push(row);
+        }
+        // What is left beside bodies has a row of its own, or goes with the first of them.
+        let mut hub = if self.plan.rows.len() == first_row {
+            row::seconds(
+                row::stepped_cost(&isle.network, &isle.timeline),
+                &isle.timeline,
+            )
+        } else {
+            0.0
+        };
+        for body in &bodies {
+            let mut row = Row::ported(body, &isle.timeline);
+            row.cost += std::mem::take(&mut hub);
+            (row.times, row.error) = (isle.times, error);
+            if let (What::Slow(_), Some(growth)) = (row.what, growth) {
+                row.error = slow_error;
+                row.word = Some(multirate::word(growth, certificate.word));
+                row.radius = Some(growth.radius);
+                row.is_offered = is_offered;
+            }
+            self.plan.rows.push(row);
+        }
+        for row in &mut self.plan.rows[first_row..] {
+            row.stays = told(&stay, row);
+        }
+        self.plan.stay.extend(stay);
+        self.plan.units.push(Unit::Isle(Box::new(isle)));
+        Ok(())
+    }
+
+    /// How an island goes, with its slow parts slow where they may be.
+    fn solve(&self, subset: &Subset, own: &Own, pin: Option<&Choice>) -> Result<Solved, Error> {
         let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
             let assemble = |how: (u32, Ways<'_>)| {
@@ -208,51 +292,69 @@ impl Maker<'_> {
                 stay.extend(more);
             }
         };
-        let Found { island, error } = found;
         let slow_error = match growth {
             Some(_) if pin.is_none() && !own.timeline.is_open => {
-                multirate::error(&subset, own, self.budget, &island, &self.memo)?
+                multirate::error(&subset, own, self.budget, &found.island, &self.memo)?
             }
             _ => None,
         };
-        let first_row = self.plan.rows.len();
-        let Assembled {
-            isle,
-            bodies,
-            certificate,
-            because,
-        } = island;
-        self.plan.choices.push(Choice {
-            modules,
-            times: isle.times,
-            steps: isle.steps,
-            kept: bodies.iter().map(Body::numbers).collect(),
-        });
-        let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
-        if isle.network.n_mat() > n_ports {
-            let mut row = Row::stepped(&isle.network, &isle.timeline, certificate);
-            row.mats -= n_ports;
-            (row.times, row.steps, row.error) = (isle.times, isle.steps, error);
-            let because = why.filter(|_| bodies.is_empty()).or(because);
-            row.because = because.map(|why| why.why().to_owned());
-            self.plan.rows.push(row);
-        }
-        for body in &bodies {
-            let mut row = Row::ported(body, &isle.timeline);
-            (row.times, row.error) = (isle.times, error);
-            if let (What::Slow(_), Some(growth)) = (row.what, growth) {
-                row.error = slow_error;
-                row.word = Some(multirate::word(growth, certificate.word));
-                row.radius = Some(growth.radius);
+        Ok(Solved {
+            found,
+            growth,
+            slow_error,
+            stay,
+            is_offered: false,
+        })
+    }
+
+    /// The same with its keys slow, where that is cheaper by enough and sounds as it did.
+    fn offered(&self, subset: &Subset, own: &Own, plain: Solved) -> Result<Solved, Error> {
+        let mut best = plain;
+        for &(every, preserved) in &PRESERVED {
+            let Some(slow) = multirate::offer(subset, own, self.budget, every) else {
+                continue;
+            };
+            let Ok(solved) = self.solve(&slow, own, None) else {
+                continue;
+            };
+            let most = preserved.min(self.budget.contact());
+            let is_right = solved.slow_error.is_some_and(|error| error.db <= most);
+            let is_cheap = solved.cost() < WORTH * best.cost();
+            if is_right && is_cheap && solved.is_as_exact(&best, self.budget) {
+                best = Solved {
+                    is_offered: true,
+                    stay: std::mem::take(&mut best.stay),
+                    ..solved
+                };
             }
-            self.plan.rows.push(row);
         }
-        for row in &mut self.plan.rows[first_row..] {
-            row.stays = told(&stay, row);
+        Ok(best)
+    }
+
+    /// As it was decided, where keys were slow.
+    fn pinned_offer(&self, subset: &Subset, own: &Own, pin: &Choice) -> Option<Solved> {
+        let every = *pin.kept.first()?.first()?;
+        let slow = multirate::offer(subset, own, self.budget, every / pin.times.max(1))?;
+        let solved = self.solve(&slow, own, Some(pin)).ok()?;
+        Some(Solved {
+            is_offered: true,
+            ..solved
+        })
+    }
+}
+
+impl Solved {
+    fn cost(&self) -> f64 {
+        self.found.island.isle.cost()
+    }
+
+    /// Within what is asked for, or no further from it than another.
+    fn is_as_exact(&self, other: &Self, budget: &Budget) -> bool {
+        let db = |solved: &Self| solved.found.error.map(|error| error.db);
+        match (db(self), db(other)) {
+            (Some(own), Some(other)) => own <= other.max(budget.asked()),
+            (own, other) => own.is_none() == other.is_none(),
         }
-        self.plan.stay.extend(stay);
-        self.plan.units.push(Unit::Isle(Box::new(isle)));
-        Ok(())
     }
 }
 

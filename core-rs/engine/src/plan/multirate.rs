@@ -1,4 +1,7 @@
-//! Whether slow parts of an island may be slow: they do not make it grow, and what they cost in exactness.
+//! Whether slow parts of an island may be slow, and keys are offered to be: they do not make it grow, and what they cost
+//! in exactness.
+
+use std::collections::BTreeSet;
 
 use super::apart::{Spans, difference};
 use super::assemble::Assembled;
@@ -7,12 +10,16 @@ use super::macrostep::{self, Growth};
 use super::memo::Memo;
 use super::mesh::Ways;
 use super::pilot::{is_worth, length, play};
-use super::row::Measured;
+use super::row::{self, Measured};
 use super::slow::{Stays, slow};
 use super::split::Own;
 use crate::island::inside::Inside;
 use crate::network::{Error, Network, Subset};
 use crate::scheme::Word;
+
+/// A key is made slow where its modes turn by so much from kick to kick at most [rad]: R·√λ ≤ 1, R half of what its
+/// own stability would bear. In undamped scans none such grew.
+const TURN: f64 = 1.0;
 
 /// Whether any part of a network is to be slow.
 pub(super) fn is_asked(network: &Network) -> bool {
@@ -45,9 +52,61 @@ pub(super) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
     Subset {
         network: subset
             .network
-            .with_every(|name, every| (!stays(name)).then_some(every)),
+            .with_every(|name, every| every.filter(|_| !stays(name))),
         ..subset.clone()
     }
+}
+
+/// An island with its keys slow, where nobody asks for that and they may be; `None` where none is. What a key does to
+/// the sound is not known where hands or a session play it, and where the discrete network is the truth a plan
+/// changes no more than rounding does.
+pub(super) fn offer(subset: &Subset, own: &Own, budget: &Budget, every: u32) -> Option<Subset> {
+    let timeline = &own.timeline;
+    if matches!(budget, Budget::Method(_)) || timeline.is_open || timeline.hands().next().is_some()
+    {
+        return None;
+    }
+    let network = &subset.network;
+    let mats = &network.mats().part;
+    if mats
+        .iter()
+        .any(|&part| network.parts()[part as usize].ca_rate.is_some())
+    {
+        return None;
+    }
+    let part = |mat: usize| network.mats().part[mat] as usize;
+    let keys = timeline.keys.iter().map(|key| part(key.struck));
+    let names: BTreeSet<&str> = keys
+        .map(|part| &network.parts()[part])
+        .filter(|part| part.every.is_none())
+        .map(|part| part.name.as_str())
+        .collect();
+    let may = |name: &str| names.contains(name);
+    let set = |name: &str, own: Option<u32>| own.or(may(name).then_some(every));
+    let slowed = network.with_every(set);
+    let found = slow(&slowed, timeline);
+    let fits: BTreeSet<usize> = found
+        .bodies
+        .iter()
+        .filter(|(_, slow)| slow.turn <= TURN && row::saved(slow, timeline.rate) > 0.0)
+        .map(|(_, slow)| slow.part)
+        .collect();
+    let fits =
+        |name: &str| may(name) && fits.iter().any(|&part| network.parts()[part].name == name);
+    let network = network.with_every(|name, own| own.or(fits(name).then_some(every)));
+    is_more(&network, &subset.network).then(|| Subset {
+        network,
+        ..subset.clone()
+    })
+}
+
+/// Whether more parts are slow.
+fn is_more(network: &Network, than: &Network) -> bool {
+    let count = |network: &Network| {
+        let parts = network.parts().iter();
+        parts.filter(|part| part.every.is_some()).count()
+    };
+    count(network) > count(than)
 }
 
 /// How much an island with slow parts grows from kick to kick; `None`: it has none. Where it does grow, why they
@@ -81,7 +140,7 @@ pub(super) fn error(
     let how = (times, Ways::As(&ways));
     let slow = Assembled::new(subset, own, budget, how, None, memo)?;
     let single = Subset {
-        network: subset.network.with_every(|_, _| Some(1)),
+        network: subset.network.with_every(|_, every| every.map(|_| 1)),
         ..subset.clone()
     };
     let Ok(single) = Assembled::new(&single, own, budget, how, None, memo) else {

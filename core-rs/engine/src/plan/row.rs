@@ -8,9 +8,11 @@ use super::mesh::LADDER;
 use super::ported::Found;
 use crate::integrate::{Way, certify};
 use crate::island::inside::Inside;
+use crate::island::slow::Slow;
 use crate::network::{Contact, LinkKind, Network, Subset};
 use crate::scheme::{Certificate, Word, moves};
 use crate::timeline::Timeline;
+use crate::units::Rate;
 
 /// Why something is not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,11 +86,13 @@ pub struct Row {
     pub radius: Option<f64>,
     /// Parts that have a rate of their own and go at every frame all the same, and why.
     pub stays: Option<String>,
+    /// It is slow for the planner's own reasons: so its island costs less.
+    pub is_offered: bool,
 }
 
 /// Slow parts are called preserved where so many frames lie between their kicks at most, and their error is no more
 /// than [dB].
-const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
+pub(super) const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
 
 impl Row {
     /// Whether a slow part sounds as at every frame, as far as a pilot heard.
@@ -119,6 +123,7 @@ impl Row {
             because: None,
             radius: None,
             stays: None,
+            is_offered: false,
         }
     }
 
@@ -140,6 +145,7 @@ impl Row {
             because: None,
             radius: None,
             stays: None,
+            is_offered: false,
         }
     }
 
@@ -166,6 +172,7 @@ impl Row {
             because: None,
             radius: None,
             stays: None,
+            is_offered: false,
         }
     }
 
@@ -188,6 +195,7 @@ impl Row {
             because: None,
             radius: None,
             stays: None,
+            is_offered: false,
         }
     }
 }
@@ -214,6 +222,7 @@ pub(super) fn cells(network: &Network, banks: &[BankPlan], timeline: &Timeline) 
             because: None,
             radius: None,
             stays: None,
+            is_offered: false,
         })
         .collect()
 }
@@ -250,12 +259,22 @@ pub(super) fn body_cost(inside: &Inside) -> f64 {
             let times = LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times);
             times * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
         }
-        Inside::Slow(slow) => {
-            let n = slow.free.len() as f64;
-            let kick = n * (2.0 * n * Costs::of("port") + Costs::of("mat"));
-            kick / f64::from(slow.flow.every) + slow.ports.len() as f64 * Costs::of("mat")
-        }
+        Inside::Slow(slow) => slow_cost(slow),
     }
+}
+
+/// What a slow body costs less a frame than stepped module by module [ns].
+pub(super) fn saved(slow: &Slow, rate: Rate) -> f64 {
+    let stepped = stepped_cost(&slow.network, &Timeline::new(rate)) - Costs::of("frame");
+    let ports = slow.ports.len() as f64 * Costs::of("mat");
+    stepped - ports - slow_cost(slow)
+}
+
+fn slow_cost(slow: &Slow) -> f64 {
+    let n = slow.free.len() as f64;
+    let kick = n * (2.0 * n * Costs::of("port") + Costs::of("mat"));
+    let each = Costs::of("slow") + slow.ports.len() as f64 * Costs::of("mat");
+    kick / f64::from(slow.flow.every) + each
 }
 
 /// What is sure of a body: modes cannot diverge, but what pushes them may.
@@ -278,7 +297,7 @@ pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
     each + taps as f64 * Costs::of("oscillator_tap")
 }
 
-fn seconds(ns: f64, timeline: &Timeline) -> f64 {
+pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
     ns * 1e-9 * timeline.rate.hertz()
 }
 

@@ -245,6 +245,7 @@ impl Slow {
         Ok(Self {
             part,
             missing: ports.iter().map(missing).collect(),
+            turn,
             rest: own.rest(&modes.eigenvalues, &modes.eigenvectors),
             x0: own.free.iter().map(|&i| mats.x0[i]).collect(),
             v0: own.free.iter().map(|&i| mats.v0[i] * rate.step()).collect(),
