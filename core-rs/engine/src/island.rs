@@ -4,6 +4,7 @@
 
 mod build;
 mod carry;
+mod coast;
 mod fault;
 pub(crate) mod fine;
 mod glide;
@@ -87,6 +88,27 @@ struct State {
     scheme: Option<Box<Scheme>>,
 }
 
+/// Where what is heard of each step goes: the first of a frame is heard.
+struct Heard<'a> {
+    /// (n_frames · n_out)
+    out: &'a mut [f64],
+    /// (n_out)
+    unheard: &'a mut [f64],
+    times: usize,
+}
+
+impl Heard<'_> {
+    /// Of a step, counted from the first frame's.
+    fn at(&mut self, step: usize) -> &mut [f64] {
+        let n_out = self.unheard.len();
+        if step.is_multiple_of(self.times) {
+            &mut self.out[step / self.times * n_out..][..n_out]
+        } else {
+            self.unheard
+        }
+    }
+}
+
 /// A network that plays.
 #[derive(Clone, Debug)]
 pub(crate) struct Island {
@@ -112,23 +134,34 @@ impl Island {
         n_frames: usize,
         crew: &mut Crew<'_>,
     ) -> Result<(), Fault> {
-        let n_out = self.n_out();
-        (0..n_frames).try_for_each(|k| self.frame(&mut out[k * n_out..(k + 1) * n_out], crew))
+        let mut unheard = std::mem::take(&mut self.state.unheard);
+        let mut heard = Heard {
+            out,
+            unheard: &mut unheard,
+            times: self.times as usize,
+        };
+        let (steps, may_coast) = (n_frames * heard.times, self.may_coast());
+        let mut done = 0;
+        let end = loop {
+            if may_coast {
+                match self.coast(&mut heard, done, steps) {
+                    Ok(coasted) => done += coasted,
+                    Err(fault) => break Err(fault),
+                }
+            }
+            if done >= steps {
+                break Ok(());
+            }
+            if let Err(fault) = self.step(heard.at(done), crew) {
+                break Err(fault);
+            }
+            done += 1;
+        };
+        self.state.unheard = unheard;
+        end
     }
 
-    /// One frame of the scene: the first of its steps is heard.
-    fn frame(&mut self, out: &mut [f64], crew: &mut Crew<'_>) -> Result<(), Fault> {
-        self.step(out, crew)?;
-        if self.times > 1 {
-            let mut unheard = std::mem::take(&mut self.state.unheard);
-            let done = (1..self.times).try_for_each(|_| self.step(&mut unheard, crew));
-            self.state.unheard = unheard;
-            done?;
-        }
-        Ok(())
-    }
-
-    /// One frame: forces, outputs, hands, contacts, masses.
+    /// One step: forces, outputs, hands, contacts, masses.
     fn step(&mut self, out: &mut [f64], crew: &mut Crew<'_>) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;

@@ -4,6 +4,8 @@
 mod blocks;
 #[path = "scenes/carry.rs"]
 mod carry;
+#[path = "scenes/coasting.rs"]
+mod coasting;
 #[path = "scenes/crews.rs"]
 mod crews;
 #[path = "scenes/damping.rs"]

@@ -15,6 +15,9 @@ use crate::state::{Body, Target};
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
+/// A contact that is further than this from closing stays open, however its distance is rounded [m].
+const HAIR: f64 = 1e-9;
+
 /// A point that contacts touch.
 #[derive(Clone, Debug)]
 struct Joint {
@@ -117,6 +120,30 @@ impl Fine {
         contacts
             .map(|run| u32::from(run.a == mat) + u32::from(run.b == mat))
             .sum()
+    }
+
+    /// Whether the last frame left nothing to this one.
+    pub(super) fn is_done(&self) -> bool {
+        self.later.iter().all(|later| *later == 0.0)
+    }
+
+    /// Whether every contact is open in this frame, and a hair from closing, where nothing moves its points but themselves.
+    pub(super) fn stays_open(&self, scheme: &Scheme, body: &Body) -> bool {
+        self.script.contacts.iter().all(|run| {
+            let next = |mat: usize| kernel::predict(scheme, body, mat);
+            let now = body.x[run.b] - body.x[run.a];
+            let then = next(run.b) - next(run.a);
+            nearest(run, now - run.rest, then - run.rest) < -HAIR
+        })
+    }
+
+    /// As frames in which every contact is open leave it.
+    pub(super) fn rest(&mut self, body: &mut Body) {
+        self.before.fill(None);
+        self.near.fill(false);
+        for run in &self.script.contacts {
+            body.link[run.first] = 0.0;
+        }
     }
 
     /// Forces that the frame before left to this one.
@@ -311,12 +338,17 @@ fn moves(
 /// Whether a contact may be closed between two elongations: it is at one of them, or so near that what it does
 /// in between could take it there.
 fn may_close(run: &Run, now: f64, then: f64) -> bool {
+    nearest(run, now, then) > 0.0
+}
+
+/// How far it may come beyond its gap between two elongations [m].
+fn nearest(run: &Run, now: f64, then: f64) -> f64 {
     let Kind::But(but) = &run.kind else {
-        return false;
+        return f64::NEG_INFINITY;
     };
     let s = kernel::side(but);
     let (now, then) = (s * now, s * then);
-    now.max(then) + (then - now).abs() > 0.0
+    now.max(then) + (then - now).abs()
 }
 
 fn force(run: &Run, e: f64, step: f64) -> f64 {

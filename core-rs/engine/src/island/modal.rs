@@ -110,21 +110,59 @@ impl Playing {
 
     /// Add what is heard of the body now to `out` (n_out).
     pub(crate) fn tap(&self, out: &mut [f64]) {
+        self.tap_ahead(0, out);
+    }
+
+    /// What will be heard so many frames on, if nothing pushes it.
+    pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
-        let first = plan.ports.len();
+        let (first, at) = (plan.ports.len(), self.at + frames);
         for (row, ((output, _), still)) in plan.heard.iter().zip(&plan.still).enumerate() {
-            out[*output as usize] += self.seen[(first + row) * ROOM + self.at] + still;
+            out[*output as usize] += self.seen[(first + row) * ROOM + at] + still;
         }
     }
 
     /// Put the ports where they are, as they came there, and where they would go.
     pub(crate) fn place(&self, body: &mut Body) {
+        self.place_ahead(0, body);
+    }
+
+    /// Where they will be so many frames on, if nothing pushes them.
+    pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
+        let at = self.at + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            let seen = &self.seen[row * ROOM + self.at..];
-            body.x[port.mat] = seen[0] + port.rest;
-            body.d[port.mat] = seen[0] - self.was[row];
-            body.inner[port.mat] = (seen[1] - seen[0]) - (seen[0] - self.was[row]);
+            let own = &self.seen[row * ROOM..(row + 1) * ROOM];
+            let (now, next) = (own[at], own[at + 1]);
+            let was = if frames == 0 {
+                self.was[row]
+            } else {
+                own[at - 1]
+            };
+            body.x[port.mat] = now + port.rest;
+            body.d[port.mat] = now - was;
+            body.inner[port.mat] = (next - now) - (now - was);
         }
+    }
+
+    /// For how many frames it is known what it does if nothing pushes it, and where it goes from there.
+    pub(crate) fn ahead(&self) -> usize {
+        if self.has_pending {
+            0
+        } else {
+            self.until - self.at - 1
+        }
+    }
+
+    /// So many frames of those have passed.
+    pub(crate) fn coast(&mut self, frames: usize) {
+        if frames == 0 {
+            return;
+        }
+        self.at += frames;
+        for (row, was) in self.was.iter_mut().enumerate() {
+            *was = self.seen[row * ROOM + self.at - 1];
+        }
+        self.quiet = self.quiet.saturating_add(frames as u32);
     }
 
     /// Take the strikes of frame `n`: contacts are to know where the ports go with them.

@@ -1,0 +1,110 @@
+//! Where nothing meets, frames are passed over many at a time: not a bit of them is another than one by one.
+
+use std::sync::Arc;
+
+use ergon_engine::generator::{Rim, Shape, plate};
+use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
+use ergon_engine::plan::{Budget, Plan};
+use ergon_engine::simulation::{OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+use super::blocks::play;
+use super::scene::options;
+
+const N: usize = 30_000;
+
+/// A hammer that flies to and fro between a plate and a tied mass so far below; all are struck besides. Heard: the plate,
+/// where the other two are, and the forces between them.
+fn plan(below: f64) -> Arc<Plan> {
+    let mut network = Network::new();
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    let position = |first| Term::Position {
+        first,
+        len: 1,
+        weight: 1.0,
+    };
+    network.part("plate", None);
+    let topology = plate(Shape::Square, 3, Rim::Fixed).unwrap();
+    network
+        .mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0)
+        .unwrap();
+    network.listen("plate", vec![position(16)]).unwrap();
+    network.part("hammer", None);
+    let hammer = network.mas("m", 5e-3, -1e-3, 1.5).unwrap();
+    let tie = Tie::Tuned {
+        f: 31.0,
+        t60: Some(0.3),
+    };
+    let reed = network.cel("reed", 2e-2, tie, -below, -below, 0.0).unwrap();
+    let but = |side| But {
+        k: 2e4,
+        z: 0.2,
+        gap: 0.0,
+        side,
+        contact: Contact::Plain,
+        restitution: 1.0,
+        steps: 2,
+        exponent: 1.0,
+        clamp: false,
+    };
+    let first = network.n_lia();
+    network.but("to", hammer, 24, but(Side::Below)).unwrap();
+    network.but("fro", hammer, reed, but(Side::Above)).unwrap();
+    network
+        .listen("flight", vec![position(hammer), position(reed)])
+        .unwrap();
+    let force = Term::Force {
+        first,
+        len: 2,
+        weight: 1.0,
+    };
+    network.listen("force", vec![force]).unwrap();
+    for (mat, at, impulse) in [
+        (9, 0.2, 3e-3),
+        (hammer, 0.3, 4e-3),
+        (hammer, 0.300_01, 4e-3),
+        (reed, 0.31, 1e-3),
+        (9, 0.45, -2e-3),
+    ] {
+        timeline.strike(&network, mat, at, impulse, 0).unwrap();
+    }
+    Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap())
+}
+
+#[test]
+fn frames_that_are_passed_over_are_those_one_by_one() {
+    for below in [2e-2, 0.4] {
+        let plan = plan(below);
+        let sound = |blocks: &[usize]| {
+            let options = Options {
+                ledger: false,
+                ..options(OnFault::Stop)
+            };
+            let mut simulation = Simulation::planned(plan.clone(), options).unwrap();
+            play(&mut simulation, N, blocks)
+        };
+        let one_by_one = sound(&[1]);
+        let touches = one_by_one.chunks(3).map(|frame| frame[2] << 1 != 0);
+        let (closed, open) = touches.fold((0, 0), |(closed, open), is_closed| {
+            (closed + i32::from(is_closed), open + i32::from(!is_closed))
+        });
+        assert!(closed > 20 && open > 10_000, "{closed} {open}");
+        let whole = sound(&[N]);
+        let d = (0..whole.len())
+            .filter(|&i| whole[i] != one_by_one[i])
+            .count();
+        eprintln!(
+            "differ {d} {} {:?}",
+            whole.len(),
+            one_by_one
+                .iter()
+                .skip(27000)
+                .take(6)
+                .map(|b| f64::from_bits(*b))
+                .collect::<Vec<_>>()
+        );
+        assert!(whole == one_by_one);
+        assert!(sound(&[2, 63, 7, 64, 300]) == one_by_one);
+    }
+}
