@@ -9,6 +9,8 @@ from oracle.core import render as plain
 from oracle.planned import error_db, plan, render
 from oracle.scene import Mat, Scene
 
+from ergon import _core
+
 RATE = 44100.0
 N = 2205
 BUDGETS = (-60.0, -80.0)
@@ -102,3 +104,19 @@ def test_what_comes_long_after_the_first_contact_is_planned_for_too(wishes: dict
     rough, fine = (plain(scene, RATE * s, n * s)[::s] for s in (32, 64))
     assert error_db(rough, fine) < -65.0
     assert error_db(render(scene, RATE, n, **wishes), fine) < -60.0
+
+
+def test_what_nothing_moves_gives_no_contact_way():
+    """Half of a plate's modes rest where a hammer meets it: none is kept for its softness."""
+    network = _core.Network()
+    network.part("plate")
+    side = 17
+    first = network.plate("p", shape="square", radius=8, M=0.3, f=220.0, t60=6.0, rim="fixed")
+    network.part("hammer")
+    hammer = network.mas("h", M=8e-3, X0=-1e-4, V0=2.0)
+    network.but("b", hammer, first + 5 * side + 3, K=4e5)
+    network.listen("o", positions=[(first + 2 * side + 10, 1, 1.0)])
+    for db in (-40.0, -50.0, -60.0, -80.0):
+        rows = _core.Plan(network, _core.Timeline(network, RATE), error_db=db).rows()
+        (modes,) = (row.modes for row in rows if row.modes is not None)
+        assert modes[0] < 0.5 * modes[1], db

@@ -91,9 +91,9 @@ fn keep(isle: &Isle, body: &Modal, squares: &[f64], allowed: Option<f64>, budget
         let give =
             |mode: usize| stiff * port.shape[mode] * port.shape[mode] * body.compliance(mode);
         let mut lost: f64 = fallen.iter().map(|&mode| give(mode)).sum();
-        // The lowest give most.
+        // The lowest give most; those that nothing moves give nothing.
         fallen.retain(|&mode| {
-            if lost <= enough {
+            if lost <= enough || give(mode) == 0.0 {
                 return true;
             }
             lost -= give(mode);
