@@ -140,25 +140,30 @@ impl Island {
             unheard: &mut unheard,
             times: self.times as usize,
         };
-        let (steps, may_coast) = (n_frames * heard.times, self.may_coast());
-        let mut done = 0;
-        let end = loop {
-            if may_coast {
-                match self.coast(&mut heard, done, steps) {
-                    Ok(coasted) => done += coasted,
-                    Err(fault) => break Err(fault),
-                }
-            }
-            if done >= steps {
-                break Ok(());
-            }
-            if let Err(fault) = self.step(heard.at(done), crew) {
-                break Err(fault);
-            }
-            done += 1;
-        };
+        let end = self.go(&mut heard, n_frames, crew);
         self.state.unheard = unheard;
         end
+    }
+
+    /// All steps of so many frames.
+    fn go(
+        &mut self,
+        heard: &mut Heard<'_>,
+        n_frames: usize,
+        crew: &mut Crew<'_>,
+    ) -> Result<(), Fault> {
+        let (steps, may_coast) = (n_frames * heard.times, self.may_coast());
+        let mut done = 0;
+        while done < steps {
+            if may_coast {
+                done += self.coast(heard, done, steps)?;
+            }
+            if done < steps {
+                self.step(heard.at(done), crew)?;
+                done += 1;
+            }
+        }
+        Ok(())
     }
 
     /// One step: forces, outputs, hands, contacts, masses.

@@ -90,21 +90,7 @@ fn frames_that_are_passed_over_are_those_one_by_one() {
             (closed + i32::from(is_closed), open + i32::from(!is_closed))
         });
         assert!(closed > 20 && open > 10_000, "{closed} {open}");
-        let whole = sound(&[N]);
-        let d = (0..whole.len())
-            .filter(|&i| whole[i] != one_by_one[i])
-            .count();
-        eprintln!(
-            "differ {d} {} {:?}",
-            whole.len(),
-            one_by_one
-                .iter()
-                .skip(27000)
-                .take(6)
-                .map(|b| f64::from_bits(*b))
-                .collect::<Vec<_>>()
-        );
-        assert!(whole == one_by_one);
+        assert!(sound(&[N]) == one_by_one);
         assert!(sound(&[2, 63, 7, 64, 300]) == one_by_one);
     }
 }
