@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from . import score
 from .console import Console
 from .outcome import Diverged, Refused
-from .summary import rendered
+from .summary import finer, rendered
 
 if TYPE_CHECKING:
     from .render import Wishes
@@ -73,3 +73,4 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     except NotTakenError as error:
         raise Refused(f"{path}: {error}") from None
     rendered(console, done, order, 0.0, again.running.stage.network)
+    finer(console, again.running.stage.simulation)

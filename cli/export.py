@@ -10,7 +10,7 @@ import click
 from . import options, score
 from .console import Console
 from .outcome import Refused
-from .summary import rendered
+from .summary import finer, rendered
 
 if TYPE_CHECKING:
     from ergon.exchange.midi import Meter
@@ -79,6 +79,7 @@ def export(
         with console.progress("rendering stems", order.stop, staged.stage.rate) as progress:
             done = exchange.render(staged.stage, order, progress.at)
         rendered(console, done, order, staged.plan_s, staged.stage.network)
+        finer(console, staged.stage.simulation)
 
 
 def _tempo_file(piece: Piece, end: float) -> bytes:

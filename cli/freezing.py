@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from . import score
 from .console import Console, plural
 from .outcome import Diverged, Refused
+from .summary import finer
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import Checked, Frozen, Source
@@ -79,6 +80,7 @@ def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) ->
         score.show(console, loaded, [stage.fault(error)])
         raise Diverged from error
     _say(console, folder, taps, n_frames, stage.rate, dry=False)
+    finer(console, stage.simulation)
 
 
 def _folder(path: str) -> Path:

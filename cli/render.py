@@ -14,7 +14,7 @@ from ergon.exchange.wave_header import CHANNELS_MAX, Bits
 from . import options, score
 from .console import Console
 from .outcome import Diverged, Outcome, Refused
-from .summary import dry_run, rendered
+from .summary import dry_run, finer, rendered
 
 if TYPE_CHECKING:
     from ergon.exchange.render import Order
@@ -204,6 +204,7 @@ def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bo
         score.show(console, loaded, [stage.fault(error)])
         raise Diverged from error
     rendered(console, done, order, staged.plan_s, stage.network)
+    finer(console, stage.simulation)
 
 
 def _recorded(console: Console, loaded: Loaded, wishes: Wishes) -> Recorded | None:

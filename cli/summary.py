@@ -10,7 +10,7 @@ from .console import Console, plural
 from .units import decibels, level, octets, seconds
 
 if TYPE_CHECKING:
-    from ergon._core import Network
+    from ergon._core import Network, Simulation
     from ergon.exchange.render import Order, Rendered
     from ergon.scores.staging.stage import Stage
 
@@ -65,6 +65,19 @@ def rendered(
         for file in (mix, *done.stems):
             if file.peak > 1:
                 console.warn(f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS")
+
+
+def finer(console: Console, simulation: Simulation) -> None:
+    """Say of which parts frames were computed finer, one line or record for each."""
+    for part, frames, most in simulation.finer():
+        if console.json:
+            console.record("finer", part=part, frames=frames, most=most)
+            continue
+        were = "was" if frames == 1 else "were"
+        console.say(
+            f"{part}: {plural(frames, 'frame')} {were} computed finer, up to {most} times: "
+            "there its links stiffen beyond what a frame bears"
+        )
 
 
 def dry_run(console: Console, stage: Stage, order: Order) -> None:

@@ -157,4 +157,5 @@ def told(event: tuple[int, str, float], players: Sequence[str], boards: Sequence
         "lost": f"the physics was held up for {number:.3f} s",
         "tripped": f"{player}'s key tripped: no force for a while",
         "muted": "a part went beyond all bounds and is silent",
+        "finer": "links stiffen beyond what a frame bears: such frames are computed finer",
     }.get(what, "")

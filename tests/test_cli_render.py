@@ -171,3 +171,33 @@ def test_ctrl_c_exits_130_without_a_file(folder: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(exchange, "_fold", interrupt)
     assert app.run(["render", "bell.yaml"]) == 130
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
+
+
+STRUCK_HARD = """\
+ergon: 1
+title: Struck hard
+instruments:
+  gong:
+    modules: {p: {PLATE: {shape: hex, radius: 4, M: 100g, f: 120Hz, t60: 1s, hardening: 1e11}}}
+    out: {SOX: p.centre}
+strikes:
+  a: {to: [gong.p.centre], at: 0.05s, impulse: 0.5Ns}
+accuracy: {method: ca}
+render: {tail: 0.3s, bits: float}
+"""
+
+
+def test_a_render_says_what_was_computed_finer(folder: Path, capsys: Capture) -> None:
+    (folder / "hard.yaml").write_text(STRUCK_HARD)
+    (folder / "soft.yaml").write_text(STRUCK_HARD.replace("0.5Ns", "0.01Ns"))
+    assert app.run(["render", "hard.yaml"]) == 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    said = r"gong: (\d+) frames were computed finer, up to ([248]) times: .*"
+    found = re.fullmatch(said, last)
+    assert found is not None, last
+    assert app.run(["render", "--json", "--force", "hard.yaml"]) == 0
+    (record,) = [r for r in records(capsys) if r["event"] == "finer"]
+    told = (record["frames"], record["most"])
+    assert (record["part"], *told) == ("gong", *map(int, found.groups()))
+    assert app.run(["render", "soft.yaml"]) == 0
+    assert "finer" not in capsys.readouterr().err

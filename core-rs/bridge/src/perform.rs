@@ -307,6 +307,7 @@ fn told(event: perform::Event) -> Told {
         What::Lost(late) => ("lost", late.as_secs_f64()),
         What::Tripped(hand) => ("tripped", hand as f64),
         What::Muted => ("muted", 0.0),
+        What::Finer => ("finer", 0.0),
         What::Changed(ticket) => ("changed", ticket as f64),
         What::Late(ticket) => ("late", ticket as f64),
         What::Ended => ("ended", 0.0),

@@ -224,6 +224,11 @@ impl Simulation {
     fn muted(&self) -> Vec<(String, u64)> {
         self.0.muted()
     }
+
+    /// Parts of which frames were computed finer (name, frames, steps a frame at most).
+    fn finer(&self) -> Vec<(String, u64, u32)> {
+        self.0.finer()
+    }
 }
 
 /// A time to fade within [s], if it is one.

@@ -19,6 +19,7 @@ mod order;
 mod passes;
 pub(crate) mod square;
 mod trapezoid;
+mod watched;
 mod way;
 
 pub(crate) use certify::certify;
@@ -26,6 +27,7 @@ pub(crate) use way::Way;
 
 use std::sync::Arc;
 
+use crate::guard::{Guard, Told};
 use crate::kernel::crew::Crew;
 use crate::network::{Error, Network};
 use crate::units::Rate;
@@ -43,6 +45,13 @@ trait Method {
     }
     /// Positions now [m]                                            (n_mat)
     fn x(&self) -> &[f64];
+    /// Its guard, where its links stiffen.
+    fn guard(&self) -> Option<&Guard> {
+        None
+    }
+    fn guard_mut(&mut self) -> Option<&mut Guard> {
+        None
+    }
     /// Velocity of a MAT now, before any impulse of this frame [m/s].
     fn velocity(&self, mat: usize) -> f64;
     /// Velocities or last steps, whichever carry its motion on            (n_mat)
@@ -109,8 +118,8 @@ impl Integrator {
         let rate = faster(rate, substeps)?;
         let mesh = Arc::new(Mesh::new(network, rate, way)?);
         let motion = match way {
-            Way::Ca => Motion::Ca(Box::new(ca::Ca::new(mesh, network, rate))),
-            Way::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)),
+            Way::Ca => Motion::Ca(Box::new(ca::Ca::new(mesh, network, rate)?)),
+            Way::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)?),
             Way::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
             Way::Ieq => Motion::Ieq(ieq::Ieq::new(mesh, network)?),
             Way::Trapezoid => Motion::Trapezoid(trapezoid::Trapezoid::new(mesh, network)?),
@@ -129,11 +138,11 @@ impl Integrator {
 
     /// All it moves by is so many times as much.
     pub(crate) fn slow_down(&mut self, by: f64) {
-        self.motion
-            .method_mut()
-            .pace()
-            .iter_mut()
-            .for_each(|v| *v *= by);
+        let method = self.motion.method_mut();
+        method.pace().iter_mut().for_each(|v| *v *= by);
+        if let Some(guard) = method.guard_mut() {
+            guard.slow_down(by);
+        }
     }
 
     /// Where a MAT is, and its step in a frame [m].
@@ -153,7 +162,9 @@ impl Integrator {
 
     /// All MATs are set.
     pub(crate) fn settle(&mut self) {
-        self.motion.method_mut().settle();
+        let method = self.motion.method_mut();
+        method.guard_mut().into_iter().for_each(Guard::forget);
+        method.settle();
     }
 
     /// Be ready for a crew of so many threads, where that gains anything; the bits stay the same.
@@ -164,6 +175,12 @@ impl Integrator {
     /// Whether a crew can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         self.motion.method().is_shared()
+    }
+
+    /// Frames that were computed finer, if any.
+    pub(crate) fn told(&self) -> Option<Told> {
+        let told = self.motion.method().guard()?.told()?;
+        Some(told.by(self.substeps))
     }
 
     /// Positions at the frame [m], (n_mat).

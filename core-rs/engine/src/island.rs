@@ -29,6 +29,7 @@ use std::sync::Arc;
 
 use crate::gesture::script::{Gesture, Report};
 use crate::gesture::voice::{Scene, Voice, VoiceScript};
+use crate::guard::{self, Guard, Told};
 use crate::kernel;
 use crate::kernel::crew::Crew;
 use crate::network::Network;
@@ -82,6 +83,8 @@ struct State {
     touches: Vec<hands::Touch>,
     ledger: Option<Ledger>,
     mutes: Mutes,
+    /// Where links stiffen.
+    guard: Option<Box<Guard>>,
     /// By how much every step is less than it would be: an extra viscosity.
     damped: f64,
     /// The scheme as it is now, where MATs in it glide.
@@ -180,6 +183,9 @@ impl Island {
         }
         if state.damped < 1.0 {
             state.body.d.iter_mut().for_each(|d| *d *= state.damped);
+            if let Some(guard) = &mut state.guard {
+                guard.slow_down(state.damped);
+            }
             for body in &state.bodies {
                 body.place(&mut state.body); // they fade by themselves
             }
@@ -221,7 +227,7 @@ impl Island {
         for body in &mut state.bodies {
             body.step(n, &state.body.force, crew);
         }
-        let sound = kernel::advance(
+        let mut sound = kernel::advance(
             scheme,
             &mut state.targets,
             &mut state.body,
@@ -233,6 +239,8 @@ impl Island {
             body.place(&mut state.body);
             bodies_sound &= body.sound();
         }
+        let finer = finer(scheme, state, crew);
+        sound = finer.unwrap_or(sound);
         if let Some(ledger) = &mut state.ledger {
             let gates = script.gates.iter().zip(&state.leans);
             for (next, (gate, lean)) in state.gates_next.iter_mut().zip(gates) {
@@ -243,6 +251,7 @@ impl Island {
                 [&state.gates, &state.gates_next],
                 &state.targets,
                 &state.body,
+                finer.and(state.guard.as_ref()).map(|guard| guard.way()),
             );
         }
         state.scheme = gliding;
@@ -350,6 +359,21 @@ impl Island {
         self.state.mutes.list().count()
     }
 
+    /// Parts whose links stiffened, with the frames of the scene that were computed finer for it, in how many steps.
+    pub(crate) fn finer(&self) -> impl Iterator<Item = (&str, u64, u32)> {
+        let parts = self.network.parts();
+        let own = self.state.guard.iter().filter_map(|guard| {
+            let told = guard.told()?;
+            let part = self.script.scheme.part[told.mat] as usize;
+            Some((&*parts[part].name, told))
+        });
+        let bodies = self.state.bodies.iter().filter_map(inside::Playing::told);
+        own.chain(bodies).map(|(part, told)| {
+            let Told { frames, most, .. } = told.by(self.times);
+            (part, frames, most)
+        })
+    }
+
     /// Room for every target there can be: a cloned vector has only what it holds.
     pub(crate) fn reserve(&mut self) {
         let most = self.script.drives.len() + self.script.voices.len();
@@ -363,7 +387,37 @@ impl Island {
         if let Some(ledger) = &mut self.state.ledger {
             ledger.reserve(most);
         }
+        if let Some(guard) = &mut self.state.guard {
+            guard.reserve(most);
+        }
     }
+}
+
+/// Go through the frame again, finer, where links have stiffened too much; says then whether all stayed within reason.
+fn finer(scheme: &Scheme, state: &mut State, crew: &mut Crew<'_>) -> Option<bool> {
+    let (guard, body) = (state.guard.as_mut()?, &mut state.body);
+    if !guard.is_over(&body.x, &body.d, &scheme.w) {
+        return None;
+    }
+    let then = body.was.as_mut()?;
+    then.turn(&mut body.x, &mut body.d);
+    let led = state.targets.iter().map(|target| target.mat);
+    let (x, then) = (&body.x, &then.x);
+    guard.lead(led, |mat| (x[mat], then[mat]));
+    let sound = guard.finer(&mut guard::Scene {
+        scheme,
+        gates: &state.gates,
+        body,
+        laws: &mut state.laws,
+        crew,
+    });
+    if let Some(whole) = &state.body.was {
+        guard.keep(whole, &mut state.body.x, &mut state.body.d);
+    }
+    for body in &state.bodies {
+        body.place(&mut state.body);
+    }
+    Some(sound)
 }
 
 /// Where layers take the keys at this frame.

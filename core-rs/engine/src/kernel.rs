@@ -13,7 +13,7 @@ mod taps;
 pub(crate) mod wide;
 
 pub(crate) use exact::contacts;
-pub(crate) use mats::{advance, centred, needed, predict, sound};
+pub(crate) use mats::{advance, centred, fine_steps, needed, predict, sound};
 pub(crate) use runs::{links, power, push, side};
 pub(crate) use taps::tap;
 

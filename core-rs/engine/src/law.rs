@@ -211,6 +211,28 @@ impl Law {
         slope / self.reach / self.reach
     }
 
+    /// The largest elongation [m], either way, up to which no tangent is stiffer than `stiffness` [N/m]: exact for
+    /// points; else looked for at 16 places an octave, from a nanometre on. Infinite where it is so everywhere.
+    pub(crate) fn stiffens_beyond(&self, stiffness: f64) -> f64 {
+        const OCTAVE: i32 = 16;
+        const OCTAVES: i32 = 44; // to 17 km
+        if let Elastic::Points(points) = &self.elastic {
+            let stiffness = stiffness * self.reach * self.reach;
+            return points.steeper_beyond(stiffness) * self.reach;
+        }
+        let is_stiffer = |d: &f64| [*d, -d].iter().any(|&d| self.slope(d) > stiffness);
+        let places = (0..=OCTAVE * OCTAVES)
+            .map(|i| SLOPE_STEP_AT_REST * crate::maths::pow(2.0, f64::from(i) / f64::from(OCTAVE)));
+        let mut before = 0.0;
+        for d in places {
+            if is_stiffer(&d) {
+                return before;
+            }
+            before = d;
+        }
+        f64::INFINITY
+    }
+
     /// Slope of the damping in v, at elongation `d` and v = 0 [N·s/m]: a central difference over
     /// ±1 nm/s.
     pub fn damping_slope(&self, d: f64) -> f64 {

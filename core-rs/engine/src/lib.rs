@@ -10,6 +10,7 @@ pub mod cell;
 pub mod chance;
 pub mod generator;
 pub mod gesture;
+mod guard;
 // What energy a method keeps is asked by its tests alone.
 #[cfg_attr(not(test), allow(dead_code))]
 mod integrate;

@@ -12,7 +12,7 @@ mod cells;
 mod choice;
 mod cost;
 mod fewer;
-mod forest;
+pub(crate) mod forest;
 mod islands;
 mod kept;
 mod linear;

@@ -206,6 +206,11 @@ impl Scheme {
         self.runs.retain(|run| !may_be_fine(run));
     }
 
+    /// What every MAT brings with it: 1/M, κ, ζ and where the ground is   (n_mat each).
+    pub(crate) fn ties(&self) -> [&[f64]; 4] {
+        [&self.w, &self.kappa, &self.zeta, &self.rest]
+    }
+
     /// Number of MATs.
     pub fn n_mat(&self) -> usize {
         self.w.len()

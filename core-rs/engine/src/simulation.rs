@@ -350,6 +350,24 @@ impl Simulation {
         self.islands().map(|(island, _)| island.n_muted()).sum()
     }
 
+    /// Parts whose links stiffened so far that frames were computed finer: how many, and in how many steps at most.
+    pub fn finer(&self) -> Vec<(String, u64, u32)> {
+        let mut all: Vec<(String, u64, u32)> = Vec::new();
+        for (part, frames, most) in self.islands().flat_map(|(island, _)| island.finer()) {
+            match all.iter_mut().find(|other| other.0 == part) {
+                Some(other) => (other.1, other.2) = (other.1.max(frames), other.2.max(most)),
+                None => all.push((part.to_owned(), frames, most)),
+            }
+        }
+        all
+    }
+
+    /// In how many places there are such parts; nothing is allocated.
+    pub fn n_finer(&self) -> usize {
+        let islands = self.islands();
+        islands.map(|(island, _)| island.finer().count()).sum()
+    }
+
     /// Remember this moment.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot(Box::new(self.clone()))

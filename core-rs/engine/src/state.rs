@@ -17,6 +17,28 @@ pub(crate) struct Body {
     pub(crate) inner: Vec<f64>,
     /// Of the sum, what comes from outside [N]: kept for the ledger, else empty   (n_mat)
     pub(crate) outside: Vec<f64>,
+    /// The frame before, where one may have to go back to it.
+    pub(crate) was: Option<Box<Was>>,
+}
+
+/// Positions and last steps a frame ago [m]   (n_mat each).
+#[derive(Clone, Debug)]
+pub(crate) struct Was {
+    pub(crate) x: Vec<f64>,
+    pub(crate) d: Vec<f64>,
+}
+
+impl Was {
+    pub(crate) fn new(n_mat: usize) -> Box<Self> {
+        let (x, d) = (vec![0.0; n_mat], vec![0.0; n_mat]);
+        Box::new(Self { x, d })
+    }
+
+    /// What is now has been, and what has been is.
+    pub(crate) fn turn(&mut self, x: &mut Vec<f64>, d: &mut Vec<f64>) {
+        std::mem::swap(&mut self.x, x);
+        std::mem::swap(&mut self.d, d);
+    }
 }
 
 impl Body {
@@ -27,6 +49,7 @@ impl Body {
             link: vec![0.0; scheme.n_lia],
             inner: Vec::new(),
             outside: Vec::new(),
+            was: None,
             x,
             d,
         }

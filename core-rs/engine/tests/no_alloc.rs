@@ -8,6 +8,7 @@ mod scene;
 use std::sync::Arc;
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
 use ergon_engine::gesture::written::{Manner, Way, Written};
@@ -139,6 +140,50 @@ fn a_take_over_does_not_allocate() {
         assert!(assert_no_alloc(|| new.take_over(&mut old, &mut carry)));
         assert_eq!(violation_count(), 0, "{seed}");
         assert_eq!(allocations(&mut new, &mut out), 0, "{seed}");
+    }
+}
+
+/// A gong struck so hard that frames are computed finer: on and on, forked, and taken over in the middle of it.
+#[test]
+fn finer_frames_do_not_allocate() {
+    let mut network = Network::new();
+    network.part("gong", None);
+    let topology = plate(Shape::Hex, 6, Rim::Fixed).unwrap();
+    network
+        .mesh("p", &topology, 0.3, 120.0, Some(1.0), 1e11)
+        .unwrap();
+    let (first, len, weight) = (3, 1, 1.0);
+    let term = Term::Position { first, len, weight };
+    network.listen("gong", vec![term]).unwrap();
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    timeline.open();
+    timeline.strike(&network, 5, 0.0, 1.0, 0).unwrap();
+    let network = Arc::new(network);
+    for method in [Method::Ca, Method::Ca2p] {
+        let budget = Budget::Method(method);
+        let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
+        let plan = Arc::new(plan);
+        let options = Options {
+            ledger: false,
+            ..options(OnFault::Stop)
+        };
+        let mut old = Simulation::planned(plan.clone(), options).unwrap();
+        let mut out = vec![0.0; 100];
+        assert_eq!(allocations(&mut old, &mut out), 0);
+        let mut fork = old.fork();
+        let mut new = Simulation::planned_from(plan, options, 100).unwrap();
+        let mut carry = Carry::new(&old, &new);
+        reset_violation_count();
+        assert!(assert_no_alloc(|| new.take_over(&mut old, &mut carry)));
+        assert_eq!(violation_count(), 0);
+        for mut going in [new, fork.fork()] {
+            assert_eq!(allocations(&mut going, &mut out), 0);
+            reset_violation_count();
+            assert_eq!(assert_no_alloc(|| going.n_finer()), 1);
+            assert_eq!(violation_count(), 0);
+            assert!(going.finer()[0].1 > 100);
+        }
+        assert_eq!(allocations(&mut fork, &mut out), 0);
     }
 }
 

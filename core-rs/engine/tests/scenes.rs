@@ -24,5 +24,7 @@ mod live;
 mod plans;
 #[path = "scenes/scene.rs"]
 mod scene;
+#[path = "scenes/stiff.rs"]
+mod stiff;
 #[path = "scenes/turned.rs"]
 mod turned;

@@ -610,6 +610,9 @@ class Simulation:
         [kg], `speed` [m/s], `impulse` [N·s], `source`, each (n_ergons,)."""
     def muted(self) -> list[tuple[str, int]]:
         """Parts put to silence (name, frame) under on_fault="mute"."""
+    def finer(self) -> list[tuple[str, int, int]]:
+        """Parts whose links stiffened so far that frames were computed finer (name, frames, steps
+        a frame at most)."""
 
 # --- from outputs to loudspeakers ---------------------------------------------------------------
 

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use super::Method;
 use super::mesh::Mesh;
+use crate::guard::{self, Guard, Limit};
 use crate::kernel;
 use crate::kernel::crew::Crew;
 use crate::kernel::halves::Halves;
-use crate::network::Network;
+use crate::network::{Error, Network};
 use crate::scheme::{Laws, Scheme, backward_steps};
-use crate::state::Body;
+use crate::state::{Body, Was};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -20,22 +21,26 @@ pub(super) struct Ca {
     /// Its forces are those of the links at the present frame.
     body: Body,
     laws: Laws,
+    guard: Option<Guard>,
 }
 
 impl Ca {
-    pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Self {
+    pub(super) fn new(mesh: Arc<Mesh>, network: &Network, rate: Rate) -> Result<Self, Error> {
         let mut scheme = mesh.scheme.clone();
+        let guard = Guard::new(&scheme, network, Limit::CA, &[])?;
         let x = network.mats().x0.clone();
         let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[]);
         scheme.fuse(|_| false);
         let (mut body, mut laws) = (Body::new(&scheme, x, d), scheme.laws());
+        body.was = guard.as_ref().map(|_| Was::new(scheme.n_mat()));
         kernel::links(&scheme, &[], &mut body, &mut laws, &mut Crew::alone());
-        Self {
+        Ok(Self {
             mesh,
             scheme,
             body,
             laws,
-        }
+            guard,
+        })
     }
 }
 
@@ -56,6 +61,18 @@ impl Method for Ca {
         kernel::contacts(scheme, &[], &[], &mut self.body);
         let halves = self.laws.halves.as_ref();
         kernel::advance(scheme, &mut [], &mut self.body, halves, crew);
+        if let (Some(guard), Some(was)) = (&mut self.guard, &mut self.body.was)
+            && guard.is_over(&self.body.x, &self.body.d, &scheme.w)
+        {
+            was.turn(&mut self.body.x, &mut self.body.d);
+            guard.finer(&mut guard::Scene {
+                scheme,
+                gates: &[],
+                body: &mut self.body,
+                laws: &mut self.laws,
+                crew,
+            });
+        }
         kernel::links(scheme, &[], &mut self.body, &mut self.laws, crew);
     }
 
@@ -82,6 +99,14 @@ impl Method for Ca {
 
     fn pace(&mut self) -> &mut [f64] {
         &mut self.body.d
+    }
+
+    fn guard(&self) -> Option<&Guard> {
+        self.guard.as_ref()
+    }
+
+    fn guard_mut(&mut self) -> Option<&mut Guard> {
+        self.guard.as_mut()
     }
 
     fn energy(&self) -> f64 {

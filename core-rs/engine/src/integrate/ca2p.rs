@@ -8,11 +8,14 @@
 
 use std::sync::Arc;
 
-use super::Method;
 use super::mesh::{Mesh, Room};
 use super::passes;
+use super::watched::Watched;
+use super::{Method, certify};
+use crate::guard::Guard;
 use crate::kernel::crew::Crew;
-use crate::network::Network;
+use crate::network::{Error, Network};
+use crate::state::Was;
 
 #[derive(Clone, Debug)]
 pub(super) struct Ca2p {
@@ -20,6 +23,9 @@ pub(super) struct Ca2p {
     /// Position [m] and last step x − x⁻ [m]                    (n_mat)
     x: Vec<f64>,
     d: Vec<f64>,
+    /// The same a step ago, impulses given.
+    was: Box<Was>,
+    guard: Option<Box<Guard>>,
     /// Where the second pass looks                              (n_mat)
     there: Vec<f64>,
     v: Vec<f64>,
@@ -36,7 +42,9 @@ pub(super) struct Ca2p {
 const STEPS_BACK: usize = 8;
 
 impl Ca2p {
-    pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Self {
+    pub(super) fn new(mesh: Arc<Mesh>, network: &Network) -> Result<Self, Error> {
+        let guard =
+            Guard::new(&mesh.scheme, network, certify::ca2p_bears(&mesh), &[])?.map(Box::new);
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
         let mut room = mesh.room();
         let d = last_step(&mesh, &x, &v, &mut room);
@@ -48,6 +56,8 @@ impl Ca2p {
             viscous: zeros.clone(),
             elastic_before: zeros.clone(),
             force: zeros,
+            was: Was::new(x.len()),
+            guard,
             room,
             x,
             d,
@@ -57,7 +67,7 @@ impl Ca2p {
         it.mesh
             .elastic(&it.there, &mut it.room, &mut it.elastic, crew);
         it.look(crew);
-        it
+        Ok(it)
     }
 
     /// The first pass: forces at the present frame.
@@ -132,16 +142,29 @@ impl Method for Ca2p {
         for &(mat, impulse) in impulses {
             self.d[mat] += mesh.jump(mat, impulse);
         }
-        let (force, there, v) = (&self.force, &self.there, &self.v);
-        mesh.ranges(
-            room,
-            crew,
-            [&mut self.x, &mut self.d],
-            |mats, ties, [x, d]| {
-                let look = [&there[mats.clone()], &v[mats.clone()]];
-                passes::leap(ties, &force[mats], look, x, d);
-            },
-        );
+        self.was.turn(&mut self.x, &mut self.d);
+        let (force, there, v, was) = (&self.force, &self.there, &self.v, &self.was);
+        let (x, d) = (&mut self.x, &mut self.d);
+        mesh.ranges(room, crew, [&mut *x, &mut *d], |mats, ties, [x, d]| {
+            let look = [there, v].map(|all| &all[mats.clone()]);
+            let from = [&was.x, &was.d].map(|all| &all[mats.clone()]);
+            passes::leap(ties, &force[mats], look, from, x, d);
+        });
+        if let Some(guard) = &mut self.guard
+            && guard.is_over(x, d, &mesh.scheme.w)
+        {
+            self.was.turn(x, d);
+            let (force, d) = (&mut self.force[..], &mut d[..]);
+            Watched {
+                mesh,
+                room,
+                force,
+                x,
+                d,
+                crew,
+            }
+            .by(guard);
+        }
         self.look(crew);
     }
 
@@ -178,6 +201,14 @@ impl Method for Ca2p {
         self.mesh
             .elastic(&self.there, room, &mut self.elastic, crew);
         self.look(crew);
+    }
+
+    fn guard(&self) -> Option<&Guard> {
+        self.guard.as_deref()
+    }
+
+    fn guard_mut(&mut self) -> Option<&mut Guard> {
+        self.guard.as_deref_mut()
     }
 
     fn pace(&mut self) -> &mut [f64] {

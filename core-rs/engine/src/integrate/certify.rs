@@ -16,6 +16,7 @@
 use super::mesh::Mesh;
 use super::way::Way;
 use super::{faster, ieq, trapezoid};
+use crate::guard::Limit;
 use crate::network::{Error, Network};
 use crate::scheme::{Certificate, Kind, Scheme, Top, Word, top};
 use crate::units::Rate;
@@ -55,8 +56,7 @@ pub(crate) fn certify(
     };
     match way {
         Way::Ca2p => {
-            let loses = mesh.damped || scheme.zeta.iter().any(|zeta| *zeta != 0.0);
-            let (c, enough) = if loses { (6.0, ANY) } else { (0.0, SHARED) };
+            let (c, enough) = ca2p(&mesh);
             let found = look(c, enough)?;
             if found.lambda < enough {
                 Ok(of(&found, sure))
@@ -90,6 +90,22 @@ pub(crate) fn certify(
             Ok(of(&look(0.0, f64::INFINITY)?, word))
         }
     }
+}
+
+/// What CA2P bears where links stiffen: tangents share no modes with what is at rest.
+pub(super) fn ca2p_bears(mesh: &Mesh) -> Limit {
+    Limit {
+        c: ca2p(mesh).0,
+        trusted: 0.9 * ANY,
+        most: SHARED,
+        has_poles: false,
+    }
+}
+
+/// How much of Z counts as K by CA2P, and how large λ may be for sure.
+fn ca2p(mesh: &Mesh) -> (f64, f64) {
+    let loses = mesh.damped || mesh.scheme.zeta.iter().any(|zeta| *zeta != 0.0);
+    if loses { (6.0, ANY) } else { (0.0, SHARED) }
 }
 
 fn unstable(network: &Network, way: Way, found: &Top, most: f64) -> Error {

@@ -209,21 +209,22 @@ wide! {
 }
 
 wide! {
-    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with forces found at x′, v′, the `look`.
+    /// d += F/M − κ(x′ − rest) − ζv′, x += d, with forces found at x′, v′, the `look`; `from` are x and d before.
     pub(super) fn leap(
         ties: Ties<'_>,
         force: &[f64],
         look: [&[f64]; 2],
+        from: [&[f64]; 2],
         x: &mut [f64],
         d: &mut [f64],
     ) {
-        let [there, v] = look;
-        let n = force.len();
+        let ([there, v], n) = (look, force.len());
+        let [was, by] = from.map(|from| &from[..n]);
         let [w, kappa, zeta, rest] = ties.cut(n);
         let (there, v, x, d) = (&there[..n], &v[..n], &mut x[..n], &mut d[..n]);
         for i in 0..n {
-            d[i] += force[i] * w[i] - kappa[i] * (there[i] - rest[i]) - zeta[i] * v[i];
-            x[i] += d[i];
+            d[i] = by[i] + (force[i] * w[i] - kappa[i] * (there[i] - rest[i]) - zeta[i] * v[i]);
+            x[i] = was[i] + d[i];
         }
     }
 }

@@ -11,6 +11,7 @@ mod contacts;
 mod cost;
 mod energy;
 mod gong;
+mod guard;
 mod loops;
 mod orders;
 mod references;

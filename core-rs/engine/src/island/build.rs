@@ -11,11 +11,12 @@ use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::free::{FreeKey, Motion};
 use crate::gesture::script::{Gesture, Report, Touch};
 use crate::gesture::voice::{Voice, VoiceScript};
+use crate::guard::{Guard, Limit};
 use crate::kernel::crew::Crew;
 use crate::kernel::halves::Halves;
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Scheme, backward_steps, moves};
-use crate::state::Body;
+use crate::state::{Body, Was};
 use crate::timeline::{Drive, DriveKind, Key, Timeline, frame, pushes};
 use crate::units::Rate;
 
@@ -56,6 +57,13 @@ impl Island {
         let mut bodies = join(plans, &network, timeline, &mut body)?;
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline);
         let (scripts, voices) = hands(&network, timeline, plans)?;
+        let ports: Vec<usize> = plans.iter().flat_map(Inside::ports).collect();
+        let guard = if options.unchecked {
+            None // where it really diverges is asked for
+        } else {
+            Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
+        };
+        body.was = guard.as_ref().map(|_| Was::new(scheme.n_mat()));
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts);
         }
@@ -95,6 +103,7 @@ impl Island {
             touches: vec![HandTouch::default(); grips.len()],
             ledger,
             mutes: Mutes::new(&scheme),
+            guard,
             damped: 1.0,
             scheme: (!glides.is_empty()).then(|| Box::new(scheme.clone())),
             body,

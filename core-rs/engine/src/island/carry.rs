@@ -53,6 +53,9 @@ impl Island {
             // Muted parts are out of its lists: of what moves on, only where it is is sure.
             self.state.body.x.copy_from_slice(&old.state.body.x);
             self.state.body.d.copy_from_slice(&old.state.body.d);
+            if let Some(guard) = &mut self.state.guard {
+                guard.forget();
+            }
             self.place();
             return;
         }
@@ -69,6 +72,7 @@ impl Island {
             own.go_on(their);
         }
         own.mutes.go_on(&their.mutes);
+        std::mem::swap(&mut own.guard, &mut their.guard);
         std::mem::swap(&mut own.stream, &mut their.stream);
         if own.ledger.is_some() && their.ledger.is_some() {
             std::mem::swap(&mut own.ledger, &mut their.ledger);
@@ -143,6 +147,9 @@ impl Island {
         if kernel::sound(x) && step.is_finite() {
             self.state.body.x[mat] = x;
             self.state.body.d[mat] = step / f64::from(self.times);
+            if let Some(guard) = &mut self.state.guard {
+                guard.forget();
+            }
         }
     }
 

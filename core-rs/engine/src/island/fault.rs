@@ -162,6 +162,9 @@ impl Island {
         if let Some(halves) = &mut state.laws.halves {
             halves.cut_again(&scheme.fused);
         }
+        if let Some(guard) = &mut state.guard {
+            guard.release(|mat| ours[mat]);
+        }
         if state.scheme.is_some() {
             state.scheme = Some(Box::new(scheme.clone()));
         }

@@ -3,6 +3,7 @@
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
+use crate::guard::Told;
 use crate::kernel::crew::Crew;
 use crate::network::Error;
 use crate::state::Body;
@@ -208,6 +209,14 @@ impl Playing {
         match self {
             Self::Modal(_) | Self::Slow(_) => false,
             Self::Mesh(mesh) => mesh.is_shared(),
+        }
+    }
+
+    /// The part of a mesh whose links stiffened, and which frames were computed finer for it.
+    pub(crate) fn told(&self) -> Option<(&str, Told)> {
+        match self {
+            Self::Modal(_) | Self::Slow(_) => None,
+            Self::Mesh(mesh) => mesh.told(),
         }
     }
 

@@ -126,6 +126,14 @@ fn elastic(run: &Run, e: f64) -> f64 {
     }
 }
 
+/// What a law's damping adds to the force where it is stretched by `step` a frame.
+fn drag(run: &Run, e: f64, step: f64) -> f64 {
+    match &run.kind {
+        Kind::Lnl { law, rate, .. } => law.force(e, step * rate) - law.spring(e),
+        Kind::Ref | Kind::But(_) => 0.0,
+    }
+}
+
 fn is_spring(run: &Run) -> bool {
     matches!(run.kind, Kind::Ref) && run.gate.is_none()
 }
@@ -174,13 +182,15 @@ impl Ledger {
             }));
     }
 
-    /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n.
+    /// After the MAT phase: positions are those of frame n + 1, forces still those of frame n. Of a frame that was
+    /// computed finer, what is told is how far forces from outside went; what its links did beside counts as produced.
     pub(super) fn after(
         &mut self,
         scheme: &Scheme,
         gates: [&[f64]; 2],
         targets: &[Target],
         body: &Body,
+        finer: Option<&[f64]>,
     ) {
         // s = x[n+1] − x[n−1]
         let d = std::mem::take(&mut self.d);
@@ -191,7 +201,8 @@ impl Ledger {
                     .add(0.25 * scheme.zeta[i] / scheme.w[i] * s(i) * s(i));
             }
             if body.outside[i] != 0.0 {
-                self.injected.add(0.5 * s(i) * body.outside[i]);
+                let way = finer.map_or_else(|| 0.5 * s(i), |way| way[i]);
+                self.injected.add(way * body.outside[i]);
             }
         }
         for (target, hold) in targets.iter().zip(&self.hold) {
@@ -212,6 +223,11 @@ impl Ledger {
                 let stored = 0.5 * (next * potential(run, e_next) + now * potential(run, e));
                 let risen = stored - self.potential[run.first + i];
                 self.potential[run.first + i] = stored;
+                if finer.is_some() {
+                    let step = body.d[run.b + i] - body.d[run.a + i];
+                    self.lost.add(now * drag(run, e, step) * step);
+                    continue;
+                }
                 let given = 0.5 * stretch * body.link[run.first + i];
                 if is_exact(run) && run.z != 0.0 {
                     self.lost.add(given - risen);
@@ -227,6 +243,9 @@ impl Ledger {
             }
         }
         self.d = d;
+        if finer.is_some() {
+            self.produced.add(-self.energy(scheme, body).residual);
+        }
     }
 
     /// Energy in masses and links between the last frame and this one [J].

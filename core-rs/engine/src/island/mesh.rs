@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use crate::guard::Told;
 use crate::integrate::{Integrator, Way};
 use crate::kernel::crew::Crew;
 use crate::network::{Error, Network};
@@ -205,6 +206,14 @@ impl Playing {
         let mat = x.iter().position(|&x| !crate::kernel::sound(x))?;
         let network = &self.plan.network;
         Some((network.mat_name(mat), network.mats().part[mat] as usize))
+    }
+
+    /// The name of a part whose links stiffened, and which frames were computed finer for it.
+    pub(crate) fn told(&self) -> Option<(&str, Told)> {
+        let told = self.integrator.told()?;
+        let network = &self.plan.network;
+        let part = network.mats().part[told.mat] as usize;
+        Some((&network.parts()[part].name, told))
     }
 
     /// Whether all of it is within reason.

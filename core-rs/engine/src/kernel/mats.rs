@@ -54,29 +54,31 @@ pub(crate) fn advance(
 }
 
 fn free(scheme: &Scheme, body: &mut Body) -> bool {
-    let Scheme {
-        w,
-        kappa,
-        zeta,
-        rest,
-        ..
-    } = scheme;
-    move_all(
-        [w, kappa, zeta, rest],
-        &body.force,
-        &mut body.x,
-        &mut body.d,
-    )
+    let numbers = scheme.ties();
+    let Body { x, d, force, .. } = body;
+    if let Some(was) = &mut body.was {
+        was.turn(x, d);
+        return move_from(numbers, force, [&was.x, &was.d], x, d);
+    }
+    move_all(numbers, force, x, d)
 }
 
 /// The same, every range of MATs by one of a crew.
 fn free_by(halves: &Halves, crew: &mut Crew<'_>, scheme: &Scheme, body: &mut Body) -> bool {
-    let numbers = [&scheme.w, &scheme.kappa, &scheme.zeta, &scheme.rest];
+    let numbers = scheme.ties();
     let Body { x, d, force, .. } = body;
+    if let Some(was) = &mut body.was {
+        was.turn(x, d);
+    }
+    let was = body.was.as_deref();
     let within = AtomicBool::new(true);
     halves.ranges(crew, [x, d], |mats, [x, d]| {
-        let numbers = numbers.map(|numbers| &numbers[mats.clone()]);
-        if !move_all(numbers, &force[mats], x, d) {
+        let (numbers, force) = (numbers.map(|all| &all[mats.clone()]), &force[mats.clone()]);
+        let is_within = match was {
+            Some(was) => move_from(numbers, force, [&was.x[mats.clone()], &was.d[mats]], x, d),
+            None => move_all(numbers, force, x, d),
+        };
+        if !is_within {
             within.store(false, Ordering::Relaxed);
         }
     });
@@ -102,6 +104,50 @@ wide! {
             bad |= u64::from(!sound(x[i]));
         }
         bad == 0
+    }
+}
+
+wide! {
+    /// The same from positions and steps that stay as they are.
+    pub(super) fn move_from(
+        numbers: [&[f64]; 4],
+        force: &[f64],
+        from: [&[f64]; 2],
+        x: &mut [f64],
+        d: &mut [f64],
+    ) -> bool {
+        let n = force.len();
+        let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
+        let [was, by] = from.map(|from| &from[..n]);
+        let (x, d) = (&mut x[..n], &mut d[..n]);
+        let mut bad = 0_u64;
+        for i in 0..n {
+            let step = force[i] * w[i] - kappa[i] * (was[i] - rest[i]) - zeta[i] * by[i];
+            d[i] = by[i] + step;
+            x[i] = was[i] + d[i];
+            bad |= u64::from(!sound(x[i]));
+        }
+        bad == 0
+    }
+}
+
+wide! {
+    /// A `part` of a frame for every MAT, d a whole frame's step.
+    pub(crate) fn fine_steps(
+        part: f64,
+        numbers: [&[f64]; 4],
+        force: &[f64],
+        x: &mut [f64],
+        d: &mut [f64],
+    ) {
+        let n = force.len();
+        let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
+        let (x, d) = (&mut x[..n], &mut d[..n]);
+        for i in 0..n {
+            let step = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
+            d[i] += part * step;
+            x[i] += part * d[i];
+        }
     }
 }
 

@@ -75,6 +75,22 @@ impl Points {
         self.slope[self.line_at(d)]
     }
 
+    /// How near to 0 a line is that is steeper.
+    pub(super) fn steeper_beyond(&self, slope: f64) -> f64 {
+        let last = self.slope.len() - 1;
+        let nearest = |i: usize| {
+            let low = if i == 0 { f64::NEG_INFINITY } else { self.d[i] };
+            let high = if i == last {
+                f64::INFINITY
+            } else {
+                self.d[i + 1]
+            };
+            if low > 0.0 { low } else { (-high).max(0.0) }
+        };
+        let steeper = (0..=last).filter(|&i| self.slope[i] > slope);
+        steeper.map(nearest).fold(f64::INFINITY, f64::min)
+    }
+
     /// Force at elongation `d`.
     pub(super) fn value(&self, d: f64) -> f64 {
         let i = self.line_at(d);

@@ -3,16 +3,16 @@
 use crate::network::Network;
 
 /// A forest over the MATs.
-pub(super) struct Forest(Vec<u32>);
+pub(crate) struct Forest(Vec<u32>);
 
 impl Forest {
     /// Every MAT by itself.
-    pub(super) fn new(n_mat: usize) -> Self {
+    pub(crate) fn new(n_mat: usize) -> Self {
         Self((0..n_mat as u32).collect())
     }
 
     /// The MAT that leads those that are joined with this one.
-    pub(super) fn root(&mut self, mut i: usize) -> usize {
+    pub(crate) fn root(&mut self, mut i: usize) -> usize {
         while self.0[i] as usize != i {
             self.0[i] = self.0[self.0[i] as usize];
             i = self.0[i] as usize;
@@ -21,7 +21,7 @@ impl Forest {
     }
 
     /// From now on two MATs are led by one.
-    pub(super) fn join(&mut self, i: usize, j: usize) {
+    pub(crate) fn join(&mut self, i: usize, j: usize) {
         let (i, j) = (self.root(i), self.root(j));
         // The lower index leads: sets come in the order of their first MATs.
         self.0[i.max(j)] = i.min(j) as u32;
@@ -29,7 +29,7 @@ impl Forest {
 }
 
 /// Every link with its two ends.
-pub(super) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+pub(crate) fn ends(network: &Network) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
     let runs = network.runs().iter();
     runs.flat_map(|run| (0..run.len).map(|i| (run.first + i, run.a + i, run.b + i)))
 }

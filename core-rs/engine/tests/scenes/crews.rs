@@ -15,7 +15,12 @@ use ergon_engine::units::Rate;
 const N: usize = 150;
 
 /// A version of the piece: the pitch of each gong.
-fn piece([gong, bell]: [f64; 2], method: Method) -> Arc<Plan> {
+fn piece(f: [f64; 2], method: Method) -> Arc<Plan> {
+    struck(f, method, 0.02)
+}
+
+/// The same, struck by other impulses [N·s].
+fn struck([gong, bell]: [f64; 2], method: Method, impulse: f64) -> Arc<Plan> {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     timeline.open();
@@ -27,7 +32,9 @@ fn piece([gong, bell]: [f64; 2], method: Method) -> Arc<Plan> {
             .mesh("p", &topology, 0.3, f, Some(4.0), 4e8)
             .unwrap();
         listen(&mut network, part, first + 9);
-        timeline.strike(&network, first + 5, 1e-3, 0.02, 0).unwrap();
+        timeline
+            .strike(&network, first + 5, 1e-3, impulse, 0)
+            .unwrap();
     }
     Arc::new(Plan::new(Arc::new(network), &timeline, &Budget::Method(method), None).unwrap())
 }
@@ -91,6 +98,26 @@ fn taken_over_and_damped() {
                 all.extend(play(&mut playing, N, blocks));
             }
             all
+        });
+    }
+}
+
+/// So hard that frames are computed finer.
+#[test]
+fn struck_beyond_what_the_scheme_bears() {
+    for method in [Method::Ca, Method::Ca2p] {
+        let plan = struck([65.4, 65.4], method, 0.5);
+        same_for_all(|threads, blocks| {
+            let mut simulation = Simulation::planned(plan.clone(), by(threads)).unwrap();
+            let sound = play(&mut simulation, 2 * N, blocks);
+            let finer = simulation.finer();
+            assert!(
+                finer
+                    .iter()
+                    .any(|(part, frames, _)| part == "gong" && *frames > 20),
+                "{finer:?}"
+            );
+            sound
         });
     }
 }

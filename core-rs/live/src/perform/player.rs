@@ -461,6 +461,12 @@ impl Player {
         if is_new {
             self.tell(What::Muted);
         }
+        let finer = self.stage.simulation.n_finer() as u32;
+        let is_new = finer > self.status.finer;
+        self.status.finer = finer;
+        if is_new {
+            self.tell(What::Finer);
+        }
     }
 
     /// What is to be told of every hand.

@@ -36,6 +36,8 @@ pub struct Status {
     pub hands: [HandStatus; HANDS_MAX],
     /// Parts that went beyond all bounds and were muted.
     pub muted: u32,
+    /// Parts of which frames were computed finer.
+    pub finer: u32,
 }
 
 impl Default for Status {
@@ -54,6 +56,7 @@ impl Default for Status {
             peaks: [0.0; CHANNELS_MAX],
             hands: [HandStatus::default(); HANDS_MAX],
             muted: 0,
+            finer: 0,
         }
     }
 }
@@ -101,6 +104,8 @@ pub enum What {
     Tripped(usize),
     /// A part of the network went beyond all bounds and is silent.
     Muted,
+    /// Links of a part have stiffened so far that frames of it are computed finer.
+    Finer,
     /// A change was done; its ticket.
     Changed(u64),
     /// A change came too late for its frame, or was to take over from what does not play, and was not done; its ticket.

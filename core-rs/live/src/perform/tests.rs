@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
+use ergon_engine::law::Law;
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Plan};
 use ergon_engine::simulation::{Carry, OnFault, Options};
@@ -319,6 +320,48 @@ fn a_key_is_led_and_let_go() {
     assert!((x[5_990] - x[4_300]).abs() < 1e-5, "{}", x[5_990]);
     assert_eq!(status.hands[0].sent, 0.0);
     assert!(status.hands[0].real);
+}
+
+/// A spring that is struck until it stiffens beyond what a frame bears: it plays on, and it is told once.
+#[test]
+fn what_is_computed_finer_is_told_once() {
+    let mut network = Network::new();
+    network.part("stiff", None);
+    let wall = network.sol("wall", 0.0).unwrap();
+    let mass = network.mas("m", 1e-3, 0.0, 0.0).unwrap();
+    let law = Arc::new(Law::hardening(500.0, 1e10, 0.05).unwrap());
+    network.lnl("l", wall, mass, law, 0.0).unwrap();
+    let (first, len, weight) = (mass, 1, 1.0);
+    let term = Term::Position { first, len, weight };
+    network.listen("out", vec![term]).unwrap();
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    timeline.open();
+    for at in [0.01, 0.5] {
+        timeline.strike(&network, mass, at, 1.0, 0).unwrap();
+    }
+    let plan = Plan::plain(Arc::new(network), &timeline, false).unwrap();
+    let stage = Stage {
+        simulation: Simulation::planned(Arc::new(plan), OPTIONS).unwrap(),
+        hands: Vec::new(),
+        ..stage()
+    };
+    let how = How {
+        audio: "null:fast".parse().unwrap(),
+        ahead: None,
+        record: None,
+    };
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), how).unwrap();
+    player.begin();
+    reset_violation_count();
+    assert_no_alloc(|| (0..1_000).for_each(|_| assert!(player.tick())));
+    assert_eq!(violation_count(), 0);
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| event.what)
+        .collect();
+    assert_eq!(events, [What::Finer]);
+    assert_eq!((this.status().finer, this.status().muted), (1, 0));
+    drop(player);
+    this.close(Duration::from_secs(10)).unwrap();
 }
 
 /// A key is pulled out and comes back, a panic is called and taken back, the gain changes, all is recorded.

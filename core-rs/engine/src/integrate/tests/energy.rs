@@ -28,7 +28,7 @@ fn linear_bodies_keep_their_energy_to_rounding() {
     }
 }
 
-/// Links that harden until CA, CA2P and at last BM4 are thrown off: IEQ keeps its energy.
+/// Links that harden until CA and CA2P go on by finer frames alone, and BM4 is thrown off: IEQ keeps its energy.
 #[test]
 fn a_hard_cubic_chain() {
     let ways = [Way::Ca, Way::Ca2p, Way::Bm4, Way::Ieq];
@@ -36,7 +36,7 @@ fn a_hard_cubic_chain() {
     let [ca, ca2p, bm4, ieq] = at(1e12);
     assert!(ca < 0.02 && ca2p < 0.02 && bm4 < 1e-5 && ieq < 1e-13);
     let [ca, ca2p, bm4, ieq] = at(1e14);
-    assert!(ca.is_infinite() && ca2p.is_infinite() && bm4 < 0.2 && ieq < 1e-12);
+    assert!(ca < 0.8 && ca2p < 0.8 && bm4 < 0.2 && ieq < 1e-12);
     let [.., bm4, ieq] = at(1e16);
     assert!(bm4.is_infinite() && ieq < 1e-9, "{ieq:e}");
 }

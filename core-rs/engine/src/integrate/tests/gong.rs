@@ -28,7 +28,7 @@ fn a_struck_gong() {
     }
 }
 
-/// The hardest strike that each way survives [m/s]: 8, 32, 64; IEQ survives all.
+/// The hardest strike that each way survives [m/s]: 128 by finer frames (8 and 32 without), 64; IEQ survives all.
 #[test]
 fn harder_and_harder() {
     let network = hex(1e13, Some(2.0));
@@ -37,5 +37,5 @@ fn harder_and_harder() {
     };
     let strikes = [1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 1000.0];
     let survived = WAYS.map(|way| strikes.iter().take_while(|v| survives(way, v)).count());
-    assert_eq!(survived, [3, 5, 6, 8]);
+    assert_eq!(survived, [7, 7, 6, 8]);
 }

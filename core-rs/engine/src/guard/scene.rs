@@ -1,0 +1,33 @@
+//! What the kernels of an island step, gone through finer.
+
+use super::{Motion, Stage};
+use crate::kernel;
+use crate::kernel::crew::Crew;
+use crate::scheme::{Laws, Scheme};
+use crate::state::Body;
+
+pub(crate) struct Scene<'a, 'b> {
+    pub(crate) scheme: &'a Scheme,
+    pub(crate) gates: &'a [f64],
+    pub(crate) body: &'a mut Body,
+    pub(crate) laws: &'a mut Laws,
+    pub(crate) crew: &'a mut Crew<'b>,
+}
+
+impl Stage for Scene<'_, '_> {
+    fn pull(&mut self) {
+        // The ledger still asks for what came from outside in this frame.
+        let outside = std::mem::take(&mut self.body.outside);
+        kernel::links(self.scheme, self.gates, self.body, self.laws, self.crew);
+        self.body.outside = outside;
+    }
+
+    fn motion(&mut self) -> Motion<'_> {
+        Motion {
+            ties: self.scheme.ties(),
+            force: &mut self.body.force,
+            x: &mut self.body.x,
+            d: &mut self.body.d,
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Links that stiffen: how far each run may be stretched, and how stiff they are together.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::kernel::wide::wide;
+use crate::law::Law;
+use crate::scheme::{Kind, Run};
+
+/// A run of links that stiffen.
+#[derive(Clone, Debug)]
+pub(super) struct Watch {
+    pub(super) a: usize,
+    pub(super) b: usize,
+    pub(super) len: usize,
+    rest: f64,
+    stiff: Stiff,
+    /// As long as no link of any run is stretched further than this, λ is within the limit [m].
+    reach: f64,
+}
+
+/// How a link stiffens.
+#[derive(Clone, Debug)]
+enum Stiff {
+    /// By so much times its elongation squared [N/m³].
+    Square(f64),
+    /// From its stiffness at rest [N/m].
+    Law(Arc<Law>, f64),
+}
+
+impl Stiff {
+    fn of(kind: &Kind) -> Option<Self> {
+        let Kind::Lnl { law, .. } = kind else {
+            return None;
+        };
+        match law.hardens() {
+            Some(by) => (by.q > 0.0).then_some(Self::Square(3.0 * by.q)),
+            None => Some(Self::Law(law.clone(), law.slope(0.0).max(0.0))),
+        }
+    }
+
+    /// By how much a link is stiffer at elongation `e` than at rest [N/m].
+    #[inline(always)]
+    fn rise(&self, e: f64) -> f64 {
+        match self {
+            Self::Square(by) => by * (e * e),
+            Self::Law(law, at_rest) => (law.slope(e) - at_rest).max(0.0),
+        }
+    }
+
+    /// The largest elongation either way at which it is stiffer by no more than `rise` [m].
+    fn reach(&self, rise: f64) -> f64 {
+        match self {
+            Self::Square(by) => (rise / by).sqrt(),
+            Self::Law(law, at_rest) => law.stiffens_beyond(at_rest + rise),
+        }
+    }
+}
+
+/// Runs that stiffen and have an end that moves; couplings are not among them, for they let go.
+pub(super) fn watches(runs: &[Run], moves: impl Fn(usize) -> bool) -> Vec<Watch> {
+    let watch = |run: &Run| {
+        let has_free = (0..run.len).any(|i| moves(run.a + i) || moves(run.b + i));
+        let is_watched = has_free && run.gate.is_none();
+        let stiff = Stiff::of(&run.kind).filter(|_| is_watched)?;
+        Some(Watch {
+            a: run.a,
+            b: run.b,
+            len: run.len,
+            rest: run.rest,
+            stiff,
+            reach: 0.0,
+        })
+    };
+    runs.iter().filter_map(watch).collect()
+}
+
+/// Give every run its reach, such that λ rises by no more than `rise`; those that never stiffen so much go.
+pub(super) fn allow(watches: &mut Vec<Watch>, rise: f64, w: &[f64]) {
+    let mut degree = vec![0.0; w.len()];
+    for watch in &*watches {
+        for first in [watch.a, watch.b] {
+            degree[first..][..watch.len]
+                .iter_mut()
+                .for_each(|n| *n += 1.0);
+        }
+    }
+    // With stiffnesses of at most half of `rise` over the links of either end no edge sum is above it.
+    let at = |mat: usize| degree[mat] * w[mat];
+    for watch in &mut *watches {
+        let ends = (0..watch.len).map(|i| at(watch.a + i).max(at(watch.b + i)));
+        watch.reach = watch.stiff.reach(0.5 * rise / ends.fold(0.0, f64::max));
+    }
+    watches.retain(|watch| watch.reach < f64::INFINITY);
+}
+
+wide! {
+    /// The largest magnitude of some numbers; of one that is none: none.
+    pub(super) fn peak(numbers: &[f64]) -> f64 {
+        // Bits of positive numbers have their order, and those of NaN are above all.
+        f64::from_bits(numbers.iter().fold(0, |peak, d| d.abs().to_bits().max(peak)))
+    }
+}
+
+wide! {
+    /// How much further the link that is nearest to its reach may be stretched [m].
+    pub(super) fn nearest(watches: &[Watch], x: &[f64]) -> f64 {
+        let mut nearest = f64::INFINITY;
+        for watch in watches {
+            let Watch { a, b, len, rest, .. } = *watch;
+            let (xa, xb) = (&x[a..][..len], &x[b..][..len]);
+            let mut peak = 0_u64;
+            for i in 0..len {
+                peak = peak.max((xb[i] - xa[i] - rest).abs().to_bits());
+            }
+            let left = watch.reach - f64::from_bits(peak);
+            // Of what is no number nothing is left.
+            let left = if left.is_nan() { f64::NEG_INFINITY } else { left };
+            nearest = f64::min(nearest, left);
+        }
+        nearest
+    }
+}
+
+/// The largest edge sum of what links are stiffer by than at rest, over the masses: by so much λ rises at most; and a
+/// MAT of that edge. `mats` are those that they join, `sums`: (n_mat), `rises`: (longest run).
+pub(super) fn risen(
+    watches: &[Watch],
+    mats: &Range<usize>,
+    x: &[f64],
+    w: &[f64],
+    sums: &mut [f64],
+    rises: &mut [f64],
+) -> (f64, usize) {
+    sums[mats.clone()].fill(0.0);
+    for watch in watches {
+        let (a, b) = (watch.a, watch.b);
+        let rises = &mut rises[..watch.len];
+        let (xa, xb) = (&x[a..][..watch.len], &x[b..][..watch.len]);
+        for (i, rise) in rises.iter_mut().enumerate() {
+            *rise = watch.stiff.rise(xb[i] - xa[i] - watch.rest);
+        }
+        for first in [a, b] {
+            let sums = &mut sums[first..][..watch.len];
+            sums.iter_mut()
+                .zip(&*rises)
+                .for_each(|(sum, rise)| *sum += rise);
+        }
+    }
+    let (mut most, mut mat) = (0.0, mats.start);
+    for watch in watches {
+        for i in 0..watch.len {
+            let (a, b) = (watch.a + i, watch.b + i);
+            let edge = sums[a] * w[a] + sums[b] * w[b];
+            if edge > most || edge.is_nan() {
+                (most, mat) = (edge, if w[a] > 0.0 { a } else { b });
+            }
+            if edge.is_nan() {
+                return (f64::INFINITY, mat);
+            }
+        }
+    }
+    (most, mat)
+}

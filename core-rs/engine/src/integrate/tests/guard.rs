@@ -1,0 +1,81 @@
+//! Links that stiffen until a method would diverge: it goes on in finer steps.
+
+use super::*;
+use crate::network::LinkKind;
+
+const FRAMES: usize = 1100;
+const CENTRE: usize = 165;
+const EACH: f64 = 1.0 / 331.0;
+
+/// Energy of all links, and of masses that go so far in a frame [J].
+fn energies(network: &Network, x: &[f64], before: &[f64]) -> [f64; 2] {
+    let links = network.runs().iter().flat_map(|run| {
+        let LinkKind::Lnl(law) = &run.kind else {
+            panic!("a mesh that hardens");
+        };
+        (0..run.len).map(move |i| law.potential(x[run.b + i] - x[run.a + i]))
+    });
+    let masses = network.mats().m.iter().zip(x.iter().zip(before));
+    let kinetic = masses.map(|(m, (x, before))| {
+        let v = (x - before) * HERTZ;
+        0.5 * m * v * v
+    });
+    [links.sum(), kinetic.sum()]
+}
+
+/// Without losses, struck up to 32 times as hard as CA bears. Neither part of the energy of a motion is more than all
+/// of it, and the velocity's mean over a frame has less than the velocity; in the end there is what was put in.
+#[test]
+fn an_undamped_gong_keeps_its_energy() {
+    let network = hex(1e13, None);
+    for way in [Way::Ca, Way::Ca2p] {
+        for v in [32.0, 64.0, 128.0, 256.0] {
+            let put_in = 0.5 * EACH * v * v;
+            let mut it = by(&network, way, 1);
+            it.step(&[(CENTRE, v * EACH)], &mut Crew::alone());
+            let (mut before, mut sum) = (it.positions().to_vec(), 0.0);
+            for n in 0..4 * FRAMES {
+                it.step(&[], &mut Crew::alone());
+                assert!(it.sound(), "{way:?} {v}");
+                let both = energies(&network, it.positions(), &before);
+                assert!(
+                    both.iter().all(|one| *one < 1.2 * put_in),
+                    "{way:?} {v} {n} {both:?}"
+                );
+                if n >= 3 * FRAMES {
+                    sum += (both[0] + both[1]) / FRAMES as f64;
+                }
+                before.copy_from_slice(it.positions());
+            }
+            assert!(it.told().is_some_and(|told| told.most >= 2), "{way:?} {v}");
+            assert!(
+                (0.8..1.1).contains(&(sum / put_in)),
+                "{way:?} {v} {}",
+                sum / put_in
+            );
+        }
+    }
+}
+
+/// Frames of CA that are finer throughout are CA's at a higher rate: what differs is rounding, which grows.
+#[test]
+fn eight_steps_are_eight_times_the_rate() {
+    let network = hex_of(10, 60.0, 1e13, Some(2.0));
+    let strike = [(0, CENTRE, 256.0 * EACH)];
+    let truth = play(by(&network, Way::Ca, 8), 60, &strike);
+    let error = decibels(&play(by(&network, Way::Ca, 1), 60, &strike), &truth);
+    assert!(error < -250.0, "{error}");
+}
+
+#[test]
+fn nothing_is_allocated_in_it() {
+    let network = hex(1e13, Some(2.0));
+    for way in [Way::Ca, Way::Ca2p] {
+        let mut it = by(&network, way, 1);
+        it.step(&[(CENTRE, 64.0 * EACH)], &mut Crew::alone());
+        reset_violation_count();
+        assert_no_alloc(|| (0..200).for_each(|_| it.step(&[], &mut Crew::alone())));
+        assert_eq!(violation_count(), 0, "{way:?}");
+        assert!(it.told().is_some_and(|told| told.frames > 100));
+    }
+}

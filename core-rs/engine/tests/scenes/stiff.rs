@@ -1,0 +1,303 @@
+//! Links that stiffen until the scheme would diverge: frames are computed finer, and the scene plays on.
+
+use std::sync::Arc;
+
+use super::blocks::play;
+use super::scene::options;
+use ergon_engine::generator::{Rim, Shape, plate};
+use ergon_engine::law::{Law, LawText};
+use ergon_engine::maths::log10;
+use ergon_engine::network::{Network, Term, Tie};
+use ergon_engine::plan::{Budget, Method, Plan};
+use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
+use ergon_engine::timeline::Timeline;
+use ergon_engine::units::Rate;
+
+const HERTZ: f64 = 44_100.0;
+/// A twentieth of a second.
+const N: usize = 2_205;
+
+fn plain() -> Options {
+    Options {
+        ledger: false,
+        ..options(OnFault::Stop)
+    }
+}
+
+/// Without the guard.
+fn bare() -> Options {
+    Options {
+        unchecked: true,
+        ..plain()
+    }
+}
+
+fn listen(network: &mut Network, name: &str, first: usize) {
+    let (len, weight) = (1, 1.0);
+    let term = Term::Position { first, len, weight };
+    network.listen(name, vec![term]).unwrap();
+}
+
+/// A gong of 127 masses beside a small bell.
+fn gong(t60: Option<f64>) -> Network {
+    let mut network = Network::new();
+    for (radius, f, part) in [(6, 120.0, "gong"), (1, 300.0, "bell")] {
+        network.part(part, None);
+        let topology = plate(Shape::Hex, radius, Rim::Fixed).unwrap();
+        let first = network.n_mat();
+        network.mesh("p", &topology, 0.3, f, t60, 1e11).unwrap();
+        listen(&mut network, part, first + 3);
+    }
+    network
+}
+
+/// A string of masses whose links follow a law; it is heard at its third.
+fn string(law: &LawText<'_>) -> Network {
+    let mut network = Network::new();
+    network.part("gong", None);
+    let law = Arc::new(Law::new(law).unwrap());
+    for i in 0..12 {
+        network.mas(&format!("m{i}"), 2e-3, 0.0, 0.0).unwrap();
+    }
+    let ends = [0.0; 2].map(|x| network.sol("end", x).unwrap());
+    network.lnl("first", ends[0], 0, law.clone(), 0.0).unwrap();
+    for i in 1..12 {
+        let name = format!("l{i}");
+        network.lnl(&name, i - 1, i, law.clone(), 0.0).unwrap();
+    }
+    network.lnl("last", 11, ends[1], law, 0.0).unwrap();
+    listen(&mut network, "gong", 2);
+    network
+}
+
+/// A strike at 10 ms on MAT 5 [N·s], times as much a frame.
+fn struck(network: &Network, impulse: f64, times: f64) -> Timeline {
+    let mut timeline = Timeline::new(Rate::new(HERTZ * times).unwrap());
+    timeline.open();
+    timeline.strike(network, 5, 0.01, impulse, 0).unwrap();
+    timeline
+}
+
+fn begin(network: &Arc<Network>, impulse: f64, options: Options) -> Simulation {
+    Simulation::new(network.clone(), &struck(network, impulse, 1.0), options).unwrap()
+}
+
+/// The hardest strike that a scene survives without the guard, to 1 %, by bisection.
+fn hardest(network: &Arc<Network>) -> f64 {
+    let survives = |impulse: f64| begin(network, impulse, bare()).skip(N as u64).is_ok();
+    let (mut low, mut high) = (1e-6, 1e3);
+    assert!(survives(low) && !survives(high));
+    while high > 1.01 * low {
+        let middle = (low * high).sqrt();
+        *(if survives(middle) {
+            &mut low
+        } else {
+            &mut high
+        }) = middle;
+    }
+    high
+}
+
+/// What is heard of the gong over a time, at a rate `times` as high.
+fn heard(network: &Arc<Network>, impulse: f64, times: usize) -> Vec<f64> {
+    let timeline = struck(network, impulse, times as f64);
+    let mut simulation = Simulation::new(network.clone(), &timeline, plain()).unwrap();
+    let n_out = simulation.n_out();
+    let mut out = vec![0.0; n_out * N * times];
+    simulation.process(&mut out).unwrap();
+    out.chunks(n_out * times).map(|frame| frame[0]).collect()
+}
+
+/// Of the first frames: the error in dB of the truth, and how much louder it is [dB].
+fn errors(own: &[f64], truth: &[f64], n: usize) -> [f64; 2] {
+    let power = |all: &mut dyn Iterator<Item = f64>| all.map(|x| x * x).sum::<f64>();
+    let all = || own[..n].iter().zip(&truth[..n]);
+    let size = power(&mut truth[..n].iter().copied());
+    let error = power(&mut all().map(|(own, truth)| own - truth));
+    [error, power(&mut own[..n].iter().copied())].map(|power| 10.0 * log10(power / size))
+}
+
+fn quintic() -> LawText<'static> {
+    LawText {
+        law: Some("2e4*d + 1e17*d**5"),
+        damping: Some("0.02*v"),
+        ..LawText::default()
+    }
+}
+
+/// Ten frames after the strike. Where it is so hard that all frames are computed in eight, they are CA's at eight times
+/// the rate, to rounding. What comes later does not repeat at any rate: only how loud it is.
+#[test]
+fn a_scene_that_would_diverge_plays_on() {
+    let strikes = [1.0, 2.0, 4.0, 8.0, 16.0];
+    for (network, most) in [
+        (gong(Some(1.0)), [-34.0, -27.0, -29.0, -33.0, -250.0]),
+        (string(&quintic()), [-21.0, -34.0, -37.0, -250.0, -250.0]),
+    ] {
+        let network = Arc::new(network);
+        let border = hardest(&network);
+        for (by, most) in strikes.into_iter().zip(most) {
+            let [own, truth] = [1, 8].map(|times| heard(&network, by * border, times));
+            let [error, _] = errors(&own, &truth, 451);
+            let [_, louder] = errors(&own, &truth, N);
+            assert!(error < most && louder.abs() < 2.5, "{by}: {error} {louder}");
+        }
+    }
+}
+
+/// Eight are not enough for everything: then it is a fault as ever.
+#[test]
+fn harder_still_is_a_fault() {
+    let network = Arc::new(gong(Some(1.0)));
+    let impulse = 64.0 * hardest(&network);
+    let fault = begin(&network, impulse, plain())
+        .skip(N as u64)
+        .unwrap_err();
+    assert_eq!(fault.part, "gong");
+    let mut muted = begin(&network, impulse, options(OnFault::Mute));
+    muted.skip(N as u64).unwrap();
+    assert_eq!(muted.muted().len(), 1);
+}
+
+/// A law that cannot stiffen beyond what eight steps bear diverges by no strike.
+#[test]
+fn lines_through_points_bear_anything() {
+    let points = [(-1e-2, -9.8e4), (-2e-4, -4.0), (2e-4, 4.0), (1e-2, 9.8e4)];
+    let law = LawText {
+        points: Some(&points),
+        ..LawText::default()
+    };
+    let network = Arc::new(string(&law));
+    let border = hardest(&network);
+    for by in [1.0, 10.0, 100.0, 1e3] {
+        let mut simulation = begin(&network, by * border, plain());
+        simulation.skip(N as u64).unwrap();
+        assert!(simulation.n_finer() == 1, "{by}");
+    }
+}
+
+/// The ledger closes through it, and what is stored and was lost is no more than was put in.
+#[test]
+fn it_makes_no_energy() {
+    let network = Arc::new(gong(Some(1.0)));
+    let border = hardest(&network);
+    for by in [1.0, 2.0, 4.0, 8.0, 16.0] {
+        let mut simulation = begin(&network, by * border, options(OnFault::Stop));
+        simulation.skip(4 * N as u64).unwrap();
+        assert!(simulation.finer()[0].1 > 100);
+        let energy = simulation.energy().unwrap();
+        assert!(energy.residual.abs() < 1e-12 * energy.flow, "{energy:?}");
+        assert!(energy.lost > 0.4 * energy.injected, "{by}: {energy:?}");
+        assert!(
+            energy.stored + energy.lost < energy.injected,
+            "{by}: {energy:?}"
+        );
+    }
+}
+
+/// Where links never stiffen so much, the guard changes nothing; where they do, only their island.
+#[test]
+fn what_does_not_stiffen_keeps_its_bytes() {
+    for network in [gong(Some(1.0)), string(&quintic())] {
+        let network = Arc::new(network);
+        let border = hardest(&network);
+        let mut guarded = begin(&network, 0.5 * border, plain());
+        let mut unguarded = begin(&network, 0.5 * border, bare());
+        assert!(play(&mut guarded, N, &[N]) == play(&mut unguarded, N, &[N]));
+        assert!(guarded.finer().is_empty());
+        let mut hard = begin(&network, 2.0 * border, plain());
+        let own = play(&mut hard, N, &[N]);
+        let finer = hard.finer();
+        assert!(finer.len() == 1 && finer[0].0 == "gong" && finer[0].1 > 100 && finer[0].2 > 1);
+        if let [_, bell] = network.outputs() {
+            let n_out = 2;
+            let alone = begin(&network, 0.5 * border, plain());
+            assert_eq!((bell.name.as_str(), alone.n_out()), ("bell", n_out));
+            assert!(own.iter().skip(1).step_by(n_out).all(|bits| *bits == 0));
+        }
+    }
+}
+
+/// A bell of 9 kHz that hangs on a string which is struck too hard: it has its own poles in finer frames, too.
+#[test]
+fn a_cell_beside_keeps_its_pitch() {
+    let mut network = string(&quintic());
+    let border = hardest(&Arc::new(network.clone()));
+    network.part("bell", None);
+    let (f, t60) = (9e3, Some(1.0));
+    let tie = Tie::Tuned { f, t60 };
+    let bell = network.cel("b", 1e-3, tie, 1e-3, 0.0, 0.0).unwrap();
+    network.spring("thread", 2, bell, 1e-3, 0.0, 0.0).unwrap();
+    listen(&mut network, "bell", bell);
+    let network = Arc::new(network);
+    let heard = |times: usize| {
+        let timeline = struck(&network, 4.0 * border, times as f64);
+        let mut simulation = Simulation::new(network.clone(), &timeline, plain()).unwrap();
+        let mut out = vec![0.0; 2 * N * times];
+        simulation.process(&mut out).unwrap();
+        assert!(times > 1 || simulation.finer()[0].1 > 1_000);
+        out.chunks(2 * times)
+            .map(|frame| frame[1])
+            .collect::<Vec<f64>>()
+    };
+    let [error, _] = errors(&heard(1), &heard(8), N);
+    assert!(error < -38.0, "{error}"); // out of tune it would be near 0
+}
+
+/// In the middle of frames that are computed finer.
+#[test]
+fn it_goes_on_through_everything() {
+    let network = Arc::new(gong(Some(1.0)));
+    let impulse = 4.0 * hardest(&network);
+    for method in [Method::Ca, Method::Ca2p] {
+        let timeline = struck(&network, impulse, 1.0);
+        let plan = Plan::new(network.clone(), &timeline, &Budget::Method(method), None).unwrap();
+        let plan = Arc::new(plan);
+        let begin = || Simulation::planned(plan.clone(), plain()).unwrap();
+        let mut whole = begin();
+        let before = play(&mut whole, 480, &[480]);
+        let (snapshot, mut fork) = (whole.snapshot(), whole.fork());
+        let after = play(&mut whole, N, &[N]);
+        let told = whole.finer();
+        assert!(told[0].1 > 100, "{method:?} {told:?}");
+        assert!(play(&mut fork, N, &[7, 64, 1]) == after, "{method:?}");
+        whole.restore(&snapshot);
+        assert!(play(&mut whole, N, &[300]) == after, "{method:?}");
+        assert_eq!(whole.finer(), told);
+        // Another version takes over what is the same in it.
+        let mut old = begin();
+        assert!(play(&mut old, 480, &[37]) == before);
+        let mut new = Simulation::planned_from(plan.clone(), plain(), 480).unwrap();
+        let mut carry = Carry::new(&old, &new);
+        assert!(new.take_over(&mut old, &mut carry));
+        assert!(play(&mut new, N, &[N]) == after, "{method:?}");
+        assert_eq!(new.finer(), told);
+    }
+}
+
+/// Another gong takes over in the middle of it, and is damped: it plays on from there.
+#[test]
+fn another_takes_over() {
+    let network = Arc::new(gong(Some(1.0)));
+    let impulse = 4.0 * hardest(&network);
+    let plan = |network: &Arc<Network>| {
+        let timeline = struck(network, impulse, 1.0);
+        let budget = Budget::Method(Method::Ca);
+        Arc::new(Plan::new(network.clone(), &timeline, &budget, None).unwrap())
+    };
+    let mut old = Simulation::planned(plan(&network), plain()).unwrap();
+    let before = play(&mut old, 480, &[480]);
+    let other = Arc::new(gong(Some(0.5)));
+    let mut new = Simulation::planned_from(plan(&other), plain(), 480).unwrap();
+    let mut carry = Carry::new(&old, &new);
+    assert!(new.take_over(&mut old, &mut carry));
+    new.damp(Some(0.02));
+    let after = play(&mut new, N, &[N]);
+    let loudest = |bits: &[u64]| {
+        bits.iter()
+            .fold(0.0_f64, |most, &x| most.max(f64::from_bits(x).abs()))
+    };
+    assert!(!new.finer().is_empty());
+    assert!(loudest(&after) < 2.0 * loudest(&before));
+    assert!(loudest(&after[2 * N - 200..]) < 0.2 * loudest(&after));
+}
