@@ -20,6 +20,7 @@ from benches.native import Loops
 
 _ERGON = [sys.executable, "-m", "ergon.cli"]
 _BLOCK = 256  # frames
+_AHEAD = 4096  # frames kept ready for the card: what `ergon doctor` advises on a machine like this
 _TARGETS = {
     "UDP": "target: no gaps, below 0.1 %",
     "pty": "no target: the kernel hands its bytes on",
@@ -48,11 +49,18 @@ def duet(loops: Loops | None, minutes: float = 1.0) -> list[Row]:
     """A duet at 1,002 Hz over UDP, and the same over pseudo-terminals beside it."""
     return [
         _played("UDP", ("--udp", "0"), minutes, loops),
+        _played("UDP", ("--udp", "0"), minutes, loops, ahead=_AHEAD),
         _played("pty", ("--pty",), minutes, loops),
     ]
 
 
-def _played(wire: str, way: tuple[str, ...], minutes: float, loops: Loops | None) -> Row:
+def _played(
+    wire: str,
+    way: tuple[str, ...],
+    minutes: float,
+    loops: Loops | None,
+    ahead: int | None = None,
+) -> Row:
     seconds = round(60 * minutes)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as keys:
         score = Path(folder) / "duet.yaml"
@@ -61,12 +69,14 @@ def _played(wire: str, way: tuple[str, ...], minutes: float, loops: Loops | None
         first, second = (keys.enter_context(_key(*way, *hand)) for _ in range(2))
         live = ("--live", f"ada={first}", "--live", f"remi={second}")
         audio = ("--audio", f"null,block={_BLOCK}", "--gain", "0dB", "--unchecked", "--json")
-        command = [*_ERGON, "duet", str(score), *live, *audio]
+        ready = () if ahead is None else ("--ahead", str(ahead))
+        command = [*_ERGON, "duet", str(score), *live, *audio, *ready]
         told, beside = _told(command, loops)
     gaps = told["underruns"] + (told["dropped"] > 0)
     late = told["late_ticks"] / told["ticks"]
+    kept = "" if ahead is None else f", {ahead:,} kept ready"
     return Row(
-        f"a duet of two keys over {wire} at 1,002 Hz, {_BLOCK} frames a block, {seconds} s",
+        f"a duet of two keys over {wire} at 1,002 Hz, {_BLOCK} frames a block{kept}, {seconds} s",
         f"{gaps} gaps, {late:.3%} of ticks late",
         f"{beside or 'no bare loop without Linux and a C compiler'}; {_TARGETS[wire]}",
         beside and beside.ratio(late),

@@ -16,6 +16,7 @@ N = round(chance.SPAN * RATE)
 BUDGET_DB = -50.0
 TIMES = (16, 32, 64)  # as fine as that it is played to know what it does
 ORDER_DB = 12.0  # by so much an error of the plain scheme falls with a doubling, at most
+ESTIMATE_DB = 3.0  # what a plan says where it cannot keep its budget is an estimate, by two rates
 SILENT = 1e-6  # of the loudest output: nothing has met it
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -51,9 +52,12 @@ def look(seed: int, *, even: bool) -> Found:
 
 
 def check(seed: int, *, even: bool) -> None:
-    """Within the budget, or as far from it as the plan says that it is, or as nobody knows."""
+    """Within the budget, or about as far from it as the plan says, or as nobody knows."""
     found = look(seed, even=even)
-    assert found.error <= max(BUDGET_DB, found.said, found.sure), f"seed {seed}: {found}"
+    least = max(BUDGET_DB, found.sure)
+    if found.said > BUDGET_DB:
+        least = max(least, found.said + ESTIMATE_DB)
+    assert found.error <= least, f"seed {seed}: {found}"
 
 
 @given(seed=SEEDS)
