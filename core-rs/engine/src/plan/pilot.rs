@@ -307,7 +307,7 @@ fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
         record: false,
         on_fault: OnFault::Mute,
         threads: 1,
-        unchecked: true,
+        unchecked: false,
     };
     Island::new(
         isle.network.clone(),
