@@ -49,13 +49,16 @@ impl Island {
         let modals = state.bodies.iter().filter_map(inside::Playing::modal);
         let ahead = modals.map(super::modal::Playing::ahead);
         let most = quiet.chain(ahead).fold(to - from, usize::min);
-        if most < LEAST || !fine.stays_open(scheme, &state.body) {
+        if most < LEAST {
             return Ok(0);
         }
-        fine.rest(&mut state.body);
+        // Where its points go by themselves is asked, not by what pushed them in the step before.
         state.body.force.fill(0.0);
         let (mut done, mut sound) = (0, true);
         while done < most && sound && fine.stays_open(scheme, &state.body) {
+            if done == 0 {
+                fine.rest(&mut state.body);
+            }
             let out = heard.at(from + done);
             kernel::tap(scheme, &state.body, out);
             for modal in state.bodies.iter().filter_map(inside::Playing::modal) {
