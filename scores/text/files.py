@@ -77,7 +77,7 @@ class Files:
             document = remembered(text, name, folder, self.collector, self.memory)
         else:
             document = compose(text, name, self.collector)
-            document.folder = folder
+        document.folder = folder
         self.documents[name] = document
         return document
 

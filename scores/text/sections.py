@@ -47,13 +47,15 @@ def remembered(
     Whatever is out of the common is left to `compose`: an alias of another section, a name that
     stands twice, a mistake.
     """
-    whole = Document(file, text, folder=folder)
+    whole = Document(file, text)
     entries: dict[str, tuple[Scalar, Node]] = {}
-    total, end = 1, 0
+    total, begin = 1, 0
     for name, first, end in _cut(text):
         row, own = whole.row(first), text[first:end]
-        if not entries and not _HEAD.fullmatch(text, 0, first):
-            break
+        if not entries:
+            begin = first
+            if not _HEAD.fullmatch(text, 0, first):
+                break
         section = memory.made((file, row, own), partial(_section, own, file, folder, row))
         if section is None or section.name.text != name or name in entries:
             break
@@ -61,16 +63,9 @@ def remembered(
         total += section.size
     else:
         if entries and total <= MAX_NODES and not _MARKER.search(text):
-            whole.root = document.Mapping(whole, _first(text), end, entries)
+            whole.root = document.Mapping(whole, begin, len(text), entries)
             return whole
-    whole = compose(text, file, collector)
-    whole.folder = folder
-    return whole
-
-
-def _first(text: str) -> int:
-    match = _SECTION.search(text)
-    return match.start() if match else 0
+    return compose(text, file, collector)
 
 
 def _section(text: str, file: str, folder: Path, row: int) -> _Section | None:
