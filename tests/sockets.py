@@ -120,10 +120,5 @@ class Raw:
         self.socket.close()
 
 
-@contextlib.contextmanager
-def raw(path: Path) -> Iterator[Raw]:
-    found = Raw(path)
-    try:
-        yield found
-    finally:
-        found.close()
+def raw(path: Path) -> contextlib.closing[Raw]:
+    return contextlib.closing(Raw(path))

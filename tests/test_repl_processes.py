@@ -71,11 +71,8 @@ class Stage:
 
 @pytest.fixture
 def at_home(short_folder: Path) -> Iterator[Stage]:
-    stage = Stage(short_folder)
-    try:
+    with contextlib.closing(Stage(short_folder)) as stage:
         yield stage
-    finally:
-        stage.close()
 
 
 def test_two_prompts_share_a_session(at_home: Stage):
