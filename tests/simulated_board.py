@@ -1,11 +1,12 @@
 """A force-feedback board as a process of its own, written from docs/open-frame.md alone.
 
-One fader of 50 g and 1 N·s/m between two stops, a motor of 20 N, a hand of 400 N/m and 4 N·s/m that holds it. It notes
-every packet: when it came, what force it asked for, where the key was, what work the motor did. It has two clocks: by
-the wall, or in lockstep, where a packet is one period of 1 ms and nothing depends on how busy the machine is.
+One fader of 50 g and 1 N·s/m between two stops, a motor of 20 N, a hand of 400 N/m and 4 N·s/m that
+holds it. It notes every packet: when it came, what force it asked for, where the key was, what work
+the motor did. It has two clocks: by the wall, or in lockstep, where a packet is one period of 1 ms
+and nothing depends on how busy the machine is.
 
-`python tests/simulated_board.py --lockstep` prints its URL as JSON; lines of JSON on its standard input change it while
-it runs (`{"hand": 0.005}`); at the end of its input it writes its log and ends.
+`python tests/simulated_board.py --lockstep` prints its URL as JSON; lines of JSON on its standard
+input change it while it runs (`{"hand": 0.005}`). When its input ends it writes its log and ends.
 """
 
 import argparse
@@ -206,7 +207,8 @@ class Simulated:
 
     def change(self, **ways: float | bool) -> None:
         """Change how it is; returns when it is so."""
-        assert self.process.stdin is not None and self.process.stdout is not None
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
         print(json.dumps(ways), file=self.process.stdin, flush=True)
         assert json.loads(self.process.stdout.readline())["changed"]
 
