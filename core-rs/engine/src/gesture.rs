@@ -1,12 +1,9 @@
 //! Gestures: paths a hand goes, and the ergons that take a key there.
 
-pub(crate) mod free;
-mod particle;
 pub mod placed;
 pub mod profile;
 pub mod quintic;
 pub mod script;
 pub mod spline;
 pub mod take;
-pub(crate) mod voice;
 pub mod written;

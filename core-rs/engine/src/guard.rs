@@ -15,8 +15,8 @@ pub(crate) use scene::Scene;
 use std::ops::Range;
 use std::sync::Arc;
 
+use crate::network::forest::{Forest, ends};
 use crate::network::{Error, Network};
-use crate::plan::forest::{Forest, ends};
 use crate::scheme::{Scheme, top};
 use crate::state::Was;
 use cells::Cells;

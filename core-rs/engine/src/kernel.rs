@@ -5,16 +5,17 @@ pub(crate) mod crew;
 pub(crate) mod dense;
 mod exact;
 pub(crate) mod halves;
+mod laws;
 mod mats;
 pub(crate) mod ports;
 mod runs;
 pub(crate) mod springs;
 mod taps;
-pub(crate) mod wide;
 
 pub(crate) use exact::contacts;
+pub(crate) use laws::Laws;
 pub(crate) use mats::{advance, centred, fine_steps, needed, predict, sound};
-pub(crate) use runs::{links, power, push, side};
+pub(crate) use runs::{links, push, side};
 pub(crate) use taps::tap;
 
 #[cfg(test)]

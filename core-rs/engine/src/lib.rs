@@ -25,6 +25,7 @@ pub mod scheme;
 mod section;
 pub mod simulation;
 pub mod spectrum;
+mod start;
 mod state;
 pub mod timeline;
 pub mod units;

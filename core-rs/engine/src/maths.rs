@@ -1,6 +1,7 @@
 //! Transcendentals that give the same bytes on every machine (`libm`, compiled with the engine).
 
 pub(crate) mod lanes;
+pub(crate) mod wide;
 
 pub use libm::{
     asin, atan2, cos, exp, expm1, floor, fma, log, log1p, log2, log10, pow, sin, sincos, sqrt, tanh,
@@ -14,4 +15,9 @@ pub fn decibels(level: f64) -> f64 {
 /// The size of one number with the sign of another.
 pub fn copysign(size: f64, sign: f64) -> f64 {
     size.copysign(sign)
+}
+
+/// p^α for p >= 0, without a call where α is 1.
+pub(crate) fn power_law(p: f64, exponent: f64) -> f64 {
+    if exponent == 1.0 { p } else { pow(p, exponent) }
 }

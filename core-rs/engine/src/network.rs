@@ -5,6 +5,7 @@
 
 mod builder;
 mod checks;
+pub(crate) mod forest;
 mod kinds;
 mod links;
 mod modes;
@@ -37,6 +38,13 @@ pub enum MatKind {
     Sol,
     /// A point whose position is imposed (ENX).
     Imposed,
+}
+
+impl MatKind {
+    /// Whether forces move the MAT.
+    pub(crate) fn moves(self) -> bool {
+        matches!(self, Self::Mas | Self::Cel)
+    }
 }
 
 /// The MATs, one entry each.

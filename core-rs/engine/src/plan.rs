@@ -12,7 +12,6 @@ mod cells;
 mod choice;
 mod cost;
 mod fewer;
-pub(crate) mod forest;
 mod islands;
 mod kept;
 mod linear;

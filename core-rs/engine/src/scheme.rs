@@ -7,22 +7,20 @@
 mod certify;
 mod discretise;
 mod listen;
-mod start;
+mod spring;
 
 pub use certify::{Certificate, Means, Word};
 pub(crate) use certify::{Top, top};
 pub(crate) use listen::Tap;
-pub(crate) use start::{backward_steps, forces};
+pub(crate) use spring::{Pull, Spring};
 
 use std::sync::Arc;
 
-use crate::island::fine::may_be_fine;
 use discretise::Ties;
 
-use crate::kernel::halves::Halves;
-use crate::kernel::springs::{Pull, Spring};
-use crate::law::{Hardening, Law, Scratch};
-use crate::network::{But, Error, MatKind, Network, Output};
+use crate::law::{Hardening, Law};
+use crate::maths::power_law;
+use crate::network::{But, Contact, Error, Network, Output};
 use crate::units::Rate;
 
 /// The law of a planned run, with algorithmic numbers.
@@ -55,6 +53,11 @@ pub(crate) struct Run {
 }
 
 impl Run {
+    /// Whether the run can be computed in substeps of a frame: one plain contact.
+    pub(crate) fn can_substep(&self) -> bool {
+        matches!(&self.kind, Kind::But(but) if but.contact == Contact::Plain) && self.len == 1
+    }
+
     /// As a run of hardening springs, where it is one.
     fn spring(&self) -> Option<Spring> {
         let (k, q, z) = match &self.kind {
@@ -115,51 +118,7 @@ pub struct Scheme {
 /// A usual depth of a contact [m].
 const DEPTH: f64 = 1e-4;
 
-/// Room in which the laws of a scheme are evaluated.
-#[derive(Clone, Debug)]
-pub(crate) struct Laws {
-    /// Elongations and their rates of one run of links   (longest run)
-    pub(crate) e: Vec<f64>,
-    pub(crate) v: Vec<f64>,
-    /// Forces of one run of springs                      (longest fused run)
-    pub(crate) room: Vec<f64>,
-    /// The springs again, cut for some threads; where there is one, none.
-    pub(crate) halves: Option<Halves>,
-    /// One for each law                                  (n_laws)
-    pub(crate) scratch: Vec<Scratch>,
-    /// For native code, which all laws share            (largest)
-    pub(crate) native: Vec<f64>,
-}
-
 impl Scheme {
-    /// Room for the scheme's laws.
-    pub(crate) fn laws(&self) -> Laws {
-        let mut laws = Laws {
-            e: Vec::new(),
-            v: Vec::new(),
-            room: vec![0.0; self.fused.iter().map(|run| run.len).max().unwrap_or(0)],
-            halves: None,
-            scratch: Vec::new(),
-            native: Vec::new(),
-        };
-        let mut alone = Vec::new();
-        for run in &self.runs {
-            if let Kind::Lnl { law, room, .. } = &run.kind {
-                laws.e.resize(laws.e.len().max(run.len), 0.0);
-                if *room == laws.scratch.len() {
-                    laws.scratch.push(law.scratch_alone());
-                    laws.native.resize(laws.native.len().max(law.room()), 0.0);
-                    alone.push(true);
-                }
-                if run.len > 1 && std::mem::take(&mut alone[*room]) {
-                    laws.scratch[*room] = law.scratch();
-                }
-            }
-        }
-        laws.v.clone_from(&laws.e);
-        laws
-    }
-
     /// Scheme a network at `rate`. Fails where a magic contact cannot be exact.
     pub fn new(network: &Network, rate: Rate) -> Result<Self, Error> {
         discretise::scheme(network, rate, Ties::Poles)
@@ -183,10 +142,10 @@ impl Scheme {
             let Kind::But(but) = &run.kind else {
                 return 0.0;
             };
-            let k = run.k * crate::kernel::power(DEPTH, but.exponent - 1.0);
+            let k = run.k * power_law(DEPTH, but.exponent - 1.0);
             (k + 2.0 * run.z) * (self.w[run.a] + self.w[run.b])
         };
-        let contacts = self.runs.iter().filter(|run| may_be_fine(run));
+        let contacts = self.runs.iter().filter(|run| run.can_substep());
         contacts.map(kappa).reduce(f64::max)
     }
 
@@ -203,7 +162,7 @@ impl Scheme {
 
     /// Take those contacts out.
     pub(crate) fn without_contacts(&mut self) {
-        self.runs.retain(|run| !may_be_fine(run));
+        self.runs.retain(|run| !run.can_substep());
     }
 
     /// What every MAT brings with it: 1/M, κ, ζ and where the ground is   (n_mat each).
@@ -220,11 +179,6 @@ impl Scheme {
     pub fn n_out(&self) -> usize {
         self.outputs.len()
     }
-}
-
-/// Whether a MAT moves of itself.
-pub(crate) fn moves(kind: MatKind) -> bool {
-    matches!(kind, MatKind::Mas | MatKind::Cel)
 }
 
 #[cfg(test)]

@@ -12,7 +12,6 @@ use crate::chance::Chance;
 use crate::gesture::script::Gesture;
 use crate::gesture::written::GestureError;
 use crate::network::Network;
-use crate::scheme::moves;
 use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
@@ -24,8 +23,6 @@ pub(crate) use push::{Push, pushes};
 
 /// Most strikes of one piece: 24 bytes each, two pushes of 40, and as much again to put them in order.
 const STRIKES_MAX: u64 = 5_000_000;
-/// The last frame there is: up to here an f64 counts every one (6,000 years at 48 kHz).
-const FRAME_MAX: f64 = 9_007_199_254_740_992.0;
 
 /// A rain of strikes.
 #[derive(Clone, Copy, Debug)]
@@ -108,16 +105,6 @@ pub struct Timeline {
     pub(crate) glides: Vec<Glide>,
     /// What else may come is not known: a session.
     pub(crate) is_open: bool,
-}
-
-/// The frame that an instant falls on.
-pub(crate) fn frame(t: f64, rate: f64) -> u64 {
-    whole(t * rate + 0.5)
-}
-
-/// The last frame at or before this many frames; what lies outside all time falls on its ends.
-pub(crate) fn whole(frames: f64) -> u64 {
-    frames.clamp(0.0, FRAME_MAX) as u64
 }
 
 impl Timeline {
@@ -297,7 +284,7 @@ impl Timeline {
 }
 
 fn movable(network: &Network, mat: usize) -> Result<(), StrikeError> {
-    if moves(network.mats().kind[mat]) {
+    if network.mats().kind[mat].moves() {
         Ok(())
     } else {
         Err(StrikeError::Fixed(network.mat_name(mat)))

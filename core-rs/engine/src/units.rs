@@ -37,6 +37,19 @@ impl Rate {
     }
 }
 
+/// The last frame there is: up to here an f64 counts every one (6,000 years at 48 kHz).
+const FRAME_MAX: f64 = 9_007_199_254_740_992.0;
+
+/// The frame on which an instant t [s] falls at a rate [Hz]: floor(t·rate + ½).
+pub(crate) fn frame(t: f64, rate: f64) -> u64 {
+    floor_frame(t * rate + 0.5)
+}
+
+/// The last frame at or before a number of frames, clamped to 0 … `FRAME_MAX`.
+pub(crate) fn floor_frame(frames: f64) -> u64 {
+    frames.clamp(0.0, FRAME_MAX) as u64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::placed::Placed;
 use super::quintic::Knot;
 use super::written::{GestureError, Manner, Way, Written};
-use crate::timeline::frame;
+use crate::units::frame;
 
 /// Half-way between two frames a knot is rounded up, whatever the last bit of its instant [frames].
 const KNOT_SLACK: f64 = 1e-6;

@@ -6,7 +6,7 @@ use super::placed::Placed;
 use super::profile::{Curve, PathError, Point, Profile};
 use super::quintic::Knot;
 use super::script::{Ergons, Gesture, Leg, Recipe, Touch};
-use crate::timeline::{frame, whole};
+use crate::units::{floor_frame, frame};
 
 /// An instant this close before a frame [frames] falls on it: what dividing beats by tempo leaves.
 const SLACK: f64 = 1e-6;
@@ -273,10 +273,10 @@ fn path(points: &Written<'_>, from: usize, to: usize, rate: f64) -> Result<Leg, 
 
 /// The last frame at or before an instant.
 fn floor(t: f64, rate: f64) -> u64 {
-    whole(t * rate + SLACK)
+    floor_frame(t * rate + SLACK)
 }
 
 /// The frame at which a joining curve begins, to reach its gesture in time.
 fn join_from(start: f64, join: f64, rate: f64) -> u64 {
-    whole(((start - join) * rate - SLACK).ceil())
+    floor_frame(((start - join) * rate - SLACK).ceil())
 }

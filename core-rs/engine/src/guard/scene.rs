@@ -2,8 +2,9 @@
 
 use super::{Motion, Stage};
 use crate::kernel;
+use crate::kernel::Laws;
 use crate::kernel::crew::Crew;
-use crate::scheme::{Laws, Scheme};
+use crate::scheme::Scheme;
 use crate::state::Body;
 
 pub(crate) struct Scene<'a, 'b> {

@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::kernel::wide::wide;
 use crate::law::Law;
+use crate::maths::wide::wide;
 use crate::scheme::{Kind, Run};
 
 /// A run of links that stiffen.

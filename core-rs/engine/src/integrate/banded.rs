@@ -1,7 +1,7 @@
 //! A symmetric positive definite matrix with a narrow band, factorised once: A = L·Lᵀ.
 
-use crate::kernel::wide::wide;
 use crate::maths::sqrt;
+use crate::maths::wide::wide;
 
 /// Numbers of a factor at most (1 GB of two copies).
 pub(super) const MOST: usize = 60_000_000;

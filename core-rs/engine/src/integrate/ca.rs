@@ -6,10 +6,12 @@ use super::Method;
 use super::mesh::Mesh;
 use crate::guard::{self, Guard, Limit};
 use crate::kernel;
+use crate::kernel::Laws;
 use crate::kernel::crew::Crew;
 use crate::kernel::halves::Halves;
 use crate::network::{Error, Network};
-use crate::scheme::{Laws, Scheme, backward_steps};
+use crate::scheme::Scheme;
+use crate::start::backward_steps;
 use crate::state::{Body, Was};
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -31,7 +33,7 @@ impl Ca {
         let x = network.mats().x0.clone();
         let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[]);
         scheme.fuse(|_| false);
-        let (mut body, mut laws) = (Body::new(&scheme, x, d), scheme.laws());
+        let (mut body, mut laws) = (Body::new(&scheme, x, d), Laws::new(&scheme));
         body.was = guard.as_ref().map(|_| Was::new(scheme.n_mat()));
         kernel::links(&scheme, &[], &mut body, &mut laws, &mut Crew::alone());
         Ok(Self {

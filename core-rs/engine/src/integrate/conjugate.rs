@@ -3,7 +3,7 @@
 //! How many rounds it takes is a function of the numbers alone, and every sum has its lanes written out:
 //! the same bits on any processor.
 
-use crate::kernel::wide::wide;
+use crate::maths::wide::wide;
 
 /// The residual, as a part of the right side, at which only rounding is left.
 const KNOWN: f64 = 1e-16;

@@ -16,7 +16,7 @@ use super::conjugate::Conjugate;
 use super::mesh::Mesh;
 use super::passes;
 use crate::kernel::crew::Crew;
-use crate::kernel::wide::wide;
+use crate::maths::wide::wide;
 use crate::network::{Error, Network};
 use links::{Links, State};
 

@@ -2,7 +2,8 @@
 
 use super::mesh::{Mesh, force_of};
 use crate::kernel;
-use crate::kernel::springs::Spring;
+use crate::maths::power_law;
+use crate::scheme::Spring;
 use crate::scheme::{Kind, Run};
 
 impl Spring {
@@ -20,7 +21,7 @@ fn potential(run: &Run, e: f64) -> f64 {
         Kind::But(but) => {
             let p = kernel::side(but) * e;
             if p > 0.0 {
-                run.k * kernel::power(p, but.exponent + 1.0) / (but.exponent + 1.0)
+                run.k * power_law(p, but.exponent + 1.0) / (but.exponent + 1.0)
             } else {
                 0.0
             }

@@ -5,11 +5,13 @@ use std::ops::Range;
 use super::passes::{self, Ties};
 use super::way::Way;
 use crate::kernel;
+use crate::kernel::Laws;
 use crate::kernel::crew::Crew;
 use crate::kernel::halves::Halves;
-use crate::kernel::springs::{self, Pull, Spring};
+use crate::kernel::springs;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
-use crate::scheme::{Kind, Laws, Run, Scheme};
+use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{Pull, Spring};
 use crate::units::Rate;
 
 /// A network in numbers per step.
@@ -117,7 +119,7 @@ impl Mesh {
         let lengths = self.scheme.runs.iter().map(|run| run.len);
         Room {
             f: vec![0.0; lengths.max().unwrap_or(0)],
-            laws: self.scheme.laws(),
+            laws: Laws::new(&self.scheme),
         }
     }
 

@@ -3,8 +3,9 @@
 
 use std::ops::Range;
 
-use crate::kernel::springs::{Spring, ends, spread};
-use crate::kernel::wide::wide;
+use crate::kernel::springs::{ends, spread};
+use crate::maths::wide::wide;
+use crate::scheme::Spring;
 
 wide! {
     /// Add the elastic forces at positions `x`; `room` is as long as the longest run.

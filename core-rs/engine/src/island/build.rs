@@ -3,22 +3,25 @@
 use std::sync::Arc;
 
 use super::fault::Mutes;
-use super::fine::{Fine, may_be_fine};
+use super::fine::Fine;
 use super::hands::{Touch as HandTouch, grips};
 use super::inside::{self, Inside};
 use super::ledger::Ledger;
 use super::{Island, OnFault, Script, State, Stream};
-use crate::gesture::free::{FreeKey, Motion};
 use crate::gesture::script::{Gesture, Report, Touch};
-use crate::gesture::voice::{Voice, VoiceScript};
 use crate::guard::{Guard, Limit};
+use crate::island::hand::free::{FreeKey, Motion};
+use crate::island::hand::voice::{Voice, VoiceScript};
+use crate::kernel::Laws;
 use crate::kernel::crew::Crew;
 use crate::kernel::halves::Halves;
 use crate::network::{Error, Network, Term};
-use crate::scheme::{Scheme, backward_steps, moves};
+use crate::scheme::{Run, Scheme};
+use crate::start::backward_steps;
 use crate::state::{Body, Was};
-use crate::timeline::{Drive, DriveKind, Key, Timeline, frame, pushes};
+use crate::timeline::{Drive, DriveKind, Key, Timeline, pushes};
 use crate::units::Rate;
+use crate::units::frame;
 
 /// How a simulation is to run.
 #[derive(Clone, Copy, Debug)]
@@ -68,7 +71,7 @@ impl Island {
             fuse(&mut scheme, &network, &scripts);
         }
         let glides = super::glide::glides(&network, timeline, &scheme)?;
-        let mut laws = scheme.laws();
+        let mut laws = Laws::new(&scheme);
         laws.halves = Halves::of(&scheme.fused, scheme.n_mat(), options.threads);
         bodies
             .iter_mut()
@@ -188,7 +191,7 @@ fn fine(
     }
     let (contacts, runs) = std::mem::take(&mut scheme.runs)
         .into_iter()
-        .partition(may_be_fine);
+        .partition(Run::can_substep);
     scheme.runs = runs;
     for modal in bodies.iter_mut().filter_map(inside::Playing::modal_mut) {
         modal.divide(steps);
@@ -209,7 +212,7 @@ fn join(
         return Ok(Vec::new());
     }
     body.inner = vec![0.0; body.x.len()];
-    let force = crate::scheme::forces(network, timeline, &body.x, &[]);
+    let force = crate::start::forces(network, timeline, &body.x, &[]);
     let start = |inside: &Inside| {
         let playing = inside.start(&force, body)?;
         playing.place(body);
@@ -227,7 +230,7 @@ pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
         scheme,
         &[],
         &mut body,
-        &mut scheme.laws(),
+        &mut Laws::new(scheme),
         &mut Crew::alone(),
     );
     crate::kernel::contacts(scheme, &[], &[], &mut body);
@@ -302,7 +305,7 @@ fn free_key(
     bodies: &[Inside],
 ) -> Result<(FreeKey, Motion), Error> {
     let mats = network.mats();
-    if !moves(mats.kind[key.struck]) {
+    if !mats.kind[key.struck].moves() {
         return Err(Error::Refused {
             module: network.mat_name(key.struck),
             message: "a key is struck on a MAS or a CEL".to_owned(),

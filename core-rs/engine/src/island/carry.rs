@@ -2,13 +2,14 @@
 
 use super::Island;
 use crate::kernel;
-use crate::timeline::{DriveKind, Lean, frame};
+use crate::timeline::{DriveKind, Lean};
+use crate::units::frame;
 
 /// What passes from a voice, a gate or a hand of one island to one of another.
 #[derive(Clone, Debug)]
 pub(crate) enum Through {
     /// From a voice to a voice.
-    Voice(crate::gesture::voice::Heir),
+    Voice(crate::island::hand::voice::Heir),
     /// From a gate, or from a link that is always there, to a gate.
     Gate(Option<usize>, usize),
     /// From a hand to a hand.

@@ -7,7 +7,7 @@ use super::fault::Fault;
 use super::{Heard, Island, inside};
 use crate::kernel;
 use crate::kernel::crew::Crew;
-use crate::timeline::frame;
+use crate::units::frame;
 
 /// Fewer steps are not worth the look.
 const LEAST: usize = 2;

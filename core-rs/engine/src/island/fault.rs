@@ -2,9 +2,9 @@
 
 use super::{Island, inside};
 use crate::kernel;
-use crate::kernel::springs::Spring;
 use crate::network::Term;
 use crate::scheme::Scheme;
+use crate::scheme::Spring;
 
 /// A muted part's outputs fade from where they were over this time [s].
 const FADE: f64 = 0.005;

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use super::inside::Playing;
 use crate::cell::Cell;
 use crate::kernel;
-use crate::network::{Contact, MatKind, Network};
+use crate::network::{MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::{DriveKind, Timeline};
@@ -268,11 +268,6 @@ impl Fine {
             }
         }
     }
-}
-
-/// Whether a link can be computed finer than a frame: a single plain contact.
-pub(crate) fn may_be_fine(run: &Run) -> bool {
-    matches!(&run.kind, Kind::But(but) if but.contact == Contact::Plain) && run.len == 1
 }
 
 fn joint(

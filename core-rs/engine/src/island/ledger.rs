@@ -4,6 +4,7 @@
 //! scheme's work differs from that is the production P, the quality figure of an explicit contact.
 
 use crate::kernel;
+use crate::maths::power_law;
 use crate::network::But;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
@@ -96,7 +97,7 @@ fn potential(run: &Run, e: f64) -> f64 {
         Kind::But(but) => {
             let p = kernel::side(but) * e;
             if p > 0.0 {
-                run.k * kernel::power(p, but.exponent + 1.0) / (but.exponent + 1.0)
+                run.k * power_law(p, but.exponent + 1.0) / (but.exponent + 1.0)
             } else {
                 0.0
             }

@@ -1,6 +1,6 @@
 //! Products of small dense matrices, their columns one after the other, in one order whatever the width.
 
-use super::wide::wide;
+use crate::maths::wide::wide;
 
 wide! {
     /// y += A·x; y has n rows, and A as many columns as x has entries.

@@ -2,7 +2,8 @@
 //! form for a linear contact and by a bracketed secant for a power law.
 
 use super::predict;
-use super::runs::{power, scatter, side};
+use super::runs::{scatter, side};
+use crate::maths::power_law;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 
@@ -112,7 +113,7 @@ impl Contact {
 
     fn potential(&self, p: f64) -> f64 {
         if p > 0.0 {
-            self.k * power(p, self.exponent + 1.0) / (self.exponent + 1.0)
+            self.k * power_law(p, self.exponent + 1.0) / (self.exponent + 1.0)
         } else {
             0.0
         }
@@ -123,7 +124,7 @@ impl Contact {
         let apart = u - w;
         // Nearer than this the difference quotient has lost more digits than Simpson's rule leaves out.
         if apart.abs() <= 1e-3 * (u.abs() + w.abs()) {
-            let force = |p: f64| self.k * power(p, self.exponent);
+            let force = |p: f64| self.k * power_law(p, self.exponent);
             return if u > 0.0 {
                 (force(u) + 4.0 * force(0.5 * (u + w)) + force(w)) / 6.0
             } else {

@@ -7,7 +7,7 @@ use std::mem::take;
 use std::ops::Range;
 
 use super::crew::Crew;
-use super::springs::{Pull, Spring};
+use crate::scheme::{Pull, Spring};
 
 /// Ranges at most.
 const MOST: usize = 8;

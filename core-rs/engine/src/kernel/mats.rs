@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::crew::Crew;
 use super::halves::Halves;
-use super::wide::wide;
+use crate::maths::wide::wide;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 

@@ -1,7 +1,7 @@
 //! What ports see of a group of modes, and what they do to it, at instants of a frame.
 
 use super::bank::{LANES, Lanes, Sum, joined};
-use super::wide::wide;
+use crate::maths::wide::wide;
 
 wide! {
     /// Add to each of `way` (S + 1) the sum of a row over modes that lie between `now` and `next`, by two weights

@@ -1,12 +1,14 @@
 //! The link phase: every run in three passes (forces; pull a; pull b), so that each pass vectorises
 //! although a mesh's runs overlap themselves.
 
+use super::Laws;
 use super::crew::Crew;
 use super::springs;
-use super::wide::wide;
 use crate::law::Hardening;
+use crate::maths::power_law;
+use crate::maths::wide::wide;
 use crate::network::{But, Side};
-use crate::scheme::{Kind, Laws, Run, Scheme};
+use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
 /// Sum the forces of all links into `body.force`, and keep each one in `body.link`.
@@ -146,18 +148,9 @@ fn contact(but: &But, run: &Run, e: f64, step: f64) -> f64 {
 /// Size of a contact's push at penetration p [m] with p − p⁻ = `step`: K·p^α + Z·step while p > 0.
 pub(crate) fn push(but: &But, k: f64, z: f64, p: f64, step: f64) -> f64 {
     if p > 0.0 {
-        let push = k * power(p, but.exponent) + z * step;
+        let push = k * power_law(p, but.exponent) + z * step;
         if but.clamp { push.max(0.0) } else { push }
     } else {
         0.0
-    }
-}
-
-/// p^α for p >= 0, without a call where α is 1.
-pub(crate) fn power(p: f64, exponent: f64) -> f64 {
-    if exponent == 1.0 {
-        p
-    } else {
-        crate::maths::pow(p, exponent)
     }
 }

@@ -1,48 +1,8 @@
 //! All springs of a network in one pass: chosen for the processor once, not once a run, since a mesh's rows
 //! are short; each force goes straight to its two ends.
 
-use std::ops::Range;
-
-use super::wide::wide;
-
-/// A run of hardening springs with dampers, f = k·e + q·e³ + z·(e − e⁻): numbers per step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Spring {
-    /// First points of its first link.
-    pub(crate) a: usize,
-    pub(crate) b: usize,
-    pub(crate) len: usize,
-    /// [N/m]
-    pub(crate) k: f64,
-    /// [N/m³]
-    pub(crate) q: f64,
-    /// Damping per step, z/T.
-    pub(crate) z: f64,
-    /// [m]
-    pub(crate) rest: f64,
-    pub(crate) pull: Pull,
-}
-
-/// Which ends a run pulls, and where the first of them stands among the forces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Pull {
-    Both(usize, usize),
-    A(usize),
-    B(usize),
-}
-
-impl Spring {
-    /// Some of its links, with other ends to pull; `None` where they are none.
-    pub(super) fn piece(&self, links: Range<usize>, pull: impl Fn(usize) -> Pull) -> Option<Self> {
-        (!links.is_empty()).then(|| Self {
-            a: self.a + links.start,
-            b: self.b + links.start,
-            len: links.len(),
-            pull: pull(links.start),
-            ..*self
-        })
-    }
-}
+use crate::maths::wide::wide;
+use crate::scheme::{Pull, Spring};
 
 /// Both ends' numbers of a run, (len) each.
 #[inline(always)]

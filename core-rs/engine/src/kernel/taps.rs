@@ -1,6 +1,6 @@
 //! Listening: sums over ranges by a fixed tree of eight lanes, whatever the vector width.
 
-use super::wide::wide;
+use crate::maths::wide::wide;
 use crate::network::Term;
 use crate::scheme::{Scheme, Tap};
 use crate::state::Body;

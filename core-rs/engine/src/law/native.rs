@@ -3,8 +3,8 @@
 use super::Law;
 use super::table::Row;
 use super::tree::{Binary, Unary};
-use crate::kernel::wide::wide;
 use crate::maths::lanes;
+use crate::maths::wide::wide;
 
 /// Operands below this are d and v.
 pub(super) const FIRST_ROW: i32 = 2;

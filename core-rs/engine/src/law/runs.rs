@@ -3,7 +3,7 @@
 
 use super::program::{LANES, Program, Register};
 use super::{Elastic, Law};
-use crate::kernel::wide::wide;
+use crate::maths::wide::wide;
 
 /// Room for [`Law::eval_run`], made by [`Law::scratch`] of the same law.
 #[derive(Clone, Debug, Default)]

@@ -1,7 +1,6 @@
 //! Modes of one part alone: what a tuner hears.
 
 use super::{LinkKind, MatKind, Network};
-use crate::scheme::moves;
 use crate::spectrum;
 use crate::units::LN_1000;
 
@@ -22,7 +21,7 @@ impl Network {
         let alone = self.alone(part, &[]).network;
         let mats = alone.mats();
         let moving: Vec<usize> = (0..alone.n_mat())
-            .filter(|&i| moves(mats.kind[i]))
+            .filter(|&i| mats.kind[i].moves())
             .collect();
         if moving.is_empty() {
             return Vec::new();

@@ -12,8 +12,9 @@ use super::modes::{Modes, Row};
 use super::truncate::{self, Kept};
 use crate::bank::{Oscillator, Strikes};
 use crate::network::{Network, Subset, Term};
-use crate::timeline::{Timeline, frame, whole};
+use crate::timeline::Timeline;
 use crate::units::Rate;
+use crate::units::{floor_frame, frame};
 
 /// Modes are asked to be quieter by at least so much at a time [dB].
 const LEAST: f64 = 2.0;
@@ -205,7 +206,7 @@ pub(super) fn blows(
         let (frame, alpha) = if is_discrete {
             (frame(strike.at, rate.hertz()), 0.0)
         } else {
-            let n = whole(at);
+            let n = floor_frame(at);
             (n, (at - n as f64).clamp(0.0, 1.0))
         };
         let blows = found.entry(strike.mat).or_default();
@@ -237,7 +238,7 @@ pub(super) fn heard(network: &Network) -> Result<Heard, NoModes> {
             };
             for i in first..first + len {
                 row.push((i, weight));
-                if !crate::scheme::moves(mats.kind[i]) {
+                if !mats.kind[i].moves() {
                     still += weight * mats.x0[i];
                 }
             }

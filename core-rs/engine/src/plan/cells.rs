@@ -5,9 +5,11 @@ use super::islands::Island;
 use super::modes::ANGLE_MIN;
 use crate::bank::{Blow, Oscillator, What};
 use crate::network::{Error, MatKind, Network, Subset, Term};
-use crate::scheme::{Scheme, backward_steps, moves};
-use crate::timeline::{Timeline, frame, pushes};
+use crate::scheme::Scheme;
+use crate::start::backward_steps;
+use crate::timeline::{Timeline, pushes};
 use crate::units::Rate;
+use crate::units::frame;
 
 /// Oscillators of one bank: enough to fill vectors for long, few enough to share out to threads.
 const TOGETHER: usize = 2_048;
@@ -19,7 +21,7 @@ pub(super) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
         return false;
     };
     let (mats, mat) = (network.mats(), mat as usize);
-    if !island.links.is_empty() || island.is_handled || !moves(mats.kind[mat]) {
+    if !island.links.is_empty() || island.is_handled || !mats.kind[mat].moves() {
         return false;
     }
     if mats.kind[mat] == MatKind::Mas {

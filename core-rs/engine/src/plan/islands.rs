@@ -1,9 +1,9 @@
 //! Islands: modules that can move each other, found by union-find over the links. Fixed and imposed
 //! points end an island: no force moves them.
 
-use super::forest::{Forest, ends};
+use crate::network::forest::{Forest, ends};
 use crate::network::{MatKind, Network, Term};
-use crate::scheme::{forces, moves};
+use crate::start::forces;
 use crate::timeline::{DriveKind, Source, Timeline};
 
 /// Modules that can move each other, and the points that hold them.
@@ -88,7 +88,7 @@ pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
 /// MATs that a force can move.
 fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let kinds = network.mats().kind.iter();
-    let mut is_free: Vec<bool> = kinds.map(|&kind| moves(kind)).collect();
+    let mut is_free: Vec<bool> = kinds.map(|&kind| kind.moves()).collect();
     for drive in &timeline.drives {
         if drive.kind == DriveKind::Position {
             is_free[drive.mat] = false;
@@ -138,7 +138,7 @@ fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
         .map(|i| {
             let is_bent = mats.kind[i] == MatKind::Cel && mats.x0[i] != mats.rest[i];
             // What a session may bring moves whatever can move.
-            moves(mats.kind[i]) && (timeline.is_open || mats.v0[i] != 0.0 || is_bent)
+            mats.kind[i].moves() && (timeline.is_open || mats.v0[i] != 0.0 || is_bent)
         })
         .collect();
     for strike in &timeline.strikes {
@@ -162,7 +162,7 @@ fn moved(network: &Network, timeline: &Timeline) -> Vec<bool> {
     let open = Timeline::new(timeline.rate);
     let forces = forces(network, &open, &mats.x0, &[]);
     for ((moved, force), kind) in moved.iter_mut().zip(forces).zip(&mats.kind) {
-        *moved |= force != 0.0 && moves(*kind);
+        *moved |= force != 0.0 && kind.moves();
     }
     moved
 }

@@ -1,7 +1,6 @@
 //! A linear body: masses and springs as matrices, and its damping where that goes with them.
 
 use crate::network::{LinkKind, MatKind, Network};
-use crate::scheme::moves;
 use crate::units::Rate;
 
 /// Relative difference at which two dampings are one: what a score's digits and rounding leave.
@@ -100,7 +99,7 @@ impl Linear {
     pub(crate) fn new(network: &Network, rate: Rate) -> Result<Self, NoModes> {
         let mats = network.mats();
         let free: Vec<usize> = (0..network.n_mat())
-            .filter(|&i| moves(mats.kind[i]))
+            .filter(|&i| mats.kind[i].moves())
             .collect();
         let is_discrete = truth(network, &free, rate)?;
         if free.len() > MASSES_MAX {

@@ -331,7 +331,7 @@ impl<'a> Map<'a> {
 fn linear(run: &Run, closed: bool, is_fine: bool) -> Option<impl Iterator<Item = Link> + use<>> {
     let (k, z) = match &run.kind {
         Kind::Ref => (run.k, run.z),
-        Kind::But(_) if !closed || (is_fine && crate::island::fine::may_be_fine(run)) => {
+        Kind::But(_) if !closed || (is_fine && run.can_substep()) => {
             return None;
         }
         Kind::But(but) if but.exponent == 1.0 => (run.k, run.z),

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use super::body::{blows, heard};
 use super::budget::Budget;
 use super::choice::Choice;
-use super::forest::ends;
 use super::linear::NoModes;
 use super::memo::Memo;
 use super::mesh::{self, Ways};
@@ -15,8 +14,8 @@ use super::split::{Own, split};
 use super::wiring::{Body, Wiring};
 use crate::island::inside::Inside;
 use crate::island::modal::{Modal, Mode, Port, Struck};
+use crate::network::forest::ends;
 use crate::network::{Network, Subset, Term};
-use crate::scheme::moves;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -290,7 +289,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut 
 /// MATs that move, that a link is left to, that are driven or heard: not the points that only held bodies.
 fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
     let kinds = network.mats().kind.iter();
-    let mut used: Vec<bool> = kinds.map(|&kind| moves(kind)).collect();
+    let mut used: Vec<bool> = kinds.map(|&kind| kind.moves()).collect();
     for (_, a, b) in ends(network).filter(|&(link, _, _)| !is_cut[link]) {
         (used[a], used[b]) = (true, true);
     }

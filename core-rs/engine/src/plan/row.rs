@@ -10,7 +10,7 @@ use crate::integrate::{Way, certify};
 use crate::island::inside::Inside;
 use crate::island::slow::Slow;
 use crate::network::{Contact, LinkKind, Network, Subset};
-use crate::scheme::{Certificate, Word, moves};
+use crate::scheme::{Certificate, Word};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -109,7 +109,7 @@ impl Row {
     pub(super) fn left_out(network: &Network, island: &Island, reason: Reason) -> Self {
         let mats = network.mats();
         let part = mats.part[island.mats[0] as usize] as usize;
-        let is_free = |mat: &&u32| moves(mats.kind[**mat as usize]);
+        let is_free = |mat: &&u32| mats.kind[**mat as usize].moves();
         Self {
             parts: vec![network.parts()[part].name.clone()],
             mats: island.mats.iter().filter(is_free).count(),
@@ -303,7 +303,7 @@ pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
 
 fn free(network: &Network) -> usize {
     let kinds = network.mats().kind.iter();
-    kinds.filter(|&&kind| moves(kind)).count()
+    kinds.filter(|&&kind| kind.moves()).count()
 }
 
 /// The parts of a network's MATs, in order.
@@ -317,7 +317,7 @@ pub(super) fn parts_of(network: &Network, of: &[u32]) -> Vec<String> {
     let mats = network.mats();
     let mut has = vec![false; network.parts().len()];
     for &mat in of {
-        has[mats.part[mat as usize] as usize] |= moves(mats.kind[mat as usize]);
+        has[mats.part[mat as usize] as usize] |= mats.kind[mat as usize].moves();
     }
     let parts = network.parts().iter().zip(has);
     parts

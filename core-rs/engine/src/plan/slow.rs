@@ -7,15 +7,15 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use super::body::heard;
-use super::forest::{Forest, ends};
 use super::wiring::Body;
 use crate::gesture::script::Touch;
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
 use crate::island::slow::Slow;
 use crate::maths;
+use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, MatKind, Network, Subset, Term};
-use crate::scheme::{Scheme, moves};
+use crate::scheme::Scheme;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
@@ -100,7 +100,7 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     let mats = network.mats();
     let n = network.n_mat();
     let is_own = |mat: usize| mats.part[mat] as usize == part;
-    let mut may: Vec<bool> = (0..n).map(|i| is_own(i) && moves(mats.kind[i])).collect();
+    let mut may: Vec<bool> = (0..n).map(|i| is_own(i) && mats.kind[i].moves()).collect();
     let mut is_port = vec![false; n];
     let mut is_inner = vec![false; network.n_lia()];
     for run in network.runs().iter().filter(|run| run.part == part) {
@@ -140,7 +140,7 @@ fn wired(network: &Network, timeline: &Timeline, part: usize) -> Vec<Body> {
     if timeline.is_open {
         is_port.fill(true);
     }
-    let is_held = |mat: usize| is_own(mat) && !moves(mats.kind[mat]) && !is_driven[mat];
+    let is_held = |mat: usize| is_own(mat) && !mats.kind[mat].moves() && !is_driven[mat];
     let mut forest = Forest::new(n);
     for (link, a, b) in ends(network) {
         if is_inner[link] && may[a] && may[b] {

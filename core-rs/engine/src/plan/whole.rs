@@ -2,7 +2,6 @@
 
 use super::modes::{Modes, Row};
 use crate::network::Network;
-use crate::scheme::moves;
 use crate::units::Rate;
 
 /// Which way a body is seen: tables lie so that they are read in order.
@@ -36,7 +35,7 @@ impl Seen {
         sight: Sight,
     ) -> Option<Self> {
         let kinds = network.mats().kind.iter().enumerate();
-        let moving = kinds.filter(|(_, kind)| moves(**kind));
+        let moving = kinds.filter(|(_, kind)| kind.moves());
         let mats: Vec<usize> = moving.map(|(mat, _)| mat).collect();
         let rows: Vec<Row> = mats.iter().map(|&mat| vec![(mat, 1.0)]).collect();
         let mut modes = Modes::new(network, &rows, rate).ok()?;

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::forest::{Forest, ends};
+use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, Network, Term};
-use crate::scheme::moves;
 use crate::timeline::Timeline;
 
 /// Fewer masses are stepped as quickly as they are seen by their modes.
@@ -48,7 +47,7 @@ impl Wiring {
             has_key[mats.part[key.struck] as usize] = true;
         }
         let mut may: Vec<bool> = (0..n)
-            .map(|i| moves(mats.kind[i]) && !is_driven[i] && !has_key[mats.part[i] as usize])
+            .map(|i| mats.kind[i].moves() && !is_driven[i] && !has_key[mats.part[i] as usize])
             .collect();
         timeline
             .ergons
@@ -105,7 +104,7 @@ impl Wiring {
                 let Some(body) = bodies.get_mut(&forest.root(own)) else {
                     continue;
                 };
-                let is_held = !moves(network.mats().kind[other]) && !self.is_driven[other];
+                let is_held = !network.mats().kind[other].moves() && !self.is_driven[other];
                 if is_inner(link) && (self.may[other] || is_held) {
                     // Both ends tell of a link between two of them: it is noted once.
                     if own == a || !self.may[other] {

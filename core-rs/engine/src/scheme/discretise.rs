@@ -39,7 +39,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
         n_parts: network.parts().len(),
         linear: true,
     };
-    for i in (0..n).filter(|&i| super::moves(mats.kind[i])) {
+    for i in (0..n).filter(|&i| mats.kind[i].moves()) {
         let (m, k, z) = (mats.m[i], mats.k[i], mats.z[i]);
         let ratios;
         (scheme.w[i], ratios) = match ca_rate(network, mats.part[i] as usize) {
@@ -193,7 +193,7 @@ pub(crate) fn magic(but: &But) -> (f64, f64) {
 /// A magic contact is exact only where nothing else acts on its two ends.
 fn free(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
     let tied = network.mats().kind[mat] == MatKind::Cel;
-    let held = tied || (network.degree(mat) > 1 && super::moves(network.mats().kind[mat]));
+    let held = tied || (network.degree(mat) > 1 && network.mats().kind[mat].moves());
     if held {
         return Err(Error::Refused {
             module: network.link_name(link),

@@ -138,7 +138,7 @@ impl<'a> Known<'a> {
 
 fn moving(network: &Network) -> Vec<usize> {
     let kinds = network.mats().kind.iter().enumerate();
-    let moving = kinds.filter(|(_, kind)| crate::scheme::moves(**kind));
+    let moving = kinds.filter(|(_, kind)| kind.moves());
     moving.map(|(mat, _)| mat).collect()
 }
 

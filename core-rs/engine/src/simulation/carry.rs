@@ -11,7 +11,6 @@ use crate::bank::are_same;
 use crate::island::{Island, Through};
 use crate::network::Network;
 use crate::plan::{Isle, Plan, Sight, Unit};
-use crate::scheme::moves;
 use crate::timeline::DriveKind;
 
 /// Group of a simulation, and unit in it.
@@ -304,7 +303,7 @@ fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)>
         let mut ports: Vec<usize> = isle.bodies.iter().flat_map(|body| body.ports()).collect();
         ports.sort_unstable();
         let kinds = isle.network.mats().kind.iter().enumerate();
-        let free = kinds.filter(|(mat, kind)| moves(**kind) && ports.binary_search(mat).is_err());
+        let free = kinds.filter(|(mat, kind)| kind.moves() && ports.binary_search(mat).is_err());
         found.extend(free.map(|(mat, _)| (isle.network.mat_name(mat), Spot::Island(at, mat))));
     }
     for (&(at, bank), _) in others(&side.banks, banks) {

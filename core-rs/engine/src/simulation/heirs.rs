@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::carry::{At, Carry, Side};
-use crate::gesture::voice::{Heir, shared};
+use crate::island::hand::voice::{Heir, shared};
 use crate::island::{Island, Through};
 use crate::plan::Isle;
 

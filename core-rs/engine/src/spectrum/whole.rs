@@ -3,7 +3,7 @@
 //! Reinsch & Wilkinson 1968). The eigenvectors themselves are never formed.
 
 use super::vector::dot;
-use crate::kernel::wide::wide;
+use crate::maths::wide::wide;
 use crate::maths::{copysign, sqrt};
 
 /// Rounds of QL for one eigenvalue; two are the rule.

@@ -1,7 +1,8 @@
 //! Couplings: links that act only for a time.
 
-use super::{Timeline, frame};
+use super::Timeline;
 use crate::network::{Error, Network};
+use crate::units::frame;
 
 /// Couplings fade in and out over this time [s], rounded up to the grid.
 pub(super) const FADE: f64 = 0.02;

@@ -43,7 +43,7 @@ impl Timeline {
                 message: message.to_owned(),
             })
         };
-        if !crate::scheme::moves(network.mats().kind[mat]) {
+        if !network.mats().kind[mat].moves() {
             return refuse("what does not move has nothing that glides");
         }
         if self.glides.iter().any(|glide| glide.mat == mat) {

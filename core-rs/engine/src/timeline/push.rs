@@ -1,8 +1,9 @@
 //! Strikes → forces on frames.
 
-use super::{Timeline, frame, whole};
+use super::Timeline;
 use crate::cell::Cell;
 use crate::network::{MatKind, Network};
+use crate::units::{floor_frame, frame};
 
 /// A force on a MAT at one frame: part of a strike.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,7 +57,7 @@ pub(crate) fn pushes(
             push(frame(at, rate.hertz()), impulse * rate.hertz(), impulse);
             continue;
         }
-        let n = whole(at * rate.hertz());
+        let n = floor_frame(at * rate.hertz());
         let alpha = (at * rate.hertz() - n as f64).clamp(0.0, 1.0);
         let [p0, p1] = if mats.kind[mat] == MatKind::Cel && is_alone(mat) {
             Cell::new(mats.m[mat], mats.k[mat], mats.z[mat]).split(impulse, alpha, rate)

@@ -1,6 +1,7 @@
 use super::gate::FADE;
 use super::*;
 use crate::network::{But, Contact, Side, Tie};
+use crate::units::frame;
 
 /// a – b by link 0; c is tied and alone; d fixed.
 fn network() -> Network {

@@ -3,11 +3,12 @@
 use super::super::mesh::{Mesh, force_of};
 use super::super::passes;
 use super::loops::{load, onward, springs};
-use crate::kernel::springs::{Pull, Spring};
-use crate::kernel::{power, side};
+use crate::kernel::side;
+use crate::maths::power_law;
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::{Kind, Run, top};
+use crate::scheme::{Pull, Spring};
 
 /// The links, springs first, others after them.
 #[derive(Clone, Debug)]
@@ -220,7 +221,7 @@ fn psi(run: &Run, e: f64) -> f64 {
         Kind::Lnl { law, .. } => copysign(sqrt(2.0 * law.potential(e)), e),
         Kind::But(but) => {
             let (p, above) = (side(but) * e, but.exponent + 1.0);
-            sqrt(2.0 * run.k * power(p.max(0.0), above) / above)
+            sqrt(2.0 * run.k * power_law(p.max(0.0), above) / above)
         }
         Kind::Ref => 0.0,
     }
@@ -254,7 +255,7 @@ fn look(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64) {
             let p = s * e;
             let slope = if p > 0.0 {
                 let steep = sqrt(0.5 * run.k * (but.exponent + 1.0));
-                copysign(steep * power(p, 0.5 * (but.exponent - 1.0)), psi_now)
+                copysign(steep * power_law(p, 0.5 * (but.exponent - 1.0)), psi_now)
             } else if psi_now != 0.0 && s * de < 0.0 {
                 // Open: what is left of ψ goes with the parting, as if nothing else acted.
                 -psi_now / (s * de)

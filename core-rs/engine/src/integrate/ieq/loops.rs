@@ -1,8 +1,8 @@
 //! Inner loops of IEQ over one run of links.
 
-use crate::kernel::springs::Spring;
-use crate::kernel::wide::wide;
 use crate::maths::sqrt;
+use crate::maths::wide::wide;
+use crate::scheme::Spring;
 
 wide! {
     /// g, c and the explicit force of a run of springs.

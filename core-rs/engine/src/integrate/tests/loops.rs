@@ -7,7 +7,8 @@ use super::super::conjugate::Conjugate;
 use super::super::order;
 use super::super::passes;
 use crate::chance::Chance;
-use crate::kernel::springs::{self, Pull, Spring};
+use crate::kernel::springs;
+use crate::scheme::{Pull, Spring};
 
 /// Numbers between -1 and 1.
 fn numbers(n: usize, seed: u64) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! MATs that links join, by union-find.
 
-use crate::network::Network;
+use super::Network;
 
 /// A forest over the MATs.
 pub(crate) struct Forest(Vec<u32>);

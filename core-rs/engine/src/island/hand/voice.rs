@@ -10,11 +10,12 @@ use std::sync::Arc;
 
 use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
-use super::quintic::Knot;
-use super::script::{Gesture, Leg, Report, Touch};
+use crate::gesture::quintic::Knot;
+use crate::gesture::script::{Gesture, Leg, Report, Touch};
 use crate::island::inside;
 use crate::island::record::Stream;
 use crate::kernel;
+use crate::kernel::Laws;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use join::Joining;
@@ -130,7 +131,7 @@ impl Voice {
     }
 
     pub(crate) fn new(script: &VoiceScript, free: Motion) -> Self {
-        let laws = script.free.scheme.laws();
+        let laws = Laws::new(&script.free.scheme);
         let room = Room {
             coast: free.clone(),
             laws,

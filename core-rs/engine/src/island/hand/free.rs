@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use crate::island::slow::{self, Slow};
 use crate::kernel;
+use crate::kernel::Laws;
 use crate::kernel::crew::Crew;
-use crate::scheme::{Kind, Laws, Scheme};
+use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
 
@@ -150,7 +151,7 @@ impl FreeKey {
     pub(crate) fn is_past_quarter(&self, steps: u64) -> bool {
         let free = self.deviation();
         let mut motion = free.at_rest();
-        let (mut laws, mut targets) = (free.scheme.laws(), Vec::new());
+        let (mut laws, mut targets) = (Laws::new(&free.scheme), Vec::new());
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {

@@ -1,9 +1,9 @@
 //! How the scheme starts: the step that leads into frame 0.
 
-use super::Scheme;
 use crate::cell::Cell;
 use crate::kernel;
 use crate::network::{LinkKind, MatKind, Network};
+use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 

@@ -1,0 +1,5 @@
+//! Hands that play written gestures: ergons that take a key along its path.
+
+pub(crate) mod free;
+mod particle;
+pub(crate) mod voice;

@@ -1,0 +1,51 @@
+//! Room for the loops that evaluate laws.
+
+use super::halves::Halves;
+use crate::law::Scratch;
+use crate::scheme::{Kind, Scheme};
+
+/// Room in which the laws of a scheme are evaluated.
+#[derive(Clone, Debug)]
+pub(crate) struct Laws {
+    /// Elongations and their rates of one run of links   (longest run)
+    pub(crate) e: Vec<f64>,
+    pub(crate) v: Vec<f64>,
+    /// Forces of one run of springs                      (longest fused run)
+    pub(crate) room: Vec<f64>,
+    /// The springs again, cut for some threads; where there is one, none.
+    pub(crate) halves: Option<Halves>,
+    /// One for each law                                  (n_laws)
+    pub(crate) scratch: Vec<Scratch>,
+    /// For native code, which all laws share            (largest)
+    pub(crate) native: Vec<f64>,
+}
+
+impl Laws {
+    /// Room for the scheme's laws.
+    pub(crate) fn new(scheme: &Scheme) -> Self {
+        let mut laws = Self {
+            e: Vec::new(),
+            v: Vec::new(),
+            room: vec![0.0; scheme.fused.iter().map(|run| run.len).max().unwrap_or(0)],
+            halves: None,
+            scratch: Vec::new(),
+            native: Vec::new(),
+        };
+        let mut alone = Vec::new();
+        for run in &scheme.runs {
+            if let Kind::Lnl { law, room, .. } = &run.kind {
+                laws.e.resize(laws.e.len().max(run.len), 0.0);
+                if *room == laws.scratch.len() {
+                    laws.scratch.push(law.scratch_alone());
+                    laws.native.resize(laws.native.len().max(law.room()), 0.0);
+                    alone.push(true);
+                }
+                if run.len > 1 && std::mem::take(&mut alone[*room]) {
+                    laws.scratch[*room] = law.scratch();
+                }
+            }
+        }
+        laws.v.clone_from(&laws.e);
+        laws
+    }
+}
