@@ -131,6 +131,36 @@ pub struct Network {
 }
 
 impl Network {
+    /// How many MATs forces move.
+    pub(crate) fn n_moving(&self) -> usize {
+        self.mats.kind.iter().filter(|kind| kind.moves()).count()
+    }
+
+    /// Whether a part has a rate of its own.
+    pub(crate) fn has_slow_parts(&self) -> bool {
+        self.parts.iter().any(|part| part.every.is_some())
+    }
+
+    /// Names of the parts of some MATs that move, in the parts' order.
+    pub(crate) fn parts_of(&self, mats: &[u32]) -> Vec<String> {
+        let mut has = vec![false; self.parts.len()];
+        for &mat in mats {
+            let mat = mat as usize;
+            has[self.mats.part[mat] as usize] |= self.mats.kind[mat].moves();
+        }
+        let parts = self.parts.iter().zip(has);
+        parts
+            .filter(|(_, has)| *has)
+            .map(|(part, _)| part.name.clone())
+            .collect()
+    }
+
+    /// Names of the parts that have MATs that move, in order.
+    pub(crate) fn moving_parts(&self) -> Vec<String> {
+        let all: Vec<u32> = (0..self.n_mat() as u32).collect();
+        self.parts_of(&all)
+    }
+
     /// An empty network.
     pub fn new() -> Self {
         Self::default()

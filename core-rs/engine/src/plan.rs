@@ -3,42 +3,19 @@
 //! Nothing passes between two islands, so each is computed on its own, by the cheapest method that is exact
 //! enough for it. A plan is a function of its arguments alone, never of a timing.
 
-mod apart;
-mod assemble;
-mod bands;
-mod body;
 mod budget;
-mod cells;
 mod choice;
 mod cost;
-mod fewer;
-mod islands;
-mod kept;
-mod linear;
-mod loud;
-mod macrostep;
 mod make;
-mod memo;
-mod mesh;
-mod modes;
-mod multirate;
-mod parting;
-mod pilot;
-mod ported;
-mod row;
-mod search;
-mod slow;
-mod split;
-mod truncate;
-mod turned;
-mod whole;
-mod wiring;
+mod passes;
+mod report;
+mod trial;
 
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
-pub use kept::{Told, key};
-pub use row::{Measured, Reason, Row, What};
-pub(crate) use whole::{Seen, Sight};
+pub(crate) use passes::mode_shapes::{Seen, Sight};
+pub use report::cache::{Told, key};
+pub use report::row::{Measured, Reason, Row, What};
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -66,8 +43,8 @@ pub(crate) struct Isle {
 impl Isle {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
-        let bodies = self.bodies.iter().map(row::body_cost);
-        let hub = row::stepped_cost(&self.network, &self.timeline);
+        let bodies = self.bodies.iter().map(cost::body_cost);
+        let hub = cost::stepped_cost(&self.network, &self.timeline);
         f64::from(self.times) * (hub + bodies.sum::<f64>())
     }
 }
@@ -115,7 +92,7 @@ impl Unit {
     pub(crate) fn cost(&self) -> f64 {
         match self {
             Self::Isle(isle) => isle.cost(),
-            Self::Bank(bank) => row::bank_cost(bank),
+            Self::Bank(bank) => cost::bank_cost(bank),
         }
     }
 }
@@ -135,7 +112,7 @@ pub struct Plan {
     /// Parts that have a rate of their own and go at every frame all the same, and why.
     stay: Vec<(String, String)>,
     /// What was found out about its bodies.
-    solved: Vec<Arc<memo::Solved>>,
+    solved: Vec<Arc<passes::solved_modes::Solved>>,
 }
 
 impl Plan {
@@ -189,7 +166,7 @@ impl Plan {
 
     /// The same, with what was told of an equal plan when its pilot was played.
     pub fn recalled(mut self, told: &[Told]) -> Result<Self, Error> {
-        kept::recall(&mut self.rows, told)?;
+        report::cache::recall(&mut self.rows, told)?;
         Ok(self)
     }
 
@@ -243,6 +220,6 @@ impl Plan {
 
     /// A hash of what was decided: two plans of one score that have it sound the same.
     pub fn hash(&self) -> String {
-        choice::hash(&self.choices, &self.rows)
+        report::hash::hash(&self.choices, &self.rows)
     }
 }

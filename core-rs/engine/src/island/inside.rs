@@ -37,6 +37,14 @@ impl Inside {
         })
     }
 
+    /// How many modes the body is computed by.
+    pub(crate) fn n_modes(&self) -> usize {
+        match self {
+            Self::Modal(modal) => modal.modes.len(),
+            Self::Mesh(_) | Self::Slow(_) => 0,
+        }
+    }
+
     /// When it is first struck [frames]; infinite where it never is.
     pub(crate) fn first_strike(&self) -> f64 {
         let first = match self {

@@ -2,9 +2,6 @@
 
 use std::collections::VecDeque;
 
-use sha2::{Digest, Sha256};
-
-use super::row::{Reason, Row, What};
 use crate::network::Error;
 
 /// What was decided for one island.
@@ -59,48 +56,4 @@ pub(super) fn another() -> Error {
         module: "plan".to_owned(),
         message: "it was made for another score, or by another version: make it anew".to_owned(),
     }
-}
-
-/// A hash of decisions, and of what they are about.
-pub(super) fn hash(choices: &[Choice], rows: &[Row]) -> String {
-    let mut sha = Sha256::new();
-    for row in rows {
-        for part in &row.parts {
-            sha.update((part.len() as u64).to_le_bytes());
-            sha.update(part);
-        }
-        let what: u64 = match row.what {
-            What::Stepped => 0,
-            What::Oscillators => 1,
-            What::Modes { .. } => 2,
-            What::Mesh(..) => 3,
-            What::Slow(_) => 6,
-            What::LeftOut(Reason::Unheard) => 4,
-            What::LeftOut(Reason::Still) => 5,
-        };
-        let numbers = [
-            row.parts.len() as u64,
-            row.mats as u64,
-            row.links as u64,
-            what,
-        ];
-        numbers
-            .iter()
-            .for_each(|number| sha.update(number.to_le_bytes()));
-    }
-    for choice in choices {
-        let times = choice.times as usize;
-        let numbers = [choice.modules, times, choice.steps, choice.kept.len()];
-        numbers
-            .iter()
-            .for_each(|&number| sha.update((number as u64).to_le_bytes()));
-        for kept in &choice.kept {
-            sha.update((kept.len() as u64).to_le_bytes());
-            kept.iter().for_each(|mode| sha.update(mode.to_le_bytes()));
-        }
-    }
-    sha.finalize()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
 }

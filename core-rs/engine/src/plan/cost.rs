@@ -1,5 +1,14 @@
 //! What a plan costs: work counted, times a table that ships as data.
 
+use crate::integrate::Way;
+use crate::island::inside::Inside;
+use crate::island::slow::Slow;
+use crate::network::{Contact, LinkKind, Network};
+use crate::plan::BankPlan;
+use crate::plan::passes::mesh::LADDER;
+use crate::timeline::Timeline;
+use crate::units::Rate;
+
 /// Nanoseconds for each kind of work.
 const TABLE: &str = include_str!("costs.txt");
 
@@ -20,6 +29,68 @@ impl Costs {
             .and_then(|ns| ns.parse().ok())
             .unwrap_or(0.0)
     }
+}
+
+/// What is stepped costs a frame [ns].
+pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
+    let mut ns = Costs::of("frame") + network.n_moving() as f64 * Costs::of("mat");
+    for run in network.runs() {
+        let each = match &run.kind {
+            LinkKind::Ref if run.len > 1 => Costs::of("link"),
+            LinkKind::Lnl(law) if law.hardens().is_none() => Costs::of("expression"),
+            LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
+            LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
+            _ => Costs::of("single"),
+        };
+        ns += each * run.len as f64;
+    }
+    if timeline.gestures.is_empty() {
+        return ns;
+    }
+    ns + Costs::of("hand") * timeline.keys.len() as f64
+}
+
+/// What a body inside an island costs a frame [ns].
+pub(super) fn body_cost(inside: &Inside) -> f64 {
+    match inside {
+        Inside::Modal(modal) => {
+            let rows = modal.ports.len() + modal.heard.len();
+            modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
+        }
+        Inside::Mesh(mesh) => {
+            let rung =
+                |&&(way, steps, _): &&(Way, u32, f64)| (way, steps) == (mesh.way, mesh.substeps);
+            let times = LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times);
+            times * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
+        }
+        Inside::Slow(slow) => slow_cost(slow),
+    }
+}
+
+/// What a slow body costs less a frame than stepped module by module [ns].
+pub(super) fn saved(slow: &Slow, rate: Rate) -> f64 {
+    let stepped = stepped_cost(&slow.network, &Timeline::new(rate)) - Costs::of("frame");
+    let ports = slow.ports.len() as f64 * Costs::of("mat");
+    stepped - ports - slow_cost(slow)
+}
+
+fn slow_cost(slow: &Slow) -> f64 {
+    let n = slow.free.len() as f64;
+    let kick = n * (2.0 * n * Costs::of("port") + Costs::of("mat"));
+    let each = Costs::of("slow") + slow.ports.len() as f64 * Costs::of("mat");
+    kick / f64::from(slow.flow.every) + each
+}
+
+/// What a bank costs a frame [ns].
+pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
+    let all = bank.oscillators.iter();
+    let taps: usize = all.map(|own| own.heard.len().max(1) - 1).sum();
+    let each = bank.oscillators.len() as f64 * Costs::of("oscillator");
+    each + taps as f64 * Costs::of("oscillator_tap")
+}
+
+pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
+    ns * 1e-9 * timeline.rate.hertz()
 }
 
 #[cfg(test)]

@@ -3,22 +3,25 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::assemble::Assembled;
-use super::budget::Budget;
-use super::choice::{Choice, Pins, another};
-use super::islands::{Island, islands};
-use super::linear::NoModes;
-use super::macrostep::Growth;
-use super::memo::Memo;
-use super::mesh::Ways;
-use super::multirate;
-use super::pilot::{self, Found};
-use super::ported::Found as Body;
-use super::row::{self, Measured, PRESERVED, Reason, Row, What};
-use super::slow::Stays;
-use super::split::{Own, split};
-use super::{Plan, Unit, body, cells};
 use crate::network::{Error, Network, Subset};
+use crate::plan::budget::Budget;
+use crate::plan::choice::{Choice, Pins, another};
+use crate::plan::cost;
+use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::body;
+use crate::plan::passes::cells;
+use crate::plan::passes::islands::{Island, islands};
+use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::ported::Found as Body;
+use crate::plan::passes::slow::Stays;
+use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::split::{Own, split};
+use crate::plan::report::row::{self, Measured, PRESERVED, Reason, Row, What};
+use crate::plan::trial::macrostep::Growth;
+use crate::plan::trial::multirate;
+use crate::plan::trial::pilot::{self, Found};
+use crate::plan::{Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
@@ -233,8 +236,8 @@ impl Maker<'_> {
         }
         // What is left beside bodies has a row of its own, or goes with the first of them.
         let mut hub = if self.plan.rows.len() == first_row {
-            row::seconds(
-                row::stepped_cost(&isle.network, &isle.timeline),
+            cost::seconds(
+                cost::stepped_cost(&isle.network, &isle.timeline),
                 &isle.timeline,
             )
         } else {
@@ -269,7 +272,7 @@ impl Maker<'_> {
             };
             // What grows at once is not worth a pilot.
             let mut judged = match assemble((1, Ways::Budget)) {
-                Ok(island) if multirate::is_asked(&subset.network) => multirate::certify(&island),
+                Ok(island) if subset.network.has_slow_parts() => multirate::certify(&island),
                 _ => Ok(None),
             };
             if judged.is_ok() {

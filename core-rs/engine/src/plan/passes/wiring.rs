@@ -12,15 +12,15 @@ const MASSES_MIN: usize = 4;
 const PORTS: usize = 4;
 
 /// A set of MATs that inner links join, and the ports where others end.
-pub(super) struct Body {
-    pub(super) mats: Vec<u32>,
-    pub(super) guests: Vec<u32>,
-    pub(super) links: Vec<u32>,
-    pub(super) ports: Vec<u32>,
+pub(in crate::plan) struct Body {
+    pub(in crate::plan) mats: Vec<u32>,
+    pub(in crate::plan) guests: Vec<u32>,
+    pub(in crate::plan) links: Vec<u32>,
+    pub(in crate::plan) ports: Vec<u32>,
 }
 
 /// Which links may lie inside a body, and which MATs.
-pub(super) struct Wiring {
+pub(in crate::plan) struct Wiring {
     may: Vec<bool>,
     /// Springs, and springs and laws.
     is_spring: Vec<bool>,
@@ -30,11 +30,11 @@ pub(super) struct Wiring {
 
 impl Wiring {
     /// Some MATs belong to a body already.
-    pub(super) fn take(&mut self, mats: &[u32]) {
+    pub(in crate::plan) fn take(&mut self, mats: &[u32]) {
         mats.iter().for_each(|&mat| self.may[mat as usize] = false);
     }
 
-    pub(super) fn new(network: &Network, timeline: &Timeline) -> Self {
+    pub(in crate::plan) fn new(network: &Network, timeline: &Timeline) -> Self {
         let mats = network.mats();
         let n = network.n_mat();
         let mut is_driven = vec![false; n];
@@ -83,7 +83,7 @@ impl Wiring {
     }
 
     /// Sets of MATs that inner links join, large enough and with few enough ports.
-    pub(super) fn bodies(&self, network: &Network, with_laws: bool) -> Vec<Body> {
+    pub(in crate::plan) fn bodies(&self, network: &Network, with_laws: bool) -> Vec<Body> {
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut forest = Forest::new(network.n_mat());
         for (link, a, b) in ends(network) {
@@ -127,7 +127,7 @@ impl Wiring {
 
 impl Body {
     /// Every module once, in order.
-    pub(super) fn tidy(mut self) -> Self {
+    pub(in crate::plan) fn tidy(mut self) -> Self {
         for list in [&mut self.guests, &mut self.links, &mut self.ports] {
             list.sort_unstable();
             list.dedup();
@@ -135,7 +135,7 @@ impl Body {
         self
     }
 
-    pub(super) fn empty() -> Self {
+    pub(in crate::plan) fn empty() -> Self {
         Self {
             mats: Vec::new(),
             guests: Vec::new(),

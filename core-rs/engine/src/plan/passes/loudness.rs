@@ -1,9 +1,9 @@
 //! How loud some modes of a body are beside all of them: played, for modes that fade as fast as they swing
 //! hold together or against each other, and no sum of their energies tells.
 
-use super::BankPlan;
 use crate::bank::Bank;
 use crate::maths::log10;
+use crate::plan::BankPlan;
 use crate::units::Rate;
 
 /// Compared over so long, and over two, three … ten times as long, from the first that sounds [s].
@@ -13,11 +13,11 @@ const TIMES: usize = 10;
 const ROOM: usize = 256;
 
 /// Energy that each output heard, up to the end of each span   (TIMES, n_out)
-pub(super) struct Loudness(Vec<Vec<f64>>);
+pub(in crate::plan) struct Loudness(Vec<Vec<f64>>);
 
 impl Loudness {
     /// Of a bank that outputs hear by their local index.
-    pub(super) fn of(mut bank: BankPlan, n_out: usize, rate: Rate, from: u64) -> Self {
+    pub(in crate::plan) fn of(mut bank: BankPlan, n_out: usize, rate: Rate, from: u64) -> Self {
         for strikes in &mut bank.strikes {
             for blow in &mut strikes.blows {
                 blow.0 -= from;
@@ -45,7 +45,7 @@ impl Loudness {
     }
 
     /// These relative to all, at the output and over the span where they are loudest [dB].
-    pub(super) fn beside(&self, all: &Self) -> f64 {
+    pub(in crate::plan) fn beside(&self, all: &Self) -> f64 {
         let ratios = self.0.iter().flatten().zip(all.0.iter().flatten());
         let heard = ratios.filter(|(_, all)| **all > 0.0);
         10.0 * log10(heard.map(|(some, all)| some / all).fold(1e-40, f64::max))

@@ -2,36 +2,35 @@
 
 use std::sync::Arc;
 
-use super::budget::Budget;
-use super::choice::Choice;
-use super::linear::NoModes;
-use super::memo::Memo;
-use super::mesh::Ways;
-use super::multirate;
-use super::ported::{self, Cut, Found};
-use super::split::Own;
-use super::truncate::Kept;
-use super::{Isle, Whole};
 use crate::integrate::Way;
 use crate::island::inside::Inside;
 use crate::network::{Error, Network, Subset};
+use crate::plan::budget::Budget;
+use crate::plan::choice::Choice;
+use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::ported::{self, Cut, Found};
+use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::split::Own;
+use crate::plan::passes::truncate::Kept;
+use crate::plan::{Isle, Whole};
 use crate::scheme::{Certificate, Scheme};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
 /// An island that can be played.
 #[derive(Clone)]
-pub(super) struct Assembled {
-    pub(super) isle: Isle,
-    pub(super) bodies: Vec<Found>,
-    pub(super) certificate: Certificate,
+pub(in crate::plan) struct Assembled {
+    pub(in crate::plan) isle: Isle,
+    pub(in crate::plan) bodies: Vec<Found>,
+    pub(in crate::plan) certificate: Certificate,
     /// Why a body goes by no modes.
-    pub(super) because: Option<NoModes>,
+    pub(in crate::plan) because: Option<NoModes>,
 }
 
 impl Assembled {
     /// At `times` the rate. Refused where that is not stable.
-    pub(super) fn new(
+    pub(in crate::plan) fn new(
         subset: &Subset,
         own: &Own,
         budget: &Budget,
@@ -46,7 +45,7 @@ impl Assembled {
         };
         let rate = timeline.rate;
         // A slow part stays as slow when all else is quicker.
-        let sped = (times > 1 && multirate::is_asked(&subset.network)).then(|| Subset {
+        let sped = (times > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
                 .network
                 .with_every(|_, every| every?.checked_mul(times)),
@@ -95,7 +94,7 @@ impl Assembled {
     }
 
     /// How its bodies go that are meshes, in order.
-    pub(super) fn ways(&self) -> Vec<Option<(Way, u32)>> {
+    pub(in crate::plan) fn ways(&self) -> Vec<Option<(Way, u32)>> {
         let bodies = self.isle.bodies.iter();
         let way = |body: &Inside| match body {
             Inside::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
@@ -105,7 +104,7 @@ impl Assembled {
     }
 
     /// With some of its bodies' modes only, and contacts computed so often.
-    pub(super) fn only(mut self, steps: usize, kept: Vec<Kept>) -> Self {
+    pub(in crate::plan) fn only(mut self, steps: usize, kept: Vec<Kept>) -> Self {
         let mut hub = (*self.isle.network).clone();
         for (body, kept) in self.bodies.iter_mut().zip(kept) {
             if let Inside::Modal(modal) = &body.inside {

@@ -2,16 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use super::BankPlan;
-use super::budget::Budget;
-use super::cells::hear;
-use super::linear::NoModes;
-use super::loud::Loudness;
-use super::memo::Memo;
-use super::modes::{Modes, Row};
-use super::truncate::{self, Kept};
 use crate::bank::{Oscillator, Strikes};
 use crate::network::{Network, Subset, Term};
+use crate::plan::BankPlan;
+use crate::plan::budget::Budget;
+use crate::plan::passes::cells::hear;
+use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::loudness::Loudness;
+use crate::plan::passes::modes::{Modes, Row};
+use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::truncate::{self, Kept};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 use crate::units::{floor_frame, frame};
@@ -20,17 +20,17 @@ use crate::units::{floor_frame, frame};
 const LEAST: f64 = 2.0;
 
 /// A body as a bank.
-pub(super) struct Body {
-    pub(super) bank: BankPlan,
+pub(in crate::plan) struct Body {
+    pub(in crate::plan) bank: BankPlan,
     /// What outputs hear of where it rests   (its n_out)
-    pub(super) rest: Vec<f64>,
-    pub(super) modes: usize,
-    pub(super) kept: Kept,
+    pub(in crate::plan) rest: Vec<f64>,
+    pub(in crate::plan) modes: usize,
+    pub(in crate::plan) kept: Kept,
 }
 
 /// The modes of an island, as many as this score excites and the budget asks for, or those that were decided
 /// for before.
-pub(super) fn bank(
+pub(in crate::plan) fn bank(
     subset: &Subset,
     timeline: &Timeline,
     budget: &Budget,
@@ -194,7 +194,7 @@ fn bank_of(
 
 /// Strikes on each MAT of a timeline that `is_ours`: frame, part of a frame after it, impulse; rising. In a
 /// discrete network a strike falls on a frame.
-pub(super) fn blows(
+pub(in crate::plan) fn blows(
     timeline: &Timeline,
     rate: Rate,
     is_ours: impl Fn(u32) -> bool,
@@ -219,15 +219,15 @@ pub(super) fn blows(
 }
 
 /// What outputs sum.
-pub(super) struct Heard {
+pub(in crate::plan) struct Heard {
     /// Positions, by output.
-    pub(super) rows: Vec<Row>,
+    pub(in crate::plan) rows: Vec<Row>,
     /// Of those, what points say that never move, by output.
-    pub(super) held: Vec<f64>,
+    pub(in crate::plan) held: Vec<f64>,
 }
 
 /// What each output of a body sums.
-pub(super) fn heard(network: &Network) -> Result<Heard, NoModes> {
+pub(in crate::plan) fn heard(network: &Network) -> Result<Heard, NoModes> {
     let mats = network.mats();
     let (mut rows, mut held) = (Vec::new(), Vec::new());
     for output in network.outputs() {

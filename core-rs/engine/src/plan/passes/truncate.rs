@@ -1,25 +1,25 @@
 //! Which modes this score needs: each by the sound that its own strikes give it, and no more of them than
 //! the budget lets fall below.
 
-use super::budget::Budget;
-use super::modes::Modes;
 use crate::maths::{expm1, log10, pow};
+use crate::plan::budget::Budget;
+use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
 
 /// Energies are those of the first moments: there high modes, which fade first, count most [s].
 const FIRST: f64 = 0.1;
 
 /// The modes that stay.
-pub(super) struct Kept {
+pub(in crate::plan) struct Kept {
     /// Rising.
-    pub(super) modes: Vec<usize>,
+    pub(in crate::plan) modes: Vec<usize>,
     /// How loud the others would have been together, relative to all [dB]; `None`: silent, or none.
-    pub(super) left_out: Option<f64>,
+    pub(in crate::plan) left_out: Option<f64>,
 }
 
 impl Kept {
     /// Of a body that goes by none.
-    pub(super) fn none() -> Self {
+    pub(in crate::plan) fn none() -> Self {
         Self {
             modes: Vec::new(),
             left_out: None,
@@ -27,12 +27,12 @@ impl Kept {
     }
 
     /// As numbers of a plan.
-    pub(super) fn numbers(&self) -> Vec<u32> {
+    pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         self.modes.iter().map(|&mode| mode as u32).collect()
     }
 
     /// Those that a plan decided for; `None` where there are not so many.
-    pub(super) fn pinned(numbers: &[u32], of: usize) -> Option<Self> {
+    pub(in crate::plan) fn pinned(numbers: &[u32], of: usize) -> Option<Self> {
         let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
         let rises = modes.windows(2).all(|pair| pair[0] < pair[1]);
         let fits = rises && modes.last().is_none_or(|&last| last < of);
@@ -45,7 +45,7 @@ impl Kept {
 
 /// Keep the loudest modes, `blows` being impulses [N·s]: energies as if strikes added up by power, A²/2 over the
 /// first moments, A the amplitude that an output hears.
-pub(super) fn keep(
+pub(in crate::plan) fn keep(
     modes: &Modes,
     heard: &[Vec<f64>],
     felt: &[Vec<f64>],
@@ -65,7 +65,7 @@ pub(super) fn keep(
 
 /// Keep the loudest of modes, so that for every row that sees them those that fall stay together below what is
 /// `allowed` [dB], whichever of some `ways` they get their energies   (n_ways, n_modes).
-pub(super) fn choose(
+pub(in crate::plan) fn choose(
     ways: &[Vec<f64>],
     rows: &[&[f64]],
     allowed: Option<f64>,

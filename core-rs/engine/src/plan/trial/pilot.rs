@@ -6,54 +6,32 @@
 
 use std::cell::OnceCell;
 
-use super::Isle;
-use super::apart::{ORDERS, Spans, difference, errors};
-use super::assemble::Assembled;
-use super::budget::Budget;
-use super::choice::Choice;
-use super::fewer::{fewer, modes};
-use super::mesh::Ways;
-use super::parting::{Pair, Parting, Stretches};
-use super::row::{self, Measured};
-use super::search::{Search, Standing};
-use super::truncate::Kept;
 use crate::island::inside::Inside;
-use crate::island::{Island, OnFault, Options};
-use crate::kernel::crew::Crew;
 use crate::network::{Error, LinkKind, Run};
+use crate::plan::Isle;
+use crate::plan::budget::Budget;
+use crate::plan::choice::Choice;
+use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::truncate::Kept;
+use crate::plan::report::row::Measured;
+use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::prune_modes::fewer;
+use crate::plan::trial::search::{Search, Standing, TIMES_MAX};
+use crate::plan::trial::take::{Take, length, play};
+use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 
-/// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
-pub(super) const AFTER: f64 = 0.3;
-/// No contact until then: there is nothing to learn of contacts [s].
-const LONGEST: f64 = 10.0;
-/// A pilot that would take longer than this is not played [s].
-const WORTH: f64 = 0.5;
 /// The search for how finely contacts are computed begins here.
 const LEAST: usize = 2;
-/// An island is stepped at most so often a frame.
-pub(super) const TIMES_MAX: u32 = 8;
-/// Frames between two looks at the modes.
-pub(super) const LOOK: usize = 64;
 
 /// An island with what its budget asks for, and the error that is left.
-pub(super) struct Found {
-    pub(super) island: Assembled,
-    pub(super) error: Option<Measured>,
-}
-
-/// One way through the beginning.
-#[derive(Clone)]
-pub(super) struct Take {
-    /// (n_frames · n_out)
-    pub(super) sound: Vec<f64>,
-    /// Square of the amplitude that each mode of each body reached.
-    pub(super) squares: Vec<Vec<f64>>,
-    /// A part went beyond all bounds.
-    pub(super) is_lost: bool,
+pub(in crate::plan) struct Found {
+    pub(in crate::plan) island: Assembled,
+    pub(in crate::plan) error: Option<Measured>,
 }
 
 /// What a plan decided before; `None` where it does not fit.
-pub(super) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> {
+pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> {
     if pin.kept.len() != island.bodies.len() {
         return None;
     }
@@ -70,7 +48,7 @@ pub(super) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> {
 }
 
 /// The cheapest island within the budget; `assemble` puts it together at some times the rate.
-pub(super) fn pilot(
+pub(in crate::plan) fn pilot(
     assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
 ) -> Result<Found, Error> {
@@ -256,99 +234,4 @@ fn contacts(
         }
         take = finer;
     }
-}
-
-/// Seconds of work for a frame, by the table of costs.
-fn work(isle: &Isle) -> f64 {
-    let bodies: f64 = isle.bodies.iter().map(row::body_cost).sum();
-    1e-9 * f64::from(isle.times) * (row::stepped_cost(&isle.network, &isle.timeline) + bodies)
-}
-
-pub(super) fn is_worth(isle: &Isle, n_frames: usize) -> bool {
-    work(isle) * n_frames as f64 <= WORTH
-}
-
-/// How many frames a pilot takes; 0 where it would take long.
-pub(super) fn length(isle: &Isle) -> Result<usize, Error> {
-    let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
-    let most = ((WORTH / work(isle)) as usize).min((LONGEST * rate) as usize);
-    let after = (AFTER * rate) as usize;
-    if isle.steps > 1 {
-        let mut island = island(isle, isle.steps)?;
-        let mut sound = vec![0.0; LOOK * island.n_out()];
-        for at in (0..most).step_by(LOOK) {
-            // Faults are muted: a pilot says nothing of them.
-            let _ = island.process(&mut sound, LOOK, &mut Crew::alone());
-            if island.has_touched() {
-                return Ok((at + after).min(most));
-            }
-        }
-        // Nothing touches: what there is to hear is the rest.
-    }
-    let timeline = &isle.timeline;
-    let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
-    let strikes = timeline.strikes.iter().map(|strike| strike.at);
-    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
-    let inside = isle.bodies.iter().map(|body| body.first_strike() / rate);
-    let first = gestures.chain(strikes).chain(ergons).chain(inside);
-    let first = first.fold(f64::INFINITY, f64::min);
-    let first = if first.is_finite() {
-        first.max(0.0)
-    } else {
-        0.0
-    };
-    let n_frames = ((first * rate).min(1e12) as usize).saturating_add(after);
-    Ok(if n_frames <= most { n_frames } else { 0 })
-}
-
-fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
-    let options = Options {
-        ledger: false,
-        record: false,
-        on_fault: OnFault::Mute,
-        threads: 1,
-        unchecked: false,
-    };
-    Island::new(
-        isle.network.clone(),
-        &isle.timeline,
-        &isle.bodies,
-        (steps, isle.times),
-        options,
-    )
-}
-
-pub(super) fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
-    nudged(isle, steps, n_frames, (n_frames, 1.0))
-}
-
-/// The same, with all speeds so many times as large at each step of a block.
-pub(super) fn nudged(
-    isle: &Isle,
-    steps: usize,
-    n_frames: usize,
-    (block, by): (usize, f64),
-) -> Result<Take, Error> {
-    let mut island = island(isle, steps)?;
-    let n_out = island.n_out();
-    let mut sound = vec![0.0; n_frames * n_out];
-    let mut squares: Vec<Vec<f64>> = isle
-        .bodies
-        .iter()
-        .map(|body| vec![0.0; modes(body)])
-        .collect();
-    for (at, sound) in sound.chunks_mut((LOOK * n_out).max(1)).enumerate() {
-        if at * LOOK == block {
-            island.damp(by);
-        } else if at * LOOK == block + LOOK {
-            island.damp(1.0);
-        }
-        let _ = island.process(sound, sound.len() / n_out.max(1), &mut Crew::alone());
-        island.squares(&mut squares);
-    }
-    Ok(Take {
-        sound,
-        squares,
-        is_lost: !island.muted().is_empty(),
-    })
 }

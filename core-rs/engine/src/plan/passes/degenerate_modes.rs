@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::modes::Modes;
+use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
 
 /// Frequencies that differ by less are one [rad/s]: over a minute they part by 6e-6 of a turn, -104 dB. Rounding
@@ -17,7 +17,7 @@ const NOTHING: f64 = 1e-10;
 impl Modes {
     /// Turn those of one frequency towards the rows that move the body, and towards where it begins and rests: what is left
     /// over of them is moved by nothing, exactly.
-    pub(super) fn turn(&mut self, moved: &[usize], rate: Rate) {
+    pub(in crate::plan) fn turn(&mut self, moved: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
         let is_same = |low: f64, high: f64| high - low <= 2.0 * SAME * step * high.sqrt();

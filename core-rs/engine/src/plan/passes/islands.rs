@@ -8,23 +8,23 @@ use crate::timeline::{DriveKind, Source, Timeline};
 
 /// Modules that can move each other, and the points that hold them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Island {
+pub(in crate::plan) struct Island {
     /// Its own, rising   (n_mat)
-    pub(super) mats: Vec<u32>,
+    pub(in crate::plan) mats: Vec<u32>,
     /// Held points of other islands that its links end on, rising.
-    pub(super) guests: Vec<u32>,
+    pub(in crate::plan) guests: Vec<u32>,
     /// Links of its own   (n_lia)
-    pub(super) links: Vec<u32>,
+    pub(in crate::plan) links: Vec<u32>,
     /// An output listens to it.
-    pub(super) is_heard: bool,
+    pub(in crate::plan) is_heard: bool,
     /// Something can set it in motion.
-    pub(super) is_moved: bool,
+    pub(in crate::plan) is_moved: bool,
     /// A hand, a path, a force or a glide is at it: not strikes alone.
-    pub(super) is_handled: bool,
+    pub(in crate::plan) is_handled: bool,
 }
 
 /// All islands, in the order of their first MATs.
-pub(super) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
+pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
     let n = network.n_mat();
     let is_free = free(network, timeline);
     let mut forest = Forest::new(n);

@@ -1,10 +1,10 @@
 //! Isolated CELs: oscillators as they are, with the very poles of the scheme; and free masses, which fly.
 
-use super::BankPlan;
-use super::islands::Island;
-use super::modes::ANGLE_MIN;
 use crate::bank::{Blow, Oscillator, What};
 use crate::network::{Error, MatKind, Network, Subset, Term};
+use crate::plan::BankPlan;
+use crate::plan::passes::islands::Island;
+use crate::plan::passes::modes::ANGLE_MIN;
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
 use crate::timeline::{Timeline, pushes};
@@ -16,7 +16,7 @@ const TOGETHER: usize = 2_048;
 
 /// Whether an island is one CEL or MAS that no link, hand or path touches. One that swings so slowly that a
 /// two-term recurrence would round its pitch is not.
-pub(super) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
+pub(in crate::plan) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
     let &[mat] = &island.mats[..] else {
         return false;
     };
@@ -39,7 +39,7 @@ pub(super) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
 }
 
 /// The oscillators of a network of isolated CELs, and where they rest into `still`.
-pub(super) fn oscillators(
+pub(in crate::plan) fn oscillators(
     subset: &Subset,
     timeline: &Timeline,
     still: &mut [f64],
@@ -116,7 +116,7 @@ pub(super) fn oscillators(
 }
 
 /// Add a weight to what an output hears.
-pub(super) fn hear(heard: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
+pub(in crate::plan) fn hear(heard: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
     if weight == 0.0 {
         return;
     }

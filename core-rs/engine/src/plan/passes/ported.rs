@@ -2,48 +2,48 @@
 
 use std::sync::Arc;
 
-use super::body::{blows, heard};
-use super::budget::Budget;
-use super::choice::Choice;
-use super::linear::NoModes;
-use super::memo::Memo;
-use super::mesh::{self, Ways};
-use super::modes::{Modes, Row};
-use super::slow::slow;
-use super::split::{Own, split};
-use super::wiring::{Body, Wiring};
 use crate::island::inside::Inside;
 use crate::island::modal::{Modal, Mode, Port, Struck};
 use crate::network::forest::ends;
 use crate::network::{Network, Subset, Term};
+use crate::plan::budget::Budget;
+use crate::plan::choice::Choice;
+use crate::plan::passes::body::{blows, heard};
+use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::mesh::{self, Ways};
+use crate::plan::passes::modes::{Modes, Row};
+use crate::plan::passes::slow::slow;
+use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::split::{Own, split};
+use crate::plan::passes::wiring::{Body, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
 /// An island cut into what is stepped and bodies.
-pub(super) struct Cut {
+pub(in crate::plan) struct Cut {
     /// What is stepped; ports of bodies are masses in it.
-    pub(super) hub: Subset,
-    pub(super) own: Own,
-    pub(super) bodies: Vec<Found>,
+    pub(in crate::plan) hub: Subset,
+    pub(in crate::plan) own: Own,
+    pub(in crate::plan) bodies: Vec<Found>,
 }
 
 /// A body that was found.
 #[derive(Clone)]
-pub(super) struct Found {
-    pub(super) inside: Inside,
+pub(in crate::plan) struct Found {
+    pub(in crate::plan) inside: Inside,
     /// MATs and LIAs that are no longer stepped.
-    pub(super) mats: usize,
-    pub(super) links: usize,
-    pub(super) parts: Vec<String>,
+    pub(in crate::plan) mats: usize,
+    pub(in crate::plan) links: usize,
+    pub(in crate::plan) parts: Vec<String>,
     /// Of modes: how many there are, which are computed, and how loud the others would be together [dB].
-    pub(super) of: usize,
-    pub(super) kept: Vec<u32>,
-    pub(super) left_out: Option<f64>,
+    pub(in crate::plan) of: usize,
+    pub(in crate::plan) kept: Vec<u32>,
+    pub(in crate::plan) left_out: Option<f64>,
 }
 
 /// Cut bodies out of an island: linear ones by their modes, other meshes by a method of their own. `None` where
 /// it has none worth it. Also why some were not.
-pub(super) fn cut(
+pub(in crate::plan) fn cut(
     island: &Subset,
     timeline: &Timeline,
     budget: &Budget,
@@ -87,7 +87,7 @@ pub(super) fn cut(
 
 impl Found {
     /// What was decided, as numbers of a plan.
-    pub(super) fn numbers(&self) -> Vec<u32> {
+    pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         match &self.inside {
             Inside::Modal(_) => self.kept.clone(),
             Inside::Mesh(mesh) => mesh::numbers(mesh),
@@ -97,7 +97,7 @@ impl Found {
 }
 
 /// An island that nothing is cut out of.
-pub(super) fn whole(island: &Subset, own: &Own, timeline: Timeline) -> Cut {
+pub(in crate::plan) fn whole(island: &Subset, own: &Own, timeline: Timeline) -> Cut {
     let all = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
         mats: all(island.mats.len()),
@@ -274,7 +274,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut 
         bodies.push(Found {
             mats: body.mats.len(),
             links: body.links.len(),
-            parts: super::row::parts_of(network, &body.mats),
+            parts: network.parts_of(&body.mats),
             left_out: None,
             of,
             kept: (0..of as u32).collect(),
@@ -306,7 +306,7 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
 }
 
 /// The ports of a body as masses that move as freely.
-pub(super) fn loosen(hub: &mut Network, inside: &Inside) {
+pub(in crate::plan) fn loosen(hub: &mut Network, inside: &Inside) {
     match inside {
         Inside::Modal(modal) => {
             let step = modal.rate.step();

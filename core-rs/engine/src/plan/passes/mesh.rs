@@ -3,18 +3,18 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use super::body::heard;
-use super::budget::Budget;
-use super::wiring::Body;
 use crate::integrate::{Way, certify};
 use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::Network;
+use crate::plan::budget::Budget;
+use crate::plan::passes::body::heard;
+use crate::plan::passes::wiring::Body;
 use crate::timeline::{Timeline, pushes};
 use crate::units::Rate;
 
 /// Methods by what they cost a frame, in steps of CA (docs/benchmarks.md); the last cannot diverge.
-pub(super) const LADDER: [(Way, u32, f64); 10] = [
+pub(in crate::plan) const LADDER: [(Way, u32, f64); 10] = [
     (Way::Ca, 1, 1.0),
     (Way::Ca2p, 1, 1.5),
     (Way::Ca, 2, 2.0),
@@ -29,7 +29,7 @@ pub(super) const LADDER: [(Way, u32, f64); 10] = [
 
 /// How meshes are to go.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Ways<'a> {
+pub(in crate::plan) enum Ways<'a> {
     /// By the budget.
     Budget,
     /// By what cannot diverge.
@@ -52,7 +52,7 @@ fn cents(way: Way, x: f64) -> f64 {
 
 /// A mesh by the cheapest method that is exact enough and stable; `None` where that is CA once a frame, which
 /// needs no mesh, or where there is none.
-pub(super) fn mesh(
+pub(in crate::plan) fn mesh(
     network: &Network,
     timeline: &Timeline,
     body: &Body,
@@ -116,7 +116,7 @@ pub(super) fn mesh(
 }
 
 /// A mesh's method, as numbers of a plan.
-pub(super) fn numbers(mesh: &Mesh) -> Vec<u32> {
+pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
     let way = Way::ALL.iter().position(|&way| way == mesh.way);
     vec![way.unwrap_or(0) as u32, mesh.substeps]
 }

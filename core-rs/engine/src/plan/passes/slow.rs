@@ -6,8 +6,6 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::body::heard;
-use super::wiring::Body;
 use crate::gesture::script::Touch;
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
@@ -15,6 +13,8 @@ use crate::island::slow::Slow;
 use crate::maths;
 use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, MatKind, Network, Subset, Term};
+use crate::plan::passes::body::heard;
+use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
@@ -27,17 +27,17 @@ const TURN_MAX: f64 = 0.9 * PI;
 const LOOSE: f64 = 1e-12;
 
 /// A part that was to be slow and is not: its name, and why.
-pub(super) type Stays = (String, String);
+pub(in crate::plan) type Stays = (String, String);
 
 /// What was found.
 #[derive(Default)]
-pub(super) struct Found {
-    pub(super) bodies: Vec<(Body, Slow)>,
-    pub(super) stay: Vec<Stays>,
+pub(in crate::plan) struct Found {
+    pub(in crate::plan) bodies: Vec<(Body, Slow)>,
+    pub(in crate::plan) stay: Vec<Stays>,
 }
 
 /// The slow bodies of a network, by its parts' own rates.
-pub(super) fn slow(network: &Network, timeline: &Timeline) -> Found {
+pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> Found {
     let mut found = Found::default();
     for (part, own) in network.parts().iter().enumerate() {
         let is_here = || network.mats().part.contains(&(part as u32));

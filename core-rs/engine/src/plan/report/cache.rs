@@ -4,11 +4,11 @@ use std::fmt::{self, Write};
 
 use sha2::{Digest, Sha256};
 
-use super::budget::Budget;
-use super::choice::another;
-use super::linear::NoModes;
-use super::row::{Measured, Row, What};
 use crate::network::{Error, Network};
+use crate::plan::budget::Budget;
+use crate::plan::choice::another;
+use crate::plan::passes::linear::NoModes;
+use crate::plan::report::row::{Measured, Row, What};
 use crate::timeline::Timeline;
 
 /// What a row says that its choice does not: a pilot found it.
@@ -44,7 +44,7 @@ impl Write for Sink {
 }
 
 /// Give rows back what was told of them; refused where it was told of others.
-pub(super) fn recall(rows: &mut [Row], told: &[Told]) -> Result<(), Error> {
+pub(in crate::plan) fn recall(rows: &mut [Row], told: &[Told]) -> Result<(), Error> {
     if rows.len() != told.len() {
         return Err(another());
     }

@@ -1,16 +1,18 @@
 //! The search for an island that is exact enough: its meshes by better methods, all of it more often.
 
-use super::apart::{ORDERS, Spans, difference, errors};
+use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 use std::cell::OnceCell;
 
-use super::assemble::Assembled;
-use super::budget::Budget;
-use super::mesh::Ways;
-use super::parting::{Pair, Parting, Stretches};
-use super::pilot::{TIMES_MAX, Take, is_worth, play};
 use crate::integrate::Way;
 use crate::network::Error;
+use crate::plan::budget::Budget;
+use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::mesh::Ways;
+use crate::plan::trial::chaos::{Pair, Parting, Stretches};
+use crate::plan::trial::take::{Take, is_worth, play};
 
+/// An island is stepped at most so often a frame.
+pub(in crate::plan) const TIMES_MAX: u32 = 8;
 /// Methods of meshes where the budget's first is not exact enough, each dearer than the one before.
 const RUNGS: [(Way, u32); 5] = [
     (Way::Ca2p, 1),
@@ -20,30 +22,30 @@ const RUNGS: [(Way, u32); 5] = [
     (Way::Bm4, 4),
 ];
 /// The way to an island that is exact enough: meshes by better methods, all of it more often.
-pub(super) struct Search<'a, F> {
-    pub(super) assemble: &'a F,
-    pub(super) spans: &'a Spans,
+pub(in crate::plan) struct Search<'a, F> {
+    pub(in crate::plan) assemble: &'a F,
+    pub(in crate::plan) spans: &'a Spans,
     /// Of the first take that was not lost.
-    pub(super) stretches: &'a OnceCell<Stretches>,
+    pub(in crate::plan) stretches: &'a OnceCell<Stretches>,
     /// How often a frame contacts are computed, whatever the rate.
-    pub(super) once: usize,
-    pub(super) n_frames: usize,
+    pub(in crate::plan) once: usize,
+    pub(in crate::plan) n_frames: usize,
 }
 
 /// An island on that way.
-pub(super) struct Standing {
-    pub(super) island: Assembled,
+pub(in crate::plan) struct Standing {
+    pub(in crate::plan) island: Assembled,
     /// Which of `RUNGS` its meshes go by; `None`: as the budget said.
-    pub(super) rung: Option<usize>,
-    pub(super) times: u32,
-    pub(super) steps: usize,
-    pub(super) take: Take,
+    pub(in crate::plan) rung: Option<usize>,
+    pub(in crate::plan) times: u32,
+    pub(in crate::plan) steps: usize,
+    pub(in crate::plan) take: Take,
     /// Its error by what half the step changes [dB]; infinite where it is lost.
-    pub(super) own: f64,
+    pub(in crate::plan) own: f64,
     /// What that change was.
-    pub(super) change: f64,
+    pub(in crate::plan) change: f64,
     /// Where it is chaotic.
-    pub(super) parting: Option<Parting>,
+    pub(in crate::plan) parting: Option<Parting>,
 }
 
 /// A step on the way is worth it where it gains so much [dB]: by another method, and by a higher rate.
@@ -75,13 +77,13 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// Half the step by the same methods, else a finer plan could be the same one; `None` where it would take long to
     /// play, or is not stable.
-    pub(super) fn finer(&self, island: &Assembled) -> Option<Assembled> {
+    pub(in crate::plan) fn finer(&self, island: &Assembled) -> Option<Assembled> {
         let finer = (self.assemble)((2 * island.isle.times, Ways::As(&island.ways()))).ok()?;
         is_worth(&finer.isle, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
     /// Hold an island that was played against half its step.
-    pub(super) fn hold(
+    pub(in crate::plan) fn hold(
         &self,
         island: Assembled,
         take: Take,
@@ -124,7 +126,11 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     /// As far as the budget asks, or as it helps.
-    pub(super) fn climb(&self, mut best: Standing, budget: &Budget) -> Result<Standing, Error> {
+    pub(in crate::plan) fn climb(
+        &self,
+        mut best: Standing,
+        budget: &Budget,
+    ) -> Result<Standing, Error> {
         let is_short = |best: &Standing| match (budget, &best.parting) {
             // Contacts and modes have their share too.
             (Budget::Error(_), None) => best.own > budget.contact(),

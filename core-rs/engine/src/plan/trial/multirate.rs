@@ -3,31 +3,27 @@
 
 use std::collections::BTreeSet;
 
-use super::apart::{Spans, difference};
-use super::assemble::Assembled;
-use super::budget::Budget;
-use super::macrostep::{self, Growth};
-use super::memo::Memo;
-use super::mesh::Ways;
-use super::pilot::{is_worth, length, play};
-use super::row::{self, Measured};
-use super::slow::{Stays, slow};
-use super::split::Own;
 use crate::island::inside::Inside;
 use crate::network::{Error, Network, Subset};
+use crate::plan::budget::Budget;
+use crate::plan::cost;
+use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::mesh::Ways;
+use crate::plan::passes::slow::{Stays, slow};
+use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::split::Own;
+use crate::plan::report::row::Measured;
+use crate::plan::trial::macrostep::{self, Growth};
+use crate::plan::trial::take::{is_worth, length, play};
+use crate::plan::trial::waveform_error::{Spans, difference};
 use crate::scheme::Word;
 
 /// A key is made slow where its modes turn by so much from kick to kick at most [rad]: R·√λ ≤ 1, R half of what its
 /// own stability would bear. In undamped scans none such grew.
 const TURN: f64 = 1.0;
 
-/// Whether any part of a network is to be slow.
-pub(super) fn is_asked(network: &Network) -> bool {
-    network.parts().iter().any(|part| part.every.is_some())
-}
-
 /// An island with only those of its parts slow that may be, as far as one sees without playing; and the others.
-pub(super) fn settle(subset: &Subset, own: &Own, budget: &Budget) -> (Subset, Vec<Stays>) {
+pub(in crate::plan) fn settle(subset: &Subset, own: &Own, budget: &Budget) -> (Subset, Vec<Stays>) {
     let stay = match budget {
         Budget::Method(_) => all(subset, "one method is asked for all"),
         Budget::Error(_) | Budget::Cents { .. } => slow(&subset.network, &own.timeline).stay,
@@ -36,7 +32,7 @@ pub(super) fn settle(subset: &Subset, own: &Own, budget: &Budget) -> (Subset, Ve
 }
 
 /// The parts here that are to be slow, with a reason for all of them.
-pub(super) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
+pub(in crate::plan) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
     let mats = subset.network.mats();
     let parts = subset.network.parts().iter().enumerate();
     let is_ours = |at: usize| mats.part.contains(&(at as u32));
@@ -47,7 +43,7 @@ pub(super) fn all(subset: &Subset, why: &str) -> Vec<Stays> {
 }
 
 /// The same island with some parts at every frame.
-pub(super) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
+pub(in crate::plan) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
     let stays = |name: &str| stay.iter().any(|(own, _)| own == name);
     Subset {
         network: subset
@@ -60,7 +56,12 @@ pub(super) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
 /// An island with its keys slow, where nobody asks for that and they may be; `None` where none is. What a key does to
 /// the sound is not known where hands or a session play it, and where the discrete network is the truth a plan
 /// changes no more than rounding does.
-pub(super) fn offer(subset: &Subset, own: &Own, budget: &Budget, every: u32) -> Option<Subset> {
+pub(in crate::plan) fn offer(
+    subset: &Subset,
+    own: &Own,
+    budget: &Budget,
+    every: u32,
+) -> Option<Subset> {
     let timeline = &own.timeline;
     if matches!(budget, Budget::Method(_)) || timeline.is_open || timeline.hands().next().is_some()
     {
@@ -88,7 +89,7 @@ pub(super) fn offer(subset: &Subset, own: &Own, budget: &Budget, every: u32) -> 
     let fits: BTreeSet<usize> = found
         .bodies
         .iter()
-        .filter(|(_, slow)| slow.turn <= TURN && row::saved(slow, timeline.rate) > 0.0)
+        .filter(|(_, slow)| slow.turn <= TURN && cost::saved(slow, timeline.rate) > 0.0)
         .map(|(_, slow)| slow.part)
         .collect();
     let fits =
@@ -111,7 +112,7 @@ fn is_more(network: &Network, than: &Network) -> bool {
 
 /// How much an island with slow parts grows from kick to kick; `None`: it has none. Where it does grow, why they
 /// cannot be slow.
-pub(super) fn certify(island: &Assembled) -> Result<Option<Growth>, String> {
+pub(in crate::plan) fn certify(island: &Assembled) -> Result<Option<Growth>, String> {
     let bodies = &island.isle.bodies;
     if !bodies.iter().any(|body| matches!(body, Inside::Slow(_))) {
         return Ok(None);
@@ -128,7 +129,7 @@ pub(super) fn certify(island: &Assembled) -> Result<Option<Growth>, String> {
 
 /// What slow parts change of the sound [dB], and over how long [s]: an island is played beside the same with kicks at
 /// every frame. `None` where that would take long.
-pub(super) fn error(
+pub(in crate::plan) fn error(
     subset: &Subset,
     own: &Own,
     budget: &Budget,
@@ -163,6 +164,6 @@ pub(super) fn error(
 }
 
 /// How sure a certificate is of an island whose other links say `word`.
-pub(super) fn word(growth: Growth, word: Word) -> Word {
+pub(in crate::plan) fn word(growth: Growth, word: Word) -> Word {
     if growth.is_tried { Word::Tried } else { word }
 }

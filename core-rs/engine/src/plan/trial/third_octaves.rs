@@ -18,7 +18,7 @@ const MISSING: f64 = 1e-10;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: third octaves
 /// within 60 dB of its strongest, of all outputs together, each as loud as the others there.
-pub(super) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
+pub(in crate::plan) fn levels_apart(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
     let bands = bands(n_frames, rate);
     let (mut ours, mut theirs) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);

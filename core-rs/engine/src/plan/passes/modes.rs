@@ -1,8 +1,8 @@
 //! A linear body as its modes, seen from where it is struck and heard.
 
-use super::linear::{Linear, NoModes};
 use crate::cell::{Cell, Ratios};
 use crate::network::Network;
+use crate::plan::passes::linear::{Linear, NoModes};
 use crate::spectrum::whole;
 use crate::units::Rate;
 
@@ -92,7 +92,7 @@ impl Modes {
     }
 
     /// The same, seen by some of the rows only.
-    pub(super) fn seen_by(&self, rows: &[usize]) -> Self {
+    pub(in crate::plan) fn seen_by(&self, rows: &[usize]) -> Self {
         Self {
             lambda: self.lambda.clone(),
             zeta: self.zeta.clone(),

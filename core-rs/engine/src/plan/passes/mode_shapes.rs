@@ -1,7 +1,7 @@
 //! A body seen whole: where every one of its MATs is, by the amplitudes of its modes, and the other way.
 
-use super::modes::{Modes, Row};
 use crate::network::Network;
+use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
 
 /// Which way a body is seen: tables lie so that they are read in order.

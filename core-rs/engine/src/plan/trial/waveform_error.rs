@@ -1,17 +1,17 @@
 //! How far apart two takes of one beginning are, and what errors that tells.
 
-use super::Isle;
-use super::pilot::AFTER;
 use crate::maths::{log10, pow, sqrt};
+use crate::plan::Isle;
+use crate::plan::trial::take::AFTER;
 
 /// Error of a contact falls with the square of the step at best, with its first power where damping jumps.
-pub(super) const ORDERS: (f64, f64) = (1.0, 2.0);
+pub(in crate::plan) const ORDERS: (f64, f64) = (1.0, 2.0);
 /// By so much an error of order 1 falls with a doubling [dB].
 const DOUBLING: f64 = 6.02;
 
 /// Errors of S and of 2S [dB] by what they differ by, and S/2 and S before them: a change that falls faster than
 /// by the order `most` is luck, for it matters where between two instants a contact closes.
-pub(super) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
+pub(in crate::plan) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
     let least = ORDERS.0;
     let believed = last.map_or(change, |last| change.max(last - most * DOUBLING));
     let order = last.map_or(least, |last| {
@@ -25,15 +25,15 @@ pub(super) fn errors(change: f64, last: Option<f64>, most: f64) -> (f64, f64) {
 }
 
 /// Where sounds are compared: from the start to a third of the time after the first event, to two thirds, to all.
-pub(super) struct Spans {
-    pub(super) n_out: usize,
+pub(in crate::plan) struct Spans {
+    pub(in crate::plan) n_out: usize,
     /// Frames a second [Hz].
-    pub(super) rate: f64,
+    pub(in crate::plan) rate: f64,
     frames: [usize; 3],
 }
 
 impl Spans {
-    pub(super) fn of(isle: &Isle, n_frames: usize) -> Self {
+    pub(in crate::plan) fn of(isle: &Isle, n_frames: usize) -> Self {
         let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
         let third = (AFTER / 3.0 * rate) as usize;
         Self {
@@ -44,13 +44,13 @@ impl Spans {
     }
 
     /// The first event [frames].
-    pub(super) fn event(&self) -> usize {
+    pub(in crate::plan) fn event(&self) -> usize {
         let [first, second, all] = self.frames;
         first.saturating_sub(all - second)
     }
 
     /// Only so many frames.
-    pub(super) fn within(&self, n_frames: usize) -> Self {
+    pub(in crate::plan) fn within(&self, n_frames: usize) -> Self {
         Self {
             frames: self.frames.map(|n| n.min(n_frames)),
             ..*self
@@ -59,7 +59,7 @@ impl Spans {
 }
 
 /// ‖a − b‖ / ‖b‖ [dB] of the output and over the span where it is worst; that something stands aside is no sound.
-pub(super) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
+pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
     let of = |output: usize, n_frames: usize| {
         let own = |x: &[f64]| -> Vec<f64> {
             let own = x.iter().skip(output).step_by(spans.n_out);

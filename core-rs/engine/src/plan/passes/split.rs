@@ -7,17 +7,17 @@ use crate::network::Subset;
 use crate::timeline::{Drive, Ergon, Glide, Strike, Timeline};
 
 /// An island's own timeline, and what its keys and gestures are in the whole.
-pub(super) struct Own {
-    pub(super) timeline: Timeline,
-    pub(super) keys: Vec<u32>,
-    pub(super) gestures: Vec<u32>,
+pub(in crate::plan) struct Own {
+    pub(in crate::plan) timeline: Timeline,
+    pub(in crate::plan) keys: Vec<u32>,
+    pub(in crate::plan) gestures: Vec<u32>,
 }
 
 /// Where a module is: index of the subset, local index in it.
 type Home = (usize, usize);
 
 /// Each subset with its share. What happens to nothing that is kept is forgotten.
-pub(super) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, Own)> {
+pub(in crate::plan) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, Own)> {
     let homes = homes(&subsets, timeline);
     let home = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
     let mut own: Vec<Own> = subsets

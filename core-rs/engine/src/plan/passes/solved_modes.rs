@@ -3,14 +3,14 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use super::linear::NoModes;
-use super::modes::{Modes, Row};
 use crate::network::Network;
+use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
 
 /// The modes of one body, as far as anybody asked for them.
 #[derive(Debug)]
-pub(super) struct Solved {
+pub(in crate::plan) struct Solved {
     network: Network,
     rate: Rate,
     rows: Vec<Row>,
@@ -19,13 +19,13 @@ pub(super) struct Solved {
 
 /// What is known of bodies, and what a plan on its way finds out.
 #[derive(Default)]
-pub(super) struct Memo<'a> {
+pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<Solved>],
     found: RefCell<Vec<Arc<Solved>>>,
 }
 
 impl<'a> Memo<'a> {
-    pub(super) fn new(known: &'a [Arc<Solved>]) -> Self {
+    pub(in crate::plan) fn new(known: &'a [Arc<Solved>]) -> Self {
         Self {
             known,
             found: RefCell::default(),
@@ -33,12 +33,12 @@ impl<'a> Memo<'a> {
     }
 
     /// For the next plan.
-    pub(super) fn found(self) -> Vec<Arc<Solved>> {
+    pub(in crate::plan) fn found(self) -> Vec<Arc<Solved>> {
         self.found.into_inner()
     }
 
     /// As [`Modes::new`], to the last bit: each row is turned by itself.
-    pub(super) fn modes(
+    pub(in crate::plan) fn modes(
         &self,
         network: &Network,
         rows: &[Row],

@@ -5,10 +5,10 @@
 
 use nalgebra::DMatrix;
 
-use super::Isle;
 use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::slow::{Playing, Slow};
+use crate::plan::Isle;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
@@ -24,21 +24,21 @@ const FRAMES_MAX: u64 = 20_000;
 
 /// How much an island grows from kick to kick.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Growth {
+pub(in crate::plan) struct Growth {
     /// Largest eigenvalue.
-    pub(super) radius: f64,
+    pub(in crate::plan) radius: f64,
     /// It was followed for a while only, or some of it was left aside.
-    pub(super) is_tried: bool,
+    pub(in crate::plan) is_tried: bool,
 }
 
 impl Growth {
-    pub(super) fn is_stable(self) -> bool {
+    pub(in crate::plan) fn is_stable(self) -> bool {
         self.radius <= 1.0 + if self.is_tried { BEATS } else { ROUNDING }
     }
 }
 
 /// How much an island grows, with its contacts open or closed.
-pub(super) fn growth(isle: &Isle) -> Growth {
+pub(in crate::plan) fn growth(isle: &Isle) -> Growth {
     let mut found = Growth {
         radius: 0.0,
         is_tried: false,

@@ -5,13 +5,13 @@
 //! where it grows faster than that the part is chaotic. Then waveforms tell of the time until they part,
 //! and after it what is left to compare is the spectrum.
 
-use super::Isle;
-use super::apart::{ORDERS, Spans, errors};
-use super::bands::levels_apart;
-use super::pilot::{LOOK, Take, nudged};
 use crate::island::inside::Inside;
 use crate::maths::{log10, sqrt};
 use crate::network::{Error, LinkKind, Network};
+use crate::plan::Isle;
+use crate::plan::trial::take::{LOOK, Take, nudged};
+use crate::plan::trial::third_octaves::levels_apart;
+use crate::plan::trial::waveform_error::{ORDERS, Spans, errors};
 
 /// The first stretch that takes are compared over [s]; each is as long as all before it.
 const FIRST: f64 = 1.25e-3;
@@ -30,7 +30,7 @@ const LEAST: f64 = -120.0;
 
 /// Stretches of time after the first sound, each up to twice the time.
 #[derive(Clone, Debug)]
-pub(super) struct Stretches {
+pub(in crate::plan) struct Stretches {
     n_out: usize,
     /// Frames: where the first begins, and where each ends.
     edges: Vec<usize>,
@@ -46,29 +46,29 @@ struct Profile {
 
 /// What two takes, one of half the step, say of each other where they part for good.
 #[derive(Clone, Debug)]
-pub(super) struct Parting {
+pub(in crate::plan) struct Parting {
     /// Error from the first sound to the end of each stretch [dB].
     upto: Vec<f64>,
     /// Over the attack.
-    pub(super) attack: f64,
+    pub(in crate::plan) attack: f64,
     /// How much a nudge grows over the attack [dB].
     grows: f64,
     /// Mean difference of third octaves [dB].
-    pub(super) spectral: f64,
+    pub(in crate::plan) spectral: f64,
 }
 
 /// Two takes of an island, the second one of half the step, and by which errors each is judged.
 #[derive(Clone, Copy)]
-pub(super) struct Pair<'a> {
-    pub(super) take: &'a Take,
-    pub(super) finer: &'a Take,
-    pub(super) spans: &'a Spans,
-    pub(super) stretches: &'a Stretches,
+pub(in crate::plan) struct Pair<'a> {
+    pub(in crate::plan) take: &'a Take,
+    pub(in crate::plan) finer: &'a Take,
+    pub(in crate::plan) spans: &'a Spans,
+    pub(in crate::plan) stretches: &'a Stretches,
 }
 
 impl Stretches {
     /// From the first sound after the event.
-    pub(super) fn of(sound: &[f64], spans: &Spans) -> Self {
+    pub(in crate::plan) fn of(sound: &[f64], spans: &Spans) -> Self {
         let (n_out, from) = (spans.n_out.max(1), spans.event());
         let start = &sound[(from * n_out).min(sound.len())..];
         let size = |frame: &[f64], output: usize| (frame[output] - start[output]).abs();
@@ -166,13 +166,17 @@ impl Pair<'_> {
     }
 
     /// Frames until they part; one stretch at least.
-    pub(super) fn together(&self) -> Option<usize> {
+    pub(in crate::plan) fn together(&self) -> Option<usize> {
         Some(self.stretches.edges[self.parts_at()?.max(1)])
     }
 
     /// What they say where they part, and a nudge has the take part from itself; `None` where that is not so: then
     /// finer steps bring takes together.
-    pub(super) fn parting(&self, isle: &Isle, steps: usize) -> Result<Option<Parting>, Error> {
+    pub(in crate::plan) fn parting(
+        &self,
+        isle: &Isle,
+        steps: usize,
+    ) -> Result<Option<Parting>, Error> {
         if self.take.is_lost || self.parts_at().is_none() || is_linear(isle) {
             return Ok(None);
         }
@@ -237,7 +241,7 @@ fn is_chaotic(grown: &[Option<f64>]) -> bool {
 
 impl Parting {
     /// What another pair says of the same, by the errors of the finer one where `is_finer`.
-    pub(super) fn again(&self, pair: &Pair<'_>, is_finer: bool) -> Self {
+    pub(in crate::plan) fn again(&self, pair: &Pair<'_>, is_finer: bool) -> Self {
         pair.told(
             self.grows,
             if is_finer {
@@ -249,12 +253,12 @@ impl Parting {
     }
 
     /// Whether an attack of so small an error [dB] is more than a wish.
-    pub(super) fn may_have(&self, attack: f64) -> bool {
+    pub(in crate::plan) fn may_have(&self, attack: f64) -> bool {
         attack - self.grows > LEAST
     }
 
     /// With errors that something else adds.
-    pub(super) fn with(mut self, other: Option<&Self>) -> Self {
+    pub(in crate::plan) fn with(mut self, other: Option<&Self>) -> Self {
         for (own, other) in self
             .upto
             .iter_mut()
@@ -267,7 +271,7 @@ impl Parting {
 
     /// The error, and until what frame it is that: as long as it is what is `asked` for, or where it never is, as
     /// long as takes agree at all.
-    pub(super) fn until(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
+    pub(in crate::plan) fn until(&self, asked: f64, stretches: &Stretches) -> (f64, usize) {
         let of = |most: f64| self.upto.iter().take_while(|db| **db <= most).count();
         let n = [of(asked), of(PARTED), 1]
             .into_iter()

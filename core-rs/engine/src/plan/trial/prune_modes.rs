@@ -1,21 +1,21 @@
 //! Which modes of the bodies in an island are computed: those that are heard, by what a pilot told.
 
-use super::Isle;
-use super::apart::{Spans, difference};
-use super::assemble::Assembled;
-use super::budget::Budget;
-use super::pilot::{Take, is_worth, play};
-use super::truncate::{Kept, choose};
 use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};
+use crate::plan::Isle;
+use crate::plan::budget::Budget;
+use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::truncate::{Kept, choose};
+use crate::plan::trial::take::{Take, is_worth, play};
+use crate::plan::trial::waveform_error::{Spans, difference};
 
 /// So often fewer modes are tried, each time quieter ones by at least so much [dB].
 const TRIES: usize = 4;
 const QUIETER: f64 = 2.0;
 /// An island without the modes that are not heard: those that energies tell, then tested by ear.
-pub(super) fn fewer(
+pub(in crate::plan) fn fewer(
     island: &Assembled,
     (steps, take): (usize, &Take),
     n_frames: usize,
@@ -29,7 +29,14 @@ pub(super) fn fewer(
         });
         island.clone().only(steps, kept.collect())
     };
-    let count = |island: &Assembled| island.isle.bodies.iter().map(modes).sum::<usize>();
+    let count = |island: &Assembled| {
+        island
+            .isle
+            .bodies
+            .iter()
+            .map(Inside::n_modes)
+            .sum::<usize>()
+    };
     let Some(most) = budget.left_out() else {
         return Ok(with(None));
     };
@@ -60,14 +67,6 @@ pub(super) fn fewer(
         allowed -= (loud - most).max(QUIETER);
     }
     Ok(all)
-}
-
-/// How many modes a body goes by.
-pub(super) fn modes(body: &Inside) -> usize {
-    match body {
-        Inside::Modal(modal) => modal.modes.len(),
-        Inside::Mesh(_) | Inside::Slow(_) => 0,
-    }
 }
 
 /// The modes of a body that its outputs hear and its ports feel.

@@ -1,0 +1,18 @@
+//! The passes that find what is computed and how: islands, bodies, methods. Nothing is played here.
+
+pub(in crate::plan) mod assemble;
+pub(in crate::plan) mod body;
+pub(in crate::plan) mod cells;
+pub(in crate::plan) mod degenerate_modes;
+pub(in crate::plan) mod islands;
+pub(in crate::plan) mod linear;
+pub(in crate::plan) mod loudness;
+pub(in crate::plan) mod mesh;
+pub(in crate::plan) mod mode_shapes;
+pub(in crate::plan) mod modes;
+pub(in crate::plan) mod ported;
+pub(in crate::plan) mod slow;
+pub(in crate::plan) mod solved_modes;
+pub(in crate::plan) mod split;
+pub(in crate::plan) mod truncate;
+pub(in crate::plan) mod wiring;

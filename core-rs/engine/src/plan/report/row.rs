@@ -1,0 +1,225 @@
+//! What a plan tells of itself: a row for everything that is computed together, and for all that is not.
+
+use crate::integrate::certify;
+use crate::island::inside::Inside;
+use crate::network::{Network, Subset};
+use crate::plan::BankPlan;
+use crate::plan::cost::{self, Costs};
+use crate::plan::passes::body::Body;
+use crate::plan::passes::islands::Island;
+use crate::plan::passes::ported::Found;
+use crate::scheme::{Certificate, Word};
+use crate::timeline::Timeline;
+
+/// Why something is not computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// No output listens to it, or to anything it can move.
+    Unheard,
+    /// Nothing ever moves it.
+    Still,
+}
+
+/// How modules are computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum What {
+    /// Module by module, by the CA scheme.
+    Stepped,
+    /// Each isolated CEL by its own poles.
+    Oscillators,
+    /// As modes: how many there are, how many are computed, and how loud the others would be [dB].
+    Modes {
+        /// All of the body's.
+        of: usize,
+        /// Those computed.
+        kept: usize,
+        /// The others together, relative to all.
+        left_out: Option<f64>,
+    },
+    /// As a mesh, by a method of its own: its name, and steps a frame.
+    Mesh(&'static str, u32),
+    /// By its exact flow, once every so many frames.
+    Slow(u32),
+    /// Not at all.
+    LeftOut(Reason),
+}
+
+/// An error that a pilot measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Of the waveform [dB].
+    pub db: f64,
+    /// Over how long from the start [s].
+    pub over: f64,
+    /// Where no two ways of computing give the same waveform for longer: how far third octaves are apart after
+    /// all, in the mean [dB].
+    pub spectral: Option<f64>,
+}
+
+/// A row of a plan.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The parts whose modules these are.
+    pub parts: Vec<String>,
+    /// MATs that move.
+    pub mats: usize,
+    /// LIAs.
+    pub links: usize,
+    /// How they are computed.
+    pub what: What,
+    /// Seconds of work for a second of sound, by the table of costs.
+    pub cost: f64,
+    /// Whether it can diverge; `None` where nothing is computed.
+    pub word: Option<Word>,
+    /// How often a frame it is stepped.
+    pub times: u32,
+    /// How often a step its contacts are computed while they may be closed.
+    pub steps: usize,
+    /// The error that a pilot measured; `None`: exact, but for what is left out.
+    pub error: Option<Measured>,
+    /// Why it is not computed in a better way.
+    pub because: Option<String>,
+    /// Largest eigenvalue of what slow parts and all that they touch do from kick to kick; `None`: none is slow.
+    pub radius: Option<f64>,
+    /// Parts that have a rate of their own and go at every frame all the same, and why.
+    pub stays: Option<String>,
+    /// It is slow for the planner's own reasons: so its island costs less.
+    pub is_offered: bool,
+}
+
+/// Slow parts are called preserved where so many frames lie between their kicks at most, and their error is no more
+/// than [dB].
+pub(in crate::plan) const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
+
+impl Row {
+    /// Whether a slow part sounds as at every frame, as far as a pilot heard.
+    pub fn is_preserved(&self) -> bool {
+        let (What::Slow(every), Some(error)) = (self.what, self.error) else {
+            return false;
+        };
+        let every = every / self.times.max(1);
+        PRESERVED
+            .iter()
+            .any(|&(most, db)| every <= most && error.db <= db)
+    }
+
+    /// A row of parts, their MATs that move and their LIAs; nothing else is known of them yet.
+    fn new(parts: Vec<String>, [mats, links]: [usize; 2], what: What) -> Self {
+        Self {
+            parts,
+            mats,
+            links,
+            what,
+            cost: 0.0,
+            word: None,
+            times: 1,
+            steps: 1,
+            error: None,
+            because: None,
+            radius: None,
+            stays: None,
+            is_offered: false,
+        }
+    }
+
+    /// What a second of sound costs, from nanoseconds a frame, and whether it can diverge.
+    fn costing(self, ns: f64, timeline: &Timeline, word: Word) -> Self {
+        Self {
+            cost: cost::seconds(ns, timeline),
+            word: Some(word),
+            ..self
+        }
+    }
+
+    pub(in crate::plan) fn left_out(network: &Network, island: &Island, reason: Reason) -> Self {
+        let mats = network.mats();
+        let part = mats.part[island.mats[0] as usize] as usize;
+        let is_free = |mat: &&u32| mats.kind[**mat as usize].moves();
+        let counts = [
+            island.mats.iter().filter(is_free).count(),
+            island.links.len(),
+        ];
+        let parts = vec![network.parts()[part].name.clone()];
+        Self::new(parts, counts, What::LeftOut(reason))
+    }
+
+    pub(in crate::plan) fn stepped(
+        network: &Network,
+        timeline: &Timeline,
+        certificate: Certificate,
+    ) -> Self {
+        let ns = cost::stepped_cost(network, timeline);
+        Self::of(network, What::Stepped).costing(ns, timeline, certificate.word)
+    }
+
+    /// A body inside an island: followed frame by frame.
+    pub(in crate::plan) fn ported(found: &Found, timeline: &Timeline) -> Self {
+        let what = match &found.inside {
+            Inside::Modal(modal) => What::Modes {
+                of: found.of,
+                kept: modal.modes.len(),
+                left_out: found.left_out,
+            },
+            Inside::Mesh(mesh) => What::Mesh(mesh.way.facts().name, mesh.substeps),
+            Inside::Slow(slow) => What::Slow(slow.flow.every),
+        };
+        let ns = cost::body_cost(&found.inside);
+        Self::new(found.parts.clone(), [found.mats, found.links], what).costing(
+            ns,
+            timeline,
+            word(&found.inside),
+        )
+    }
+
+    pub(in crate::plan) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
+        let what = What::Modes {
+            of: body.modes,
+            kept: body.kept.modes.len(),
+            left_out: body.kept.left_out,
+        };
+        let ns = cost::bank_cost(&body.bank);
+        Self::of(&subset.network, what).costing(ns, timeline, Word::Proved)
+    }
+
+    /// All of a network.
+    fn of(network: &Network, what: What) -> Self {
+        let counts = [network.n_moving(), network.n_lia()];
+        Self::new(network.moving_parts(), counts, what)
+    }
+}
+
+/// A row for each part that has isolated CELs.
+pub(in crate::plan) fn cells(
+    network: &Network,
+    banks: &[BankPlan],
+    timeline: &Timeline,
+) -> Vec<Row> {
+    let mut counts = vec![0_usize; network.parts().len()];
+    for (mat, _) in banks.iter().flat_map(|bank| &bank.mats) {
+        counts[network.mats().part[*mat as usize] as usize] += 1;
+    }
+    let parts = network.parts().iter().zip(counts);
+    parts
+        .filter(|(_, count)| *count > 0)
+        .map(|(part, count)| {
+            let ns = Costs::of("oscillator") * count as f64;
+            Row::new(vec![part.name.clone()], [count, 0], What::Oscillators).costing(
+                ns,
+                timeline,
+                Word::Proved,
+            )
+        })
+        .collect()
+}
+
+/// What is sure of a body: modes cannot diverge, but what pushes them may.
+fn word(inside: &Inside) -> Word {
+    match inside {
+        // Of a slow body the whole island's certificate tells.
+        Inside::Modal(_) | Inside::Slow(_) => Word::Guarded,
+        Inside::Mesh(mesh) => {
+            let found = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
+            found.map_or(Word::Tried, |found| found.word)
+        }
+    }
+}

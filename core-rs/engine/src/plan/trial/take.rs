@@ -1,0 +1,121 @@
+//! Playing the beginning of an island, and for how long that is worth it.
+
+use crate::island::{Island, OnFault, Options};
+use crate::kernel::crew::Crew;
+use crate::network::Error;
+use crate::plan::{Isle, cost};
+
+/// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
+pub(in crate::plan) const AFTER: f64 = 0.3;
+/// No contact until then: there is nothing to learn of contacts [s].
+const LONGEST: f64 = 10.0;
+/// A pilot that would take longer than this is not played [s].
+const WORTH: f64 = 0.5;
+/// Frames between two looks at the modes.
+pub(in crate::plan) const LOOK: usize = 64;
+
+/// One way through the beginning.
+#[derive(Clone)]
+pub(in crate::plan) struct Take {
+    /// (n_frames · n_out)
+    pub(in crate::plan) sound: Vec<f64>,
+    /// Square of the amplitude that each mode of each body reached.
+    pub(in crate::plan) squares: Vec<Vec<f64>>,
+    /// A part went beyond all bounds.
+    pub(in crate::plan) is_lost: bool,
+}
+
+/// Seconds of work for a frame, by the table of costs.
+fn work(isle: &Isle) -> f64 {
+    let bodies: f64 = isle.bodies.iter().map(cost::body_cost).sum();
+    1e-9 * f64::from(isle.times) * (cost::stepped_cost(&isle.network, &isle.timeline) + bodies)
+}
+
+pub(in crate::plan) fn is_worth(isle: &Isle, n_frames: usize) -> bool {
+    work(isle) * n_frames as f64 <= WORTH
+}
+
+/// How many frames a pilot takes; 0 where it would take long.
+pub(in crate::plan) fn length(isle: &Isle) -> Result<usize, Error> {
+    let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
+    let most = ((WORTH / work(isle)) as usize).min((LONGEST * rate) as usize);
+    let after = (AFTER * rate) as usize;
+    if isle.steps > 1 {
+        let mut island = island(isle, isle.steps)?;
+        let mut sound = vec![0.0; LOOK * island.n_out()];
+        for at in (0..most).step_by(LOOK) {
+            // Faults are muted: a pilot says nothing of them.
+            let _ = island.process(&mut sound, LOOK, &mut Crew::alone());
+            if island.has_touched() {
+                return Ok((at + after).min(most));
+            }
+        }
+        // Nothing touches: what there is to hear is the rest.
+    }
+    let timeline = &isle.timeline;
+    let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
+    let strikes = timeline.strikes.iter().map(|strike| strike.at);
+    let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
+    let inside = isle.bodies.iter().map(|body| body.first_strike() / rate);
+    let first = gestures.chain(strikes).chain(ergons).chain(inside);
+    let first = first.fold(f64::INFINITY, f64::min);
+    let first = if first.is_finite() {
+        first.max(0.0)
+    } else {
+        0.0
+    };
+    let n_frames = ((first * rate).min(1e12) as usize).saturating_add(after);
+    Ok(if n_frames <= most { n_frames } else { 0 })
+}
+
+fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
+    let options = Options {
+        ledger: false,
+        record: false,
+        on_fault: OnFault::Mute,
+        threads: 1,
+        unchecked: false,
+    };
+    Island::new(
+        isle.network.clone(),
+        &isle.timeline,
+        &isle.bodies,
+        (steps, isle.times),
+        options,
+    )
+}
+
+pub(in crate::plan) fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
+    nudged(isle, steps, n_frames, (n_frames, 1.0))
+}
+
+/// The same, with all speeds so many times as large at each step of a block.
+pub(in crate::plan) fn nudged(
+    isle: &Isle,
+    steps: usize,
+    n_frames: usize,
+    (block, by): (usize, f64),
+) -> Result<Take, Error> {
+    let mut island = island(isle, steps)?;
+    let n_out = island.n_out();
+    let mut sound = vec![0.0; n_frames * n_out];
+    let mut squares: Vec<Vec<f64>> = isle
+        .bodies
+        .iter()
+        .map(|body| vec![0.0; body.n_modes()])
+        .collect();
+    for (at, sound) in sound.chunks_mut((LOOK * n_out).max(1)).enumerate() {
+        if at * LOOK == block {
+            island.damp(by);
+        } else if at * LOOK == block + LOOK {
+            island.damp(1.0);
+        }
+        let _ = island.process(sound, sound.len() / n_out.max(1), &mut Crew::alone());
+        island.squares(&mut squares);
+    }
+    Ok(Take {
+        sound,
+        squares,
+        is_lost: !island.muted().is_empty(),
+    })
+}
