@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use ergon_engine::chance::Chance;
-use ergon_engine::gesture::script::Gesture;
-use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::gesture::script::{Gesture, Manner};
+use ergon_engine::gesture::written::{Way, Written};
 use ergon_engine::network;
 use ergon_engine::timeline::{self, Rain, Source};
 use numpy::PyReadonlyArray1;
@@ -72,7 +72,7 @@ impl Timeline {
             way: &way,
             sources: &sources,
         };
-        Gesture::written(key, &written, manner, self.inner.rate.hertz())
+        Gesture::written(key, &written, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
             .map_err(|error| refused("gesture", error))
     }
@@ -107,7 +107,7 @@ impl Timeline {
             .0
             .placed(at, scale, stretch, reverse)
             .map_err(|error| refused("take", error))?;
-        Gesture::taken(key, path, until, source, manner, self.inner.rate.hertz())
+        Gesture::taken(key, path, until, source, manner)
             .and_then(|gesture| self.inner.gesture(gesture))
             .map_err(|error| refused("take", error))
     }

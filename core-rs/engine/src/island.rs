@@ -28,7 +28,7 @@ pub(crate) use record::{Stream, Taken};
 
 use std::sync::Arc;
 
-use crate::gesture::script::{Gesture, Report};
+use crate::gesture::report::Report;
 use crate::guard::{self, Guard, Told};
 use crate::island::hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
@@ -39,6 +39,7 @@ use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use crate::timeline::{Drive, Ergon, Gate, Lean, Push};
 use crate::units::frame;
+use hand::framed::FramedGesture;
 
 use fault::Mutes;
 use ledger::Ledger;
@@ -47,7 +48,7 @@ use ledger::Ledger;
 #[derive(Clone, Debug)]
 pub(crate) struct Script {
     scheme: Scheme,
-    pub(crate) gestures: Vec<Arc<Gesture>>,
+    pub(crate) gestures: Vec<FramedGesture>,
     pub(crate) voices: Vec<VoiceScript>,
     pushes: Vec<Push>,
     ergons: Vec<Ergon>,

@@ -6,12 +6,13 @@
 mod bodies;
 mod carry;
 mod heirs;
+mod side;
 mod take_over;
 
 use std::sync::{Arc, Mutex};
 
 use crate::bank::Bank;
-use crate::gesture::script::Report;
+use crate::gesture::report::Report;
 use crate::island::{Island, Taken};
 use crate::kernel::crew::{Crew, flushed};
 use crate::network::{Error, Network};

@@ -9,8 +9,8 @@ mod push;
 use std::sync::Arc;
 
 use crate::chance::Chance;
+use crate::gesture::error::GestureError;
 use crate::gesture::script::Gesture;
-use crate::gesture::written::GestureError;
 use crate::network::Network;
 use crate::units::Rate;
 
@@ -131,13 +131,14 @@ impl Timeline {
     /// The same at `times` the rate; `None` where a gesture does not allow it.
     pub(crate) fn faster(&self, times: u32) -> Option<Self> {
         let rate = Rate::new(self.rate.hertz() * f64::from(times)).ok()?;
-        let gestures = self.gestures.iter();
-        let gestures = gestures.map(|gesture| gesture.at_rate(rate.hertz()).ok().map(Arc::new));
+        let mut gestures = self.gestures.iter();
+        if !gestures.all(|gesture| gesture.check_rate(rate.hertz()).is_ok()) {
+            return None;
+        }
         let gates = self.gates.iter();
         let glides = self.glides.iter();
         Some(Self {
             rate,
-            gestures: gestures.collect::<Option<_>>()?,
             gates: gates.map(|gate| gate.faster(u64::from(times))).collect(),
             glides: glides.map(|glide| glide.faster(u64::from(times))).collect(),
             drives: self
@@ -163,6 +164,7 @@ impl Timeline {
         if gesture.key >= self.keys.len() {
             return Err(GestureError::NoKey(gesture.key));
         }
+        gesture.check_rate(self.rate.hertz())?;
         self.gestures.push(Arc::new(gesture));
         Ok(self.gestures.len() - 1)
     }

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
-use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Way, Written};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan, What};
 use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
@@ -97,7 +97,7 @@ fn a_slow_key_does_not_allocate() {
             limit: None,
             layer: false,
         };
-        let gesture = Gesture::written(key, &written, manner, rate.hertz()).unwrap();
+        let gesture = Gesture::written(key, &written, manner).unwrap();
         timeline.gesture(gesture).unwrap();
     }
     timeline.strike(&network, struck, 0.23, 0.01, 0).unwrap();

@@ -1,15 +1,12 @@
-//! Written points and takes → legs of a gesture.
+//! Written points and takes → gestures.
 
 use std::sync::Arc;
 
+use super::error::GestureError;
 use super::placed::Placed;
 use super::profile::{Curve, PathError, Point, Profile};
 use super::quintic::Knot;
-use super::script::{Ergons, Gesture, Leg, Recipe, Touch};
-use crate::units::{floor_frame, frame};
-
-/// An instant this close before a frame [frames] falls on it: what dividing beats by tempo leaves.
-const SLACK: f64 = 1e-6;
+use super::script::{Ergons, Gesture, Manner, Stretch, Touch};
 
 /// The way into a written point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,23 +15,6 @@ pub enum Way {
     Path(Curve),
     /// One strike at the point before, then free.
     Throw,
-}
-
-/// How a gesture is played.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Manner {
-    /// How the hand holds the key.
-    pub touch: Touch,
-    /// What an ergon is.
-    pub ergons: Ergons,
-    /// Time between ergons along a path [s]; `None`: one a frame.
-    pub grain: Option<f64>,
-    /// Length of the joining curve [s].
-    pub join: f64,
-    /// Largest force of one ergon [N].
-    pub limit: Option<f64>,
-    /// Adds to what the key does already.
-    pub layer: bool,
 }
 
 /// Points of a narrative gesture, (n_points) each.
@@ -50,53 +30,12 @@ pub struct Written<'a> {
     pub sources: &'a [u32],
 }
 
-/// Why points make no gesture.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum GestureError {
-    /// A stretch of curves.
-    #[error(transparent)]
-    Path(#[from] PathError),
-    /// A gesture on a key that is not there.
-    #[error("there is no key {0}")]
-    NoKey(usize),
-    /// Arrays of different lengths.
-    #[error("a gesture has as many positions and curves as instants")]
-    Shape,
-    /// A throw with no frame between its ends.
-    #[error(
-        "point {index}: a throw needs time: from {from} s to {to} s there is not one audio sample"
-    )]
-    Short {
-        /// The point thrown to, from 0.
-        index: usize,
-        /// When it is struck [s].
-        from: f64,
-        /// When it is to be there [s].
-        to: f64,
-    },
-    /// Ergons that keep a key on its path cannot be launched before the path's forces are known.
-    #[error(
-        "tracked ergons are events: a particle flies before the force that it must give is known"
-    )]
-    TrackedParticle,
-    /// A joining time, force limit or grain that is no positive number.
-    #[error("{what} must be a positive number, not {value}")]
-    Positive {
-        /// Which.
-        what: &'static str,
-        /// What was given.
-        value: f64,
-    },
-}
-
 impl Gesture {
-    /// A narrative gesture on a key, at `rate` [Hz].
-    pub fn written(
-        key: usize,
-        points: &Written<'_>,
-        manner: Manner,
-        rate: f64,
-    ) -> Result<Self, GestureError> {
+    /// A narrative gesture on a key.
+    ///
+    /// # Errors
+    /// [`GestureError`] names the point at fault.
+    pub fn written(key: usize, points: &Written<'_>, manner: Manner) -> Result<Self, GestureError> {
         let n = points.t.len();
         if n == 0 {
             return Err(PathError::Empty.into());
@@ -109,87 +48,47 @@ impl Gesture {
             let (t, x) = (points.t[index], points.x[index]);
             return Err(PathError::NotFinite { index, t, x }.into());
         }
-        let legs = legs(points, rate)?;
         let source = |i: usize| points.sources.get(i).copied().unwrap_or(0);
-        let sources = (0..n)
-            .map(|i| (frame(points.t[i], rate), source(i)))
-            .collect();
-        let point = |i: usize| (points.t[i], points.x[i], points.way[i], source(i));
-        let recipe = Recipe::Written {
-            points: (0..n).map(point).collect(),
-            manner,
-        };
         Self::new(
             key,
-            recipe,
-            legs,
+            stretches(points)?,
             points.t[0],
             [points.x[0], points.x[n - 1]],
-            sources,
+            (0..n).map(|i| (points.t[i], source(i))).collect(),
             manner,
-            rate,
         )
     }
 
     /// A take on a key, cut at `until` [s].
+    ///
+    /// # Errors
+    /// [`GestureError`] where `manner` is none for it.
     pub fn taken(
         key: usize,
         path: Placed,
         until: Option<f64>,
         source: u32,
         manner: Manner,
-        rate: f64,
     ) -> Result<Self, GestureError> {
-        let (start, stop) = (
-            path.start(),
-            until.map_or(path.stop(), |until| until.min(path.stop())),
-        );
+        let start = path.start();
+        let stop = until.map_or(path.stop(), |until| until.min(path.stop()));
         let ends = [path.at(start).0, path.at(stop).0];
-        let recipe = Recipe::Taken {
-            path: path.clone(),
-            until,
-            source,
-            manner,
-        };
-        let legs = vec![Leg::Path {
-            path,
-            last: floor(stop, rate),
-        }];
-        let sources = vec![(0, source)];
-        Self::new(key, recipe, legs, start, ends, sources, manner, rate)
+        let stretches = vec![Stretch::Path { path, stop }];
+        // A take has no written points that a grain would have to meet: frame 0 is before all of them.
+        Self::new(key, stretches, start, ends, vec![(0.0, source)], manner)
     }
 
-    #[allow(clippy::too_many_arguments)] // private: the two constructors above are the doors
     fn new(
         key: usize,
-        recipe: Recipe,
-        legs: Vec<Leg>,
+        stretches: Vec<Stretch>,
         start: f64,
         [x, exit]: [f64; 2],
-        sources: Vec<(u64, u32)>,
+        points: Vec<(f64, u32)>,
         manner: Manner,
-        rate: f64,
     ) -> Result<Self, GestureError> {
-        let positive = |what, value: f64, least: f64| {
-            if value.is_finite() && value >= least {
-                Ok(value)
-            } else {
-                Err(GestureError::Positive { what, value })
-            }
-        };
-        if (manner.touch, manner.ergons) == (Touch::Tracked, Ergons::Particle) {
-            return Err(GestureError::TrackedParticle);
-        }
-        positive("join", manner.join, 0.0)?;
-        if let Some(limit) = manner.limit {
-            positive("force_limit", limit, f64::MIN_POSITIVE)?;
-        }
-        let grain = manner
-            .grain
-            .map(|grain| positive("grain", grain, f64::MIN_POSITIVE))
-            .transpose()?;
-        let entry = match legs.first() {
-            Some(Leg::Path { path, .. }) => {
+        manner.check()?;
+        let entry = match stretches.first() {
+            Some(Stretch::Path { path, .. }) => {
                 let (x, v, a) = path.at(start);
                 Knot { t: start, x, v, a }
             }
@@ -200,63 +99,71 @@ impl Gesture {
             },
         };
         Ok(Self {
-            recipe: Arc::new(recipe),
             key,
-            legs,
+            stretches,
             start,
-            first: floor(start, rate),
-            join_from: join_from(start, manner.join, rate),
-            entry,
-            touch: manner.touch,
-            ergons: manner.ergons,
-            grain,
-            join: manner.join,
             exit,
-            limit: manner.limit.unwrap_or(f64::INFINITY),
-            layer: manner.layer,
-            sources,
+            entry,
+            manner,
+            points,
         })
     }
 }
 
-fn legs(points: &Written<'_>, rate: f64) -> Result<Vec<Leg>, GestureError> {
+impl Manner {
+    fn check(&self) -> Result<(), GestureError> {
+        let positive = |what, value: f64, least: f64| {
+            if value.is_finite() && value >= least {
+                Ok(())
+            } else {
+                Err(GestureError::Positive { what, value })
+            }
+        };
+        if (self.touch, self.ergons) == (Touch::Tracked, Ergons::Particle) {
+            return Err(GestureError::TrackedParticle);
+        }
+        positive("join", self.join, 0.0)?;
+        if let Some(limit) = self.limit {
+            positive("force_limit", limit, f64::MIN_POSITIVE)?;
+        }
+        self.grain
+            .map_or(Ok(()), |grain| positive("grain", grain, f64::MIN_POSITIVE))
+    }
+
+    /// Largest force of one ergon [N]; infinite where there is no limit.
+    pub(crate) fn force_limit(&self) -> f64 {
+        self.limit.unwrap_or(f64::INFINITY)
+    }
+}
+
+fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
     let Written { t, x, way, .. } = *points;
-    let mut legs = Vec::new();
+    let mut found = Vec::new();
     let mut i = 0;
     while i + 1 < t.len() {
-        let end = if way[i + 1] == Way::Throw {
-            let (from, to) = (frame(t[i], rate), frame(t[i + 1], rate));
-            if to <= from {
-                return Err(GestureError::Short {
-                    index: i + 1,
-                    from: t[i],
-                    to: t[i + 1],
-                });
-            }
-            legs.push(Leg::Throw {
-                from,
-                to,
+        let is_throw = |way: &Way| *way == Way::Throw;
+        if is_throw(&way[i + 1]) {
+            found.push(Stretch::Throw {
+                from: t[i],
+                to: t[i + 1],
                 x: x[i + 1],
+                point: i + 1,
             });
-            i + 1
+            i += 1;
         } else {
-            let run = way[i + 1..]
-                .iter()
-                .take_while(|way| **way != Way::Throw)
-                .count();
-            legs.push(path(points, i, i + run, rate)?);
-            i + run
-        };
-        i = end;
+            let run = way[i + 1..].iter().take_while(|way| !is_throw(way)).count();
+            found.push(path(points, i, i + run)?);
+            i += run;
+        }
     }
-    if legs.is_empty() {
-        legs.push(path(points, 0, 0, rate)?);
+    if found.is_empty() {
+        found.push(path(points, 0, 0)?);
     }
-    Ok(legs)
+    Ok(found)
 }
 
 /// The path through points `from..=to`.
-fn path(points: &Written<'_>, from: usize, to: usize, rate: f64) -> Result<Leg, GestureError> {
+fn path(points: &Written<'_>, from: usize, to: usize) -> Result<Stretch, GestureError> {
     let point = |i: usize| Point {
         t: points.t[i],
         x: points.x[i],
@@ -266,17 +173,7 @@ fn path(points: &Written<'_>, from: usize, to: usize, rate: f64) -> Result<Leg, 
         },
     };
     let points: Vec<Point> = (from..=to).map(point).collect();
-    let last = floor(points[points.len() - 1].t, rate);
+    let stop = points[points.len() - 1].t;
     let path = Placed::new(Arc::new(Profile::through(&points)?), 0.0)?;
-    Ok(Leg::Path { path, last })
-}
-
-/// The last frame at or before an instant.
-fn floor(t: f64, rate: f64) -> u64 {
-    floor_frame(t * rate + SLACK)
-}
-
-/// The frame at which a joining curve begins, to reach its gesture in time.
-fn join_from(start: f64, join: f64, rate: f64) -> u64 {
-    floor_frame(((start - join) * rate - SLACK).ceil())
+    Ok(Stretch::Path { path, stop })
 }

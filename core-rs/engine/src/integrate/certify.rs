@@ -67,7 +67,7 @@ pub(crate) fn certify(
             }
         }
         Way::Bm4 => {
-            let most = super::bm4::LIMIT * super::bm4::LIMIT;
+            let most = Way::Bm4.facts().limit.map_or(0.0, |limit| limit * limit);
             let found = look(LOSSES, most)?;
             if found.lambda < most {
                 Ok(of(&found, Word::Tried))

@@ -57,7 +57,7 @@ impl Way {
                 order: 4,
                 order_nonlinear: Some(4),
                 passes: 6.0,
-                limit: Some(super::bm4::LIMIT),
+                limit: Some(3.164),
             },
             Self::Ieq => Facts {
                 name: "ieq",

@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use super::fault::Mutes;
 use super::fine::Fine;
+use super::hand::framed::FramedGesture;
 use super::hands::{Touch as HandTouch, grips};
 use super::inside::{self, Inside};
 use super::ledger::Ledger;
 use super::{Island, OnFault, Script, State, Stream};
-use crate::gesture::script::{Gesture, Report, Touch};
+use crate::gesture::report::Report;
+use crate::gesture::script::Touch;
 use crate::guard::{Guard, Limit};
 use crate::island::hand::free::{FreeKey, Motion};
 use crate::island::hand::voice::{Voice, VoiceScript};
@@ -59,7 +61,8 @@ impl Island {
         let plans = bodies;
         let mut bodies = join(plans, &network, timeline, &mut body)?;
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline);
-        let (scripts, voices) = hands(&network, timeline, plans)?;
+        let gestures = framed(timeline);
+        let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;
         let ports: Vec<usize> = plans.iter().flat_map(Inside::ports).collect();
         let guard = if options.unchecked {
             None // where it really diverges is asked for
@@ -113,7 +116,7 @@ impl Island {
         };
         let script = Script {
             scheme,
-            gestures: timeline.gestures.clone(),
+            gestures,
             voices: scripts,
             pushes,
             ergons,
@@ -252,27 +255,38 @@ fn meets(network: &Network, mat: usize) -> Vec<(usize, usize)> {
     found
 }
 
+/// The gestures of a timeline at its rate.
+fn framed(timeline: &Timeline) -> Vec<FramedGesture> {
+    let rate = timeline.rate.hertz();
+    let gestures = timeline.gestures.iter();
+    gestures
+        .map(|gesture| FramedGesture::new(gesture, rate))
+        .collect()
+}
+
 /// The voices of all keys: one for the gestures that follow one another, one for each that is laid
 /// over them.
 fn hands(
     network: &Network,
     timeline: &Timeline,
+    gestures: &[FramedGesture],
     bodies: &[Inside],
 ) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
-    let gestures = &timeline.gestures;
     let mut scripts = Vec::new();
     let mut voices = Vec::new();
     for (key, known) in timeline.keys.iter().enumerate() {
         let (free, motion) = free_key(network, timeline, known, bodies)?;
         let mut own: Vec<usize> = (0..gestures.len())
-            .filter(|&i| gestures[i].key == key)
+            .filter(|&i| gestures[i].gesture.key == key)
             .collect();
-        own.sort_by(|&i, &j| gestures[i].start.total_cmp(&gestures[j].start));
+        let start = |i: usize| gestures[i].gesture.start;
+        own.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
         for &i in &own {
             fits(&gestures[i], &free, known, timeline.rate)?;
         }
-        let (layers, line): (Vec<usize>, Vec<usize>) =
-            own.into_iter().partition(|&i| gestures[i].layer);
+        let (layers, line): (Vec<usize>, Vec<usize>) = own
+            .into_iter()
+            .partition(|&i| gestures[i].gesture.manner.layer);
         let script = VoiceScript {
             key,
             struck: known.struck,
@@ -364,7 +378,8 @@ fn free_key(
 }
 
 /// Refuses a gesture that its key cannot play.
-fn fits(gesture: &Gesture, free: &FreeKey, key: &Key, rate: Rate) -> Result<(), Error> {
+fn fits(gesture: &FramedGesture, free: &FreeKey, key: &Key, rate: Rate) -> Result<(), Error> {
+    let manner = gesture.gesture.manner;
     let refuse = |message| {
         Err(Error::Refused {
             module: key.name.clone(),
@@ -375,14 +390,14 @@ fn fits(gesture: &Gesture, free: &FreeKey, key: &Key, rate: Rate) -> Result<(), 
     let most = gesture.last().saturating_sub(gesture.first);
     let flight = |grain: &f64| frame(*grain, rate.hertz()).min(most);
     let is_long = |grain: &f64| free.is_past_quarter(flight(grain));
-    if let Some(grain) = gesture.grain.filter(is_long) {
+    if let Some(grain) = manner.grain.filter(is_long) {
         return refuse(format!(
             "a grain of {:.1} ms is longer than a quarter of the key's own period: between \
              ergons the key would swing back",
             1e3 * grain
         ));
     }
-    if gesture.layer && gesture.touch == Touch::Tracked {
+    if manner.layer && manner.touch == Touch::Tracked {
         return refuse("layer adds ergons to a gesture: it cannot be tracked".to_owned());
     }
     Ok(())

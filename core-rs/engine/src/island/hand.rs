@@ -1,5 +1,6 @@
 //! Hands that play written gestures: ergons that take a key along its path.
 
+pub(crate) mod framed;
 pub(crate) mod free;
 mod particle;
 pub(crate) mod voice;

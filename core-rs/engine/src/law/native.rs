@@ -1,13 +1,11 @@
 //! A law as machine code that was made outside, from [`Law::rows`], and the functions such code calls.
 
 use super::Law;
-use super::table::Row;
+use super::table::{FIRST_ROW, Row};
 use super::tree::{Binary, Unary};
 use crate::maths::lanes;
 use crate::maths::wide::wide;
 
-/// Operands below this are d and v.
-pub(super) const FIRST_ROW: i32 = 2;
 /// Links that native code takes at once where it calls [`FUNCTIONS`].
 pub const NATIVE_LANES: usize = 64;
 

@@ -1,9 +1,11 @@
 //! A law as plain data, for a compiler that stands outside: one row for each operation.
 
-use super::native::FIRST_ROW;
 use super::program::{Program, Step};
 use super::tree::{Binary, Unary};
 use super::{Elastic, Law};
+
+/// Operands below this are d and v.
+pub(super) const FIRST_ROW: i32 = 2;
 
 /// One operation: its name and its operands. 0 is d, 1 is v, 2 + i what row i gives.
 ///

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use super::carry::{At, Side, Spot, others};
+use super::side::{At, Side, Spot, others};
 use super::{Playing, Simulation};
 use crate::island::inside::{self, Inside};
 use crate::network::Network;

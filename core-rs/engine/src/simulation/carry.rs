@@ -5,27 +5,14 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
+use super::Simulation;
 use super::bodies::{Body, Room, bodies, names};
-use super::{Playing, Simulation};
+use super::side::{At, Side, Spot, others, spots};
 use crate::bank::are_same;
-use crate::island::{Island, Through};
+use crate::island::Through;
 use crate::network::Network;
-use crate::plan::{Isle, Plan, Sight, Unit};
+use crate::plan::{Isle, Plan, Sight};
 use crate::timeline::DriveKind;
-
-/// Group of a simulation, and unit in it.
-pub(super) type At = (usize, usize);
-
-/// Where a MAT is computed.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Spot {
-    /// MAT of an island.
-    Island(At, usize),
-    /// Oscillator of a bank, and where its MAT rests [m].
-    Bank(At, usize, f64),
-    /// A mass of a body seen whole.
-    Room(usize),
-}
 
 /// What a simulation takes over from another, piece by piece.
 #[derive(Clone, Debug, Default)]
@@ -47,39 +34,6 @@ pub struct Carry {
     pub(super) through: Vec<(At, At, Through)>,
     /// Here, an output of there.
     outputs: Vec<Option<usize>>,
-}
-
-/// One side of it.
-pub(super) struct Side<'a> {
-    network: &'a Network,
-    pub(super) rate: crate::units::Rate,
-    pub(super) islands: Vec<(At, &'a Island, &'a Isle)>,
-    pub(super) banks: Vec<(At, &'a crate::plan::BankPlan)>,
-}
-
-impl<'a> Side<'a> {
-    fn new(simulation: &'a Simulation) -> Self {
-        let plan = &*simulation.plan;
-        let mut side = Self {
-            network: &plan.network,
-            rate: plan.timeline_rate,
-            islands: Vec::new(),
-            banks: Vec::new(),
-        };
-        for (g, group) in simulation.groups.iter().enumerate() {
-            let units = group.units.iter().zip(&plan.units[group.first..]);
-            for (u, pair) in units.enumerate() {
-                match pair {
-                    (Playing::Island(island), Unit::Isle(isle)) => {
-                        side.islands.push(((g, u), island, isle));
-                    }
-                    (_, Unit::Bank(bank)) => side.banks.push(((g, u), bank)),
-                    (Playing::Bank(_), Unit::Isle(_)) => {}
-                }
-            }
-        }
-        side
-    }
 }
 
 impl Carry {
@@ -265,15 +219,6 @@ impl Carry {
     }
 }
 
-/// Those of a list that are not marked.
-pub(super) fn others<'a, T>(
-    all: &'a [T],
-    is_same: &'a [bool],
-) -> impl Iterator<Item = (&'a T, usize)> {
-    let pairs = all.iter().zip(is_same).zip(0..);
-    pairs.filter_map(|((one, is_same), at)| (!is_same).then_some((one, at)))
-}
-
 /// Whether one island can go on as another stands, to the last bit.
 fn are_same_isles(isle: &Isle, other: &Isle) -> bool {
     let imposed = |isle: &Isle| -> Vec<usize> {
@@ -294,26 +239,4 @@ fn are_same_isles(isle: &Isle, other: &Isle) -> bool {
 fn are_alike(own: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
     let numbers = |one: &crate::bank::Oscillator| (one.a, one.b);
     own.iter().map(numbers).eq(other.iter().map(numbers))
-}
-
-/// The MATs of units that are not the same, by name: those that move, and no port, which goes where its body has it.
-fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)> {
-    let mut found = Vec::new();
-    for (&(at, _, isle), _) in others(&side.islands, islands) {
-        let mut ports: Vec<usize> = isle.bodies.iter().flat_map(|body| body.ports()).collect();
-        ports.sort_unstable();
-        let kinds = isle.network.mats().kind.iter().enumerate();
-        let free = kinds.filter(|(mat, kind)| kind.moves() && ports.binary_search(mat).is_err());
-        found.extend(free.map(|(mat, _)| (isle.network.mat_name(mat), Spot::Island(at, mat))));
-    }
-    for (&(at, bank), _) in others(&side.banks, banks) {
-        let mats = bank.mats.iter().enumerate();
-        found.extend(mats.map(|(own, &(mat, rest))| {
-            (
-                side.network.mat_name(mat as usize),
-                Spot::Bank(at, own, rest),
-            )
-        }));
-    }
-    found
 }

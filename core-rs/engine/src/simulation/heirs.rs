@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::carry::{At, Carry, Side};
+use super::carry::Carry;
+use super::side::{At, Side};
 use crate::island::hand::voice::{Heir, shared};
 use crate::island::{Island, Through};
 use crate::plan::Isle;

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::bodies::Room;
-use super::carry::{At, Carry, Spot};
+use super::carry::Carry;
+use super::side::{At, Spot};
 use super::{Playing, Simulation};
 use crate::plan::Plan;
 

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
-use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Way, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
@@ -156,7 +156,7 @@ fn lean(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
         limit: None,
         layer,
     };
-    Gesture::written(0, &written, manner, RATE).unwrap()
+    Gesture::written(0, &written, manner).unwrap()
 }
 
 /// What is common to all versions.

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
-use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Way, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
@@ -64,7 +64,7 @@ fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
         limit: Some(1e3),
         layer: false,
     };
-    Gesture::written(0, &written, manner, HERTZ).unwrap()
+    Gesture::written(0, &written, manner).unwrap()
 }
 
 #[test]

@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use ergon_engine::gesture::error::GestureError;
 use ergon_engine::gesture::profile::Curve::{Hold, Line, Smooth};
-use ergon_engine::gesture::script::{Ergons, Gesture, Report, Touch};
-use ergon_engine::gesture::written::{GestureError, Manner, Way, Way::Path, Written};
+use ergon_engine::gesture::report::Report;
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Way, Way::Path, Written};
 use ergon_engine::network::{But, Contact, Error, Network, Side, Term, Tie};
 use ergon_engine::simulation::{OnFault, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -59,8 +61,7 @@ impl Keyboard {
             way: &way,
             sources: &[],
         };
-        let hertz = self.timeline.rate.hertz();
-        let gesture = Gesture::written(0, &written, manner, hertz)?;
+        let gesture = Gesture::written(0, &written, manner)?;
         self.timeline.gesture(gesture)
     }
 
@@ -237,7 +238,7 @@ fn points_that_are_none_are_refused() {
         way: &[Way::Throw],
         sources: &[],
     };
-    let elsewhere = Gesture::written(1, &written, OPEN, 44_100.0).unwrap();
+    let elsewhere = Gesture::written(1, &written, OPEN).unwrap();
     assert_eq!(
         keys.timeline.gesture(elsewhere),
         Err(GestureError::NoKey(1))

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use ergon_engine::chance::Chance;
 use ergon_engine::gesture::profile::Curve;
-use ergon_engine::gesture::script::{Ergons, Gesture, Touch};
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
 use ergon_engine::gesture::take::{Care, Take};
-use ergon_engine::gesture::written::{Manner, Way, Written};
+use ergon_engine::gesture::written::{Way, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::maths;
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
@@ -307,8 +307,7 @@ impl Scene {
             limit: (self.pick(4) == 0).then_some(20.0),
             layer: touch == Touch::Open && self.pick(3) == 0,
         };
-        let hertz = self.timeline.rate.hertz();
-        let gesture = Gesture::written(key, &written, manner, hertz).unwrap();
+        let gesture = Gesture::written(key, &written, manner).unwrap();
         self.timeline.gesture(gesture).unwrap();
     }
 }

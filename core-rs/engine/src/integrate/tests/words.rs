@@ -29,7 +29,7 @@ fn stays(network: &Network, way: Way) -> bool {
 #[test]
 fn borders_are_where_methods_break() {
     let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
-    let most = super::super::bm4::LIMIT * super::super::bm4::LIMIT;
+    let most = 3.164 * 3.164;
     for (way, border, sure) in [
         (Way::Ca, 4.0, Word::Proved),
         (Way::Ca2p, 12.0, Word::Proved),

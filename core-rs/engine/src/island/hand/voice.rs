@@ -6,12 +6,12 @@ mod join;
 
 pub(crate) use carry::{Heir, shared};
 
-use std::sync::Arc;
-
+use super::framed::{FramedGesture, Leg};
 use super::free::{FreeKey, Motion, Room};
 use super::particle::Flight;
 use crate::gesture::quintic::Knot;
-use crate::gesture::script::{Gesture, Leg, Report, Touch};
+use crate::gesture::report::Report;
+use crate::gesture::script::Touch;
 use crate::island::inside;
 use crate::island::record::Stream;
 use crate::kernel;
@@ -94,7 +94,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) scheme: &'a Scheme,
     pub(crate) body: &'a mut Body,
     pub(crate) targets: &'a mut Vec<Target>,
-    pub(crate) gestures: &'a [Arc<Gesture>],
+    pub(crate) gestures: &'a [FramedGesture],
     pub(crate) reports: &'a mut [Report],
     pub(crate) stream: &'a mut Stream,
     pub(crate) bodies: &'a mut [inside::Playing],
@@ -117,7 +117,12 @@ impl VoiceScript {
 impl Voice {
     /// Whether the voice has anything to do at frame `n`. A layer sleeps before its own time, and after
     /// it as soon as its free key is at rest.
-    pub(crate) fn is_awake(&self, script: &VoiceScript, gestures: &[Arc<Gesture>], n: u64) -> bool {
+    pub(crate) fn is_awake(
+        &self,
+        script: &VoiceScript,
+        gestures: &[FramedGesture],
+        n: u64,
+    ) -> bool {
         let own = |&i: &usize| (gestures[i].join_from..=gestures[i].last()).contains(&n);
         let i = script.free.struck;
         let moves = self.free.body.x[i].abs() + self.free.body.d[i].abs() * script.free.scheme.rate
@@ -243,7 +248,7 @@ impl Voice {
     }
 
     /// What the running gesture asks at frame `n`.
-    fn ask(&mut self, gestures: &[Arc<Gesture>], rate: f64, n: u64) -> Option<Ask> {
+    fn ask(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Ask> {
         let now = self.now.as_mut()?;
         let gesture = &gestures[now.gesture];
         let target = n + 1;
@@ -256,7 +261,7 @@ impl Voice {
         }
         // The first frame of a gesture that was joined in time still belongs to its entry.
         if target <= gesture.first {
-            return Some(Ask::Pass(gesture.entry_at(t)));
+            return Some(Ask::Pass(gesture.gesture.entry_at(t)));
         }
         while target > gesture.legs.get(now.leg)?.last() {
             now.leg += 1;
@@ -267,7 +272,7 @@ impl Voice {
             }
         }
         match &gesture.legs[now.leg] {
-            Leg::Path { path, last } => match gesture.grain {
+            Leg::Path { path, last } => match gesture.gesture.manner.grain {
                 None => Some(Ask::Pass(
                     path.at_from(&mut now.cursor, t.min(path.stop())).0,
                 )),

@@ -62,9 +62,9 @@ fn held_fast(network: &Network, timeline: &Timeline, part: usize) -> Option<&'st
         .gestures
         .iter()
         .filter(|gesture| of(gesture.key) == part);
-    own.find_map(|gesture| match gesture.touch {
+    own.find_map(|gesture| match gesture.manner.touch {
         Touch::Tracked => Some("a tracked gesture holds it at every frame"),
-        Touch::Open if gesture.limit.is_finite() => {
+        Touch::Open if gesture.manner.limit.is_some() => {
             Some("a limit of force is held against every frame")
         }
         Touch::Open => None,

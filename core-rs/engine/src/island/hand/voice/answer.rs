@@ -1,7 +1,8 @@
 //! From what is asked of a key to the ergon that does it.
 
 use super::{Ask, Held, Scene, Voice, VoiceScript};
-use crate::gesture::script::{Ergons, Report, Touch};
+use crate::gesture::report::Report;
+use crate::gesture::script::{Ergons, Touch};
 use crate::island::record::{Record, Stream};
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
@@ -34,6 +35,8 @@ impl Voice {
         };
         let index = now.gesture;
         let gesture = &scene.gestures[index];
+        let manner = gesture.gesture.manner;
+        let limit = manner.force_limit();
         let (asked, target) = match *ask {
             Ask::Pass(x) => (x, n + 1),
             Ask::Aim { to, x } => (x, to),
@@ -42,9 +45,9 @@ impl Voice {
         if target == n + 1 {
             self.asked = asked;
         }
-        let over = wanted.abs() > gesture.limit;
+        let over = wanted.abs() > limit;
         scene.reports[index].missed += u64::from(over);
-        if let (Ask::Pass(x), Touch::Tracked) = (ask, gesture.touch) {
+        if let (Ask::Pass(x), Touch::Tracked) = (ask, manner.touch) {
             // A tracked step that would need more than the limit leaves the key free.
             if over {
                 return 0.0;
@@ -66,8 +69,8 @@ impl Voice {
         }
         let force = match *ask {
             _ if !over => wanted,
-            Ask::Pass(x) => self.catch_up(script, [here, x], gesture.limit),
-            Ask::Aim { .. } => maths::copysign(gesture.limit, wanted),
+            Ask::Pass(x) => self.catch_up(script, [here, x], limit),
+            Ask::Aim { .. } => maths::copysign(limit, wanted),
         };
         if !force.is_finite() || force == 0.0 {
             return 0.0;
@@ -79,7 +82,7 @@ impl Voice {
             force,
             particle: None,
         };
-        if gesture.ergons == Ergons::Particle {
+        if manner.ergons == Ergons::Particle {
             let flight = &mut self.flight;
             blow.particle = flight.launch(scene.scheme, scene.body, script.struck, force);
         }
@@ -130,7 +133,7 @@ impl Voice {
     fn wanted(&mut self, script: &VoiceScript, scene: &Scene<'_>, n: u64, ask: &Ask) -> f64 {
         let Some(now) = &self.now else { return 0.0 };
         let free = &script.free;
-        match (*ask, scene.gestures[now.gesture].touch) {
+        match (*ask, scene.gestures[now.gesture].gesture.manner.touch) {
             (Ask::Pass(x), Touch::Open) => {
                 free.needed(&self.free, x, &self.targets, &mut self.room)
             }

@@ -1,10 +1,9 @@
 //! A voice that begins in the middle, or goes on where one of another version stands.
 
 use std::collections::HashMap;
-use std::sync::Arc;
 
 use super::{Running, Voice, VoiceScript};
-use crate::gesture::script::Gesture;
+use crate::island::hand::framed::FramedGesture;
 
 /// What one voice passes on to another.
 #[derive(Clone, Debug)]
@@ -28,22 +27,22 @@ impl Heir {
 
 /// The gestures of one voice that are also in another: there and here, rising.
 pub(crate) fn shared(
-    (own, gestures): (&VoiceScript, &[Arc<Gesture>]),
-    (their, others): (&VoiceScript, &[Arc<Gesture>]),
+    (own, gestures): (&VoiceScript, &[FramedGesture]),
+    (their, others): (&VoiceScript, &[FramedGesture]),
 ) -> Vec<(usize, usize)> {
     let mut by_start: HashMap<u64, Vec<usize>> = HashMap::new();
     for &own in &own.gestures {
-        let start = gestures[own].start.to_bits();
+        let start = gestures[own].gesture.start.to_bits();
         by_start.entry(start).or_default().push(own);
     }
     let mut found = Vec::new();
     for &their in &their.gestures {
-        let Some(same) = by_start.get_mut(&others[their].start.to_bits()) else {
+        let Some(same) = by_start.get_mut(&others[their].gesture.start.to_bits()) else {
             continue;
         };
         if let Some(at) = same
             .iter()
-            .position(|&own| gestures[own].is_same(&others[their]))
+            .position(|&own| gestures[own].gesture.is_same(&others[their].gesture))
         {
             found.push((their, same.remove(at)));
         }
@@ -54,7 +53,7 @@ pub(crate) fn shared(
 
 impl Voice {
     /// Begin at frame `n`: gestures that began before it have gone by.
-    pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[Arc<Gesture>], n: u64) {
+    pub(crate) fn seek(&mut self, script: &VoiceScript, gestures: &[FramedGesture], n: u64) {
         let past = |&own: &usize| gestures[own].first < n;
         self.begun = script.gestures.partition_point(past);
         self.free.seek(n);

@@ -2,7 +2,7 @@
 
 use super::{Running, Scene, Voice, VoiceScript};
 use crate::gesture::quintic::{Knot, Quintic};
-use crate::gesture::script::{Gesture, Leg};
+use crate::island::hand::framed::{FramedGesture, Leg};
 
 /// Closer than this a key is where the gesture begins, and needs no joining curve [m].
 const AGREES: f64 = 1e-9;
@@ -44,14 +44,18 @@ impl Voice {
                 self.now = Some(Running::new(index, late));
                 continue;
             }
-            let left = gesture.start - now;
-            let in_time = n >= gesture.join_from && left >= JOIN_MIN.min(gesture.join);
+            let left = gesture.gesture.start - now;
+            let in_time =
+                n >= gesture.join_from && left >= JOIN_MIN.min(gesture.gesture.manner.join);
             if self.now.is_none() && in_time {
-                let from = self.motion(script, scene, gesture.touch, n);
-                let still =
-                    (from.x - gesture.entry.x).abs() <= AGREES && (from.v / rate).abs() <= AGREES;
-                if !still && gesture.join > 0.0 {
-                    self.now = Some(Running::new(index, Some(Joining::new(from, gesture.entry))));
+                let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
+                let still = (from.x - gesture.gesture.entry.x).abs() <= AGREES
+                    && (from.v / rate).abs() <= AGREES;
+                if !still && gesture.gesture.manner.join > 0.0 {
+                    self.now = Some(Running::new(
+                        index,
+                        Some(Joining::new(from, gesture.gesture.entry)),
+                    ));
                 }
             }
             return;
@@ -63,30 +67,33 @@ impl Voice {
         &self,
         script: &VoiceScript,
         scene: &Scene<'_>,
-        gesture: &Gesture,
+        gesture: &FramedGesture,
         n: u64,
     ) -> Option<Joining> {
         let Leg::Path { path, .. } = gesture.legs.first()? else {
             return None;
         };
-        let from = self.motion(script, scene, gesture.touch, n);
+        let from = self.motion(script, scene, gesture.gesture.manner.touch, n);
         // Where one gesture ends as the next begins, off the grid of frames, the key has not quite
         // come to the point they share.
         let before = self
             .begun
             .checked_sub(2)
             .map(|before| &scene.gestures[script.gestures[before]]);
-        let shared =
-            before.is_some_and(|it| it.last() == n && (it.exit - gesture.entry.x).abs() <= AGREES);
+        let shared = before.is_some_and(|it| {
+            it.last() == n && (it.gesture.exit - gesture.gesture.entry.x).abs() <= AGREES
+        });
         let agrees = shared
-            || [path.at(from.t).0, gesture.entry.x]
+            || [path.at(from.t).0, gesture.gesture.entry.x]
                 .iter()
                 .any(|x| (from.x - x).abs() <= AGREES);
-        if agrees || gesture.join == 0.0 {
+        if agrees || gesture.gesture.manner.join == 0.0 {
             return None;
         }
         let last = gesture.last() as f64 / scene.scheme.rate;
-        let t = (from.t + gesture.join).min(path.stop()).min(last);
+        let t = (from.t + gesture.gesture.manner.join)
+            .min(path.stop())
+            .min(last);
         let (x, v, a) = path.at(t);
         (t > from.t).then(|| Joining::new(from, Knot { t, x, v, a }))
     }

@@ -1,0 +1,111 @@
+//! A gesture at a rate: the frames at which positions are due and ergons strike.
+
+use std::sync::Arc;
+
+use crate::gesture::placed::Placed;
+use crate::gesture::script::{Gesture, Stretch};
+use crate::units::{floor_frame, frame};
+
+/// An instant this close before a frame [frames] falls on it: dividing beats by a tempo leaves so much.
+const SLACK: f64 = 1e-6;
+/// Half-way between two frames a knot is rounded up, whatever the last bit of its instant [frames].
+const KNOT_SLACK: f64 = 1e-6;
+
+/// A stretch of a gesture. Legs cover the targets (frames at which a position is due) one after
+/// the other: a leg's first target is the one after the last of the leg before it.
+#[derive(Clone, Debug)]
+pub(crate) enum Leg {
+    /// Follow a path; the targets end with `last`.
+    Path { path: Placed, last: u64 },
+    /// One strike at frame `from`, then free until the key passes `x` at frame `to`.
+    Throw { from: u64, to: u64, x: f64 },
+}
+
+impl Leg {
+    fn new(stretch: &Stretch, rate: f64) -> Self {
+        match stretch {
+            Stretch::Path { path, stop } => Self::Path {
+                path: path.clone(),
+                last: last_frame(*stop, rate),
+            },
+            &Stretch::Throw { from, to, x, .. } => Self::Throw {
+                from: frame(from, rate),
+                to: frame(to, rate),
+                x,
+            },
+        }
+    }
+
+    pub(crate) fn last(&self) -> u64 {
+        match self {
+            Self::Path { last, .. } => *last,
+            Self::Throw { to, .. } => *to,
+        }
+    }
+}
+
+/// A gesture at the rate of its island.
+#[derive(Clone, Debug)]
+pub(crate) struct FramedGesture {
+    pub(crate) gesture: Arc<Gesture>,
+    pub(crate) legs: Vec<Leg>,
+    /// Last frame at or before the start: the gesture takes over there, for the targets after it.
+    pub(crate) first: u64,
+    /// Frame at which a joining curve begins, to reach the gesture in time.
+    pub(crate) join_from: u64,
+    /// Frames of the written points, rising.
+    points: Vec<u64>,
+}
+
+impl FramedGesture {
+    /// At a rate [Hz] that [`Gesture::check_rate`] allows.
+    pub(crate) fn new(gesture: &Arc<Gesture>, rate: f64) -> Self {
+        let (start, join) = (gesture.start, gesture.manner.join);
+        let stretches = gesture.stretches.iter();
+        Self {
+            legs: stretches.map(|stretch| Leg::new(stretch, rate)).collect(),
+            first: last_frame(start, rate),
+            join_from: floor_frame(((start - join) * rate - SLACK).ceil()),
+            points: gesture
+                .points
+                .iter()
+                .map(|point| frame(point.0, rate))
+                .collect(),
+            gesture: gesture.clone(),
+        }
+    }
+
+    /// The last frame at which a position is due.
+    pub(crate) fn last(&self) -> u64 {
+        self.legs.last().map_or(self.first, Leg::last)
+    }
+
+    /// The frame after `n` at which the next grain is due: a multiple of the grain since the start,
+    /// or a written point before it.
+    pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
+        let knot = |k: f64| frame(self.gesture.start + k * grain + KNOT_SLACK / rate, rate);
+        let mut k = ((n as f64 / rate - self.gesture.start) / grain)
+            .floor()
+            .max(0.0);
+        while knot(k) <= n {
+            k += 1.0;
+        }
+        let knot = knot(k);
+        let next = self.points.partition_point(|&point| point <= n);
+        self.points.get(next).map_or(knot, |&point| knot.min(point))
+    }
+
+    /// Source of an ergon whose target is frame `target`; `cursor` only moves forward.
+    pub(crate) fn source(&self, cursor: &mut usize, target: u64) -> u32 {
+        while *cursor + 1 < self.points.len() && self.points[*cursor] < target {
+            *cursor += 1;
+        }
+        let point = self.gesture.points.get(*cursor);
+        point.map_or(0, |&(_, source)| source)
+    }
+}
+
+/// The last frame at or before an instant [s].
+fn last_frame(t: f64, rate: f64) -> u64 {
+    floor_frame(t * rate + SLACK)
+}
