@@ -1,9 +1,66 @@
 //! The physics of ergon: CORDIS-ANIMA networks struck by ergons.
 //!
-//! No Python, no audio device, no clock: what a thing does is a function of its arguments.
+//! The crate knows no Python, no audio device and no clock: a result is a function of its arguments, to the last bit,
+//! for any number of threads, any block size and whatever vectors the processor has.
 //!
-//! `Network` (what is) and `Timeline` (what will happen) make a `Plan` (what is computed, how, and why the
-//! rest is not); a `Simulation` plays it.
+//! # The road
+//!
+//! 1. A [`Network`] is what is: masses (MAT) and the links between them (LIA), named, in SI units.
+//! 2. A [`Timeline`] is what will happen: strikes, written gestures, takes, couplings, in seconds.
+//! 3. A [`Plan`] is what is computed, by which method, within which [`Budget`], and why the rest is not.
+//! 4. A [`Simulation`] plays the plan, a block of frames at a time.
+//!
+//! # A struck string
+//!
+//! Two fixed points, sixty masses, sixty-one springs; a strike near one end, an output near the other.
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use ergon_engine::network::Term;
+//! use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
+//!
+//! let mut network = Network::new();
+//! network.part("string", None);
+//! let left = network.sol("left", 0.0)?;
+//! let first = network.mas("m", 1e-3, 0.0, 0.0)?; // 1 g, at rest at 0 m
+//! for _ in 1..60 {
+//!     network.mas("m", 1e-3, 0.0, 0.0)?;
+//! }
+//! let right = network.sol("right", 0.0)?;
+//! for a in left..right {
+//!     network.spring("s", a, a + 1, 50e3, 5e-3, 0.0)?; // 50 kN/m, 5 mN·s/m, no rest length
+//! }
+//! let near_the_end = Term::Position { first: first + 50, len: 1, weight: 1.0 };
+//! network.listen("string", vec![near_the_end])?;
+//!
+//! let rate = Rate::new(44_100.0)?;
+//! let mut timeline = Timeline::new(rate);
+//! timeline.strike(&network, first + 7, 0.01, 1e-3, 0)?; // 1 mN·s after 10 ms
+//!
+//! let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
+//! let options = Options { ledger: false, record: false, on_fault: OnFault::Stop, threads: 1, unchecked: false };
+//! let mut simulation = Simulation::planned(Arc::new(plan), options)?;
+//! let mut sound = vec![0.0; 44_100];
+//! simulation.process(&mut sound)?;
+//!
+//! assert!(sound[..441].iter().all(|x| *x == 0.0)); // before the strike
+//! assert!(sound.iter().any(|x| x.abs() > 1e-6));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Where things are
+//!
+//! | looking for | module |
+//! |---|---|
+//! | modules, links, outputs, why a network is refused | [`network`] |
+//! | STRING, PLATE, BANK by pitch and decay | [`generator`] |
+//! | laws of non-linear links | [`law`] |
+//! | written gestures and captured takes | [`gesture`] |
+//! | strikes, couplings, real hands, what changes while it plays | [`timeline`] |
+//! | methods, error budgets, what a plan tells of itself | [`plan`] |
+//! | stepping, snapshots, taking over from another version | [`simulation`] |
+//! | outputs to channels, limiter, levels | [`mix`] |
 
 mod bank;
 pub mod cell;
@@ -29,3 +86,9 @@ mod start;
 mod state;
 pub mod timeline;
 pub mod units;
+
+pub use network::Network;
+pub use plan::{Budget, Plan};
+pub use simulation::{OnFault, Options, Simulation};
+pub use timeline::Timeline;
+pub use units::Rate;

@@ -1,4 +1,4 @@
-//! Adding <M> points and outputs, with the rules of the formalism checked as they come.
+//! Adding MATs (`<M>` points) and outputs, with the rules of the formalism checked as they come.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Adding links: an <L> point joins exactly one <M> point, and a link two different ones.
+//! Adding links: an `<L>` point joins exactly one `<M>` point, and a link two different ones.
 
 use std::collections::HashMap;
 use std::sync::Arc;
