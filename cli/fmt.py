@@ -53,9 +53,9 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         lines = difflib.unified_diff(
             before.splitlines(keepends=True), after.splitlines(keepends=True), path, path
         )
-        console.data("".join(lines))
+        _print("".join(lines))
     elif path == "-" and not only_check:
-        console.data(after)
+        _print(after)
     elif different and not only_check:
         # The score is the composer's own file, so it may be written over.
         with writing(path, binary=False, force=True) as file:
@@ -65,3 +65,10 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     elif different and not diff and path != "-":
         console.say(f"{path}: " + ("would change" if only_check else "laid out"))
     return different
+
+
+def _print(text: str) -> None:
+    """To the byte what it is, but for a terminal."""
+    from ergon.exchange.safe import write_text
+
+    write_text("-", text)

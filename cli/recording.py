@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ergon._core import Recording
 
 SUFFIX = ".take"
+NAMES_MAX = 400  # characters of a stranger's names that are shown
 
 
 def read(console: Console, path: Path, span: tuple[int, int] | None = None) -> Recording:
@@ -73,10 +74,5 @@ def say(console: Console, path: Path, recording: Recording, *, dry: bool) -> Non
             axes=recording.names,
         )
     else:
-        names = plain(", ".join(recording.names))
+        names = ", ".join(recording.names)[:NAMES_MAX]
         console.say(f"{event} {path}: {names}, {recording.duration:.3f} s, {n_ticks:,} ticks")
-
-
-def plain(text: str) -> str:
-    """A stranger's names, short and without what moves a terminal."""
-    return "".join(c if c.isprintable() else "?" for c in text[:400])

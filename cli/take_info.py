@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ergon.common.terminal import printable
+
 from . import options
 from .console import Console, plural
 from .outcome import Refused
-from .recording import SUFFIX, plain, read_quietly
+from .recording import NAMES_MAX, SUFFIX, read_quietly
 from .units import metres, seconds
 
 if TYPE_CHECKING:
@@ -92,7 +94,7 @@ def _recording(console: Console, path: Path) -> None:
     if found.dropped:
         lines.append(f"  {plural(found.dropped, 'row')} or events found no room while recording")
     lines.append(f"  {found.damage or 'whole'}")
-    console.data("\n".join(map(plain, lines)) + "\n")
+    console.data("\n".join(printable(line[:NAMES_MAX]) for line in lines) + "\n")
 
 
 def _axes(found: Recording) -> list[dict[str, Any]]:

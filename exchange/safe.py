@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import itertools
 import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
+
+from ergon.common.terminal import clean
 
 from .wave import is_render
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI file of ours
 _MARK_WITHIN = 1024
@@ -41,6 +47,16 @@ def check_target(
         raise RefusedError(f"{path} exists and was not made by ergon (-f overwrites it)")
 
 
+class _Terminal(io.BytesIO):
+    """Standard output where it is a terminal: text, with nothing in it that steers one."""
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        """Print whole characters in UTF-8."""
+        octets = bytes(data)
+        sys.stdout.write(clean(octets.decode(errors="replace")))
+        return len(octets)
+
+
 @contextlib.contextmanager
 def writing(
     target: str | Path, *, binary: bool, force: bool = False, sync: bool = True
@@ -53,8 +69,9 @@ def writing(
     if str(target) == "-":
         if binary and sys.stdout.isatty():
             raise RefusedError("binary data does not go to a terminal; give -o FILE or a pipe")
-        yield sys.stdout.buffer
-        sys.stdout.buffer.flush()
+        sys.stdout.flush()
+        yield _Terminal() if sys.stdout.isatty() else sys.stdout.buffer
+        sys.stdout.flush()
         return
     path = Path(target)
     check_target(path, force=force)
