@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 @click.option("--stems/--no-stems", default=True, help="Render the mix and one file per player.")
 @options.bits
 @options.force
+@options.trust
 @options.speaking
 def export(
     console: Console,
@@ -39,6 +40,7 @@ def export(
     stems: bool,
     bits: Bits | None,
     force: bool,
+    trust: bool,
 ) -> None:
     """Write tempo map, marks and stems for other programs.
 
@@ -48,7 +50,7 @@ def export(
     from ergon.exchange.markers import markers_csv
     from ergon.exchange.safe import check_target, writing
 
-    staged = score.stage_piece(console, score.read(console, score_path))
+    staged = score.stage_piece(console, score.read(console, score_path, trust=trust))
     piece = staged.piece
     end = staged.stage.n_frames / staged.stage.rate
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"

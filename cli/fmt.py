@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from ergon.common.regular import read_bounded
+
 from . import options
 from .console import Console, plural
 from .outcome import Findings, Refused
@@ -35,8 +37,11 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     from ergon.exchange.safe import writing
     from ergon.scores.text.errors import TextError
     from ergon.scores.text.format import formatted
+    from ergon.scores.text.syntax import MAX_BYTES
 
-    data = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
+    data = sys.stdin.buffer.read() if path == "-" else read_bounded(Path(path), MAX_BYTES)
+    if len(data) > MAX_BYTES:
+        raise Refused(f"{path}: no score is larger than {MAX_BYTES >> 20} MB")
     try:
         before = data.decode("utf-8")
         after = formatted(before)

@@ -32,6 +32,7 @@ _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 @click.option("--width", type=click.IntRange(24, 1000), help="Characters; the terminal's width.")
 @click.option("--height", type=click.IntRange(5, 1000), default=20, help="Lines.")
 @options.force
+@options.trust
 @options.speaking
 def plot(
     console: Console,
@@ -42,6 +43,7 @@ def plot(
     width: int | None,
     height: int,
     force: bool,
+    trust: bool,
 ) -> None:
     """Draw a gesture, asked and done, in the terminal or as SVG.
 
@@ -52,7 +54,7 @@ def plot(
     if Path(score_path).suffix.lower() == ".wav":
         _sound(console, Path(score_path), svg, width, height, force)
         return
-    loaded = score.read(console, score_path)
+    loaded = score.read(console, score_path, trust=trust)
     if name is None:
         raise Refused(f"what is to be drawn? {_known(score.piece_of(loaded))}")
     curves, title = _curves(console, loaded, name, key)

@@ -36,6 +36,7 @@ _WHICH = f"Only these, of {','.join(MAPS)}; with {SLOW} of {','.join(CUTS)}."
     "second up to 10 frames, -70 beyond.",
 )
 @options.force
+@options.trust
 @options.speaking
 def stability(
     console: Console,
@@ -46,6 +47,7 @@ def stability(
     seconds: float,
     accurate: float | None,
     force: bool,
+    trust: bool,
 ) -> None:
     """Draw where a method fails, as predicted and as it is.
 
@@ -58,7 +60,7 @@ def stability(
     from ergon.lab.maps import survey_all
 
     stem = laboratory.stem(output, score_path or method, "stability", force)
-    maps, title = _maps(console, score_path, method, chosen, seconds)
+    maps, title = _maps(console, score_path, method, chosen, seconds, trust)
     if accurate is not None:
         maps = {name: replace(one, right=((inf, accurate),)) for name, one in maps.items()}
     total = sum(one.n_spots for one in maps.values())
@@ -74,7 +76,12 @@ def stability(
 
 
 def _maps(
-    console: Console, score_path: str | None, method: str, chosen: str | None, seconds: float
+    console: Console,
+    score_path: str | None,
+    method: str,
+    chosen: str | None,
+    seconds: float,
+    trust: bool,
 ) -> tuple[dict[str, Map], str]:
     from ergon.lab import atlas
 
@@ -84,7 +91,7 @@ def _maps(
         return {name: known[name] for name in names}, f"where {method} is stable, and where right"
     if method == SLOW:
         raise Refused(f"--method {SLOW} maps a scene of ergon's own: without SCORE")
-    piece = score.piece_of(score.read(console, score_path))
+    piece = score.piece_of(score.read(console, score_path, trust=trust))
     known = atlas.of_score(piece, seconds, method)
     names = laboratory.words(chosen, tuple(known), "--maps")
     title = piece.title or Path(score_path).stem

@@ -13,7 +13,6 @@ from prompt_toolkit.styles import Style
 from ergon.common.terminal import clean
 from ergon.repl.face import Face
 
-
 # A mistake is underlined: no meaning by colour alone, and none is left under NO_COLOR.
 STYLE = Style.from_dict(
     {

@@ -7,7 +7,6 @@ import math
 from ergon.common.terminal import clean
 from ergon.repl.face import State
 
-
 _BETWEEN = "  "
 _LEAST = 12  # characters that who plays what keeps
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from ergon.scores.reading.check import Checker
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.uses import Uses
+from ergon.scores.text.bounds import Bounds
 from ergon.scores.text.document import Document
 from ergon.scores.text.errors import Collector, Diagnostic, Severity
 from ergon.scores.text.files import Files
@@ -38,16 +39,17 @@ def load(
     text: str | None = None,
     overlay: Mapping[str, str] | None = None,
     memory: Memory | None = None,
+    bounds: Bounds | None = None,
 ) -> Loaded:
     """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.
 
     `overlay` gives texts that stand for files; `memory` is of who reads again what hardly changes.
-    Nothing is raised for what a composer wrote.
+    What the score names lies within `bounds`, without them those of its folder. Nothing is raised
+    for what a composer wrote.
     """
     collector = Collector() if memory is None else memory.begin()
-    files = Files(collector, overlay, memory)
     where = Path(path)
-    files.home = where.parent
+    files = Files(collector, where.parent, overlay, memory, bounds)
     if text is not None:
         document: Document | None = files.text(str(path), text, where.parent)
     else:
