@@ -64,6 +64,7 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
         block=wishes.block,
         threads=wishes.threads,
         force=wishes.force,
+        inputs=(path, *(one for texts in replay.texts() for one in texts.load().inputs)),
     )
     try:
         with console.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress:

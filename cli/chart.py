@@ -54,10 +54,10 @@ def chart(
     from ergon.lab.machine import machine
     from ergon.lab.scene import Score
 
-    stem = laboratory.stem(output, score_path, "chart", force)
     known = laboratory.words(methods, METHODS, "--methods")
     stars = planned(_budget(error))
     loaded = score.read(console, score_path, trust=trust)
+    stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
     wanted = [*settings(known, PRECISIONS, upto), *stars]
     total = work(wanted, round(seconds * piece.rate))

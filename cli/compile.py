@@ -44,7 +44,7 @@ def compile_score(
     # Under --json a bar's records would mix with the rows.
     quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (
-        writing(output or "-", binary=False, force=force) as file,
+        writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
         quiet.progress("compiling", stage.n_frames, stage.rate) as progress,
     ):
         head = header(form, title=piece.title, rate=stage.rate, score=piece.digest())

@@ -76,6 +76,7 @@ def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) ->
                 n_frames=n_frames,
                 force=wishes.force,
                 threads=wishes.threads,
+                inputs=(*loaded.inputs, *wishes.plan.read),
             )
     except DivergedError as error:
         score.show(console, loaded, [stage.fault(error)])

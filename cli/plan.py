@@ -68,7 +68,8 @@ def plan(
     if output is not None:
         from ergon.exchange.plan_file import write
 
-        write(output, made.choices(), made.hash, force=force)
+        inputs = (*loaded.inputs, *wanted.read)
+        write(output, made.choices(), made.hash, force=force, inputs=inputs)
     if console.json:
         for row in rows:
             console.record("plan_row", **_fields(row))

@@ -67,7 +67,8 @@ def plot(
     if svg is not None:
         from ergon.view.svg import plot as draw
 
-        _write(console, svg, draw(curves, title=title, x_label="position [mm]"), force)
+        picture = draw(curves, title=title, x_label="position [mm]")
+        _write(console, svg, picture, force, loaded.inputs)
 
 
 def _curves(
@@ -146,7 +147,8 @@ def _sound(
         from ergon.view.sound import picture
 
         title = info.title or path.name
-        _write(console, svg, picture(read_blocks(path), info.n_frames, rate, title), force)
+        drawn = picture(read_blocks(path), info.n_frames, rate, title)
+        _write(console, svg, drawn, force, (path,))
         return
     from ergon.view.sound import envelope
 
@@ -161,9 +163,9 @@ def _text(curves: Sequence[Curve], width: int | None, height: int, label: str) -
     return draw(curves, width=columns, height=height, x_label=label)
 
 
-def _write(console: Console, target: str, text: str, force: bool) -> None:
+def _write(console: Console, target: str, text: str, force: bool, inputs: Sequence[Path]) -> None:
     from ergon.exchange.safe import write_text
 
-    write_text(target, text, force=force)
+    write_text(target, text, force=force, inputs=inputs)
     if target != "-":
         console.say(f"wrote {target}")

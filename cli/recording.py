@@ -43,11 +43,12 @@ def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
 
 def target(output: str, source: Path) -> Path:
     """Where a recording is written to; its name says what it is."""
+    from ergon.exchange.safe import check_target
+
     path = Path(output)
     if path.suffix.lower() != SUFFIX:
         raise Refused(f"{output}: a recording is called something{SUFFIX}")
-    if path.exists() and path.samefile(source):
-        raise Refused(f"{output} is what is read; give the new file another name")
+    check_target(path, force=True, inputs=(source,))
     return path
 
 

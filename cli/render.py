@@ -55,6 +55,12 @@ class Wishes:
         """How exact."""
         return score.Plan(self.method, self.error, self.cents, self.pinned)
 
+    @property
+    def read(self) -> tuple[Path, ...]:
+        """Files that are read beside the score's."""
+        hands = () if self.hands is None else (Path(self.hands),)
+        return *self.plan.read, *hands
+
 
 @click.command()
 @options.score
@@ -189,6 +195,7 @@ def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bo
     )
     stage = staged.stage
     order = order_of(path, staged.piece, stage, wishes)
+    order = replace(order, inputs=(*loaded.inputs, *wishes.read))
     if recorded is not None:
         order = replace(order, level=recorded.level)
     if dry:

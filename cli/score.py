@@ -60,6 +60,11 @@ class Plan:
             raise Refused(f"--error: {found.message}") from None
         return wished(of_score, method=self.method, error=error, cents=self.cents)
 
+    @property
+    def read(self) -> tuple[Path, ...]:
+        """The file of the earlier plan."""
+        return () if self.pinned is None else (Path(self.pinned),)
+
     def pins(self) -> Pins | None:
         """What an earlier plan decided, if one is to be followed."""
         from ergon.exchange.plan_file import NotPlanError, read

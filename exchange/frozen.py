@@ -104,6 +104,7 @@ def write(
     n_frames: int,
     force: bool = False,
     threads: int = 1,
+    inputs: Sequence[Path] = (),
 ) -> Frozen:
     """Compute `n_frames` frames of the taps of parts; all files or none.
 
@@ -119,7 +120,7 @@ def write(
     ]
     paths = stem_paths(folder, [part for part, _ in pieces])
     for path in (*paths, folder / MANIFEST):
-        check_target(path, force=force)
+        check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source.title, source.score, source.plan)
     with contextlib.ExitStack() as stack:
         # Entered first, it gets its name last.

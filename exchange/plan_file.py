@@ -32,9 +32,11 @@ def text(choices: Choices, digest: str, **more: object) -> str:
     return f'{{"ergon_plan": {VERSION}, "hash": "{digest}"{head}, "choices": [\n  {lines}\n]}}\n'
 
 
-def write(path: str, choices: Choices, digest: str, *, force: bool) -> None:
+def write(
+    path: str, choices: Choices, digest: str, *, force: bool, inputs: Sequence[Path] = ()
+) -> None:
     """Write a plan; all of it or nothing."""
-    with writing(path, binary=True, force=force) as file:
+    with writing(path, binary=True, force=force, inputs=inputs) as file:
         file.write(text(choices, digest).encode())
 
 

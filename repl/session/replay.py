@@ -85,6 +85,13 @@ class Replay:
     late: dict[int, float] = field(default_factory=dict)  # by number: the beat it waits for
     n_frames: int = 0
 
+    def texts(self) -> Iterator[Texts]:
+        """What it read from files: its score, and what lines read later."""
+        yield self.opening.texts
+        for event in self.lines.values():
+            if "text" in event.fields:
+                yield _texts(event, self.opening.texts.bounds)
+
 
 def opened(path: Path, *, trust: bool = False) -> Replay:
     """Read a journal. Raises JournalError.

@@ -31,6 +31,12 @@ class Loaded:
         """Whether the score was refused."""
         return self.piece is None
 
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """Every file that the score is read from: its texts and its takes."""
+        takes = self.piece.takes.values() if self.piece is not None else ()
+        return *map(Path, self.files), *(take.path for take in takes)
+
 
 @lasting
 def load(
