@@ -17,7 +17,7 @@ from .units import metres, seconds
 
 if TYPE_CHECKING:
     from ergon._core import Recording
-    from ergon.exchange.table import Column
+    from ergon.scores.gesture.summary import Column
 
 
 @click.command()
@@ -116,12 +116,13 @@ def _axes(found: Recording) -> list[dict[str, Any]]:
 
 
 def _table(console: Console, path: Path) -> None:
-    from ergon.exchange.table import NotTableError, read_table
+    from ergon.scores.gesture.summary import summary
+    from ergon.scores.gesture.take_file import TakeError
 
     try:
-        table = read_table(path)
-    except NotTableError as error:
-        raise Refused(f"{path}: {error}") from None
+        table = summary(path)
+    except TakeError as error:
+        raise Refused(error.message) from None
     time = next((c for c in table.columns if c.name.partition("[")[0].strip() == "t"), None)
     span = _seconds(time) if time else None
     rate = (table.n_rows - 1) / span if span else None

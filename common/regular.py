@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 
 class NotRegularError(OSError):
     """The name stands for a folder, a pipe, a socket or a device."""
 
 
-def open_regular(path: Path) -> BinaryIO:
+def open_regular(path: Path) -> BufferedReader:
     """The bytes of a regular file. Raises OSError; a name that no file can have too.
 
     Opening a pipe would wait for its other end, and a device has no end: O_NONBLOCK opens both at

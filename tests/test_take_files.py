@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import ergon.scores
-from ergon.scores.gesture import takes
-from ergon.scores.gesture.takes import TakeError, read
+from ergon.scores.gesture import npz, takes
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.gesture.takes import read
 
 LIBRARY = Path(ergon.scores.__file__).parent / "library" / "takes"
 
@@ -100,7 +101,8 @@ def test_bad_rows_are_named_by_their_line(tmp_path, text, line, words):
 
 def test_sizes_are_bounded(tmp_path, monkeypatch):
     path = csv(tmp_path, "t [s],x [mm]\n0,0\n1,1\n2,0\n")
-    monkeypatch.setattr(takes, "MAX_SAMPLES", 2)
+    for module in (takes, npz):
+        monkeypatch.setattr(module, "MAX_SAMPLES", 2)
     with pytest.raises(TakeError, match=r"hand.csv:4: more than 2 samples"):
         read(path)
     soundfile.write(tmp_path / "x.wav", np.zeros(3), 100)
