@@ -10,10 +10,11 @@ CSV and npz files without `t` need a `rate`.
 
 import io
 import math
+import os
 from array import array
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,12 @@ from ergon.scores.text.spelling import nearest
 
 MAX_POSITION = 1e3  # m
 MAX_RATE = 1e6  # Hz
+_PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE  # format tags (RFC 2361)
+_WAV_ORDER: dict[bytes, Literal["little", "big"]] = {
+    b"RIFF": "little",
+    b"RF64": "little",
+    b"RIFX": "big",
+}
 
 
 class Samples(NamedTuple):
@@ -188,8 +195,7 @@ def _checked(t: Floats, x: Floats, path: Path) -> Samples:
 def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: float) -> Samples:
     import soundfile  # 80 ms that a score without WAV takes need not spend
 
-    if _is_cut_short(path):
-        raise TakeError("the file is shorter than its header says", path)
+    _judge_wav(path)
     try:
         with soundfile.SoundFile(path) as file:
             _check_rate(True, rate, path)
@@ -215,19 +221,35 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: f
         ) from None
 
 
-def _is_cut_short(path: Path) -> bool:
-    """Whether a RIFF file ends before its data do; soundfile reads what there is and is silent."""
-    size = path.stat().st_size
+def _judge_wav(path: Path) -> None:
+    """Refuse what libsndfile would read all the same. Raises TakeError.
+
+    It is silent where a file ends before its samples do, and it decodes what a file of any name
+    holds: MP3 within a WAV file too, with remarks on stdout.
+    """
     with open_regular(path) as file:
-        if file.read(12)[:4] != b"RIFF":
-            return False  # RF64 and others keep their sizes elsewhere
-        while len(header := file.read(8)) == 8:
-            length = int.from_bytes(header[4:], "little")
-            if header[:4] == b"data":
+        size = os.fstat(file.fileno()).st_size
+        head = file.read(12)
+        order = _WAV_ORDER.get(head[:4])
+        if order is None or head[8:] != b"WAVE":
+            raise TakeError("this is not a WAV file", path)
+        tag = None
+        while len(chunk := file.read(8)) == 8:
+            name, length, start = chunk[:4], int.from_bytes(chunk[4:], order), file.tell()
+            if name == b"fmt ":
+                content = file.read(min(length, 40))
+                tag = int.from_bytes(content[:2], order)
+                if tag == _EXTENSIBLE:
+                    tag = int.from_bytes(content[24:26], order)
+                if tag not in (_PCM, _FLOAT):
+                    raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
+            elif name == b"data" and tag is not None:
                 # A size that was never filled in: what a program leaves that streams.
-                return length not in (0, 0xFFFFFFFF) and file.tell() + length > size
-            file.seek(length + length % 2, 1)
-    return False
+                if length not in (0, 0xFFFFFFFF) and start + length > size:
+                    raise TakeError("the file is shorter than its header says", path)
+                return
+            file.seek(start + length + length % 2)
+    raise TakeError("this is not a WAV file: it holds no samples", path)
 
 
 def _read_npz(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
