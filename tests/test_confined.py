@@ -1,5 +1,6 @@
 """A score reads and writes in its own folder, unless whoever runs it trusts it."""
 
+import json
 import os
 import subprocess
 import sys
@@ -8,8 +9,11 @@ from pathlib import Path
 import pytest
 
 from ergon.cli import app
-from ergon.repl.session.replay import opened
+from ergon.repl.language.commands import Load, Reload
+from ergon.repl.session.deeds import DEEDS
+from ergon.repl.session.replay import opened, resumed
 from ergon.repl.session.texts import Texts
+from ergon.repl.session.version import NotTakenError, Version
 from ergon.scores.reading.load import load
 from ergon.scores.text.bounds import MARKER, Bounds
 
@@ -219,6 +223,53 @@ def test_a_journal_reads_in_its_own_folder(piece):
             d.code for d in opened(Path("s.jsonl"), trust=True).opening.texts.load().diagnostics
         ]
         assert "E112" not in codes
+
+
+def test_a_session_goes_on_where_its_journal_lies(piece):
+    """Lines of a session that goes on write its score: not where a stranger's journal says."""
+    outside = piece.parent / "s.yaml"
+    for score, refused in ((outside, True), (piece / "s.yaml", False), ("s.yaml", False)):
+        Path("s.jsonl").write_text(
+            json.dumps({"v": 1, "event": "session", "score": str(score), "every": 64, "at": 0.0})[
+                :-1
+            ]
+            + ', "gain": 1.0, "limit": 1.0, "text": '
+            + json.dumps("ergon: 1\n" + PLAYED)
+            + "}\n"
+        )
+        if refused:
+            with pytest.raises(NotTakenError, match="outside the journal's folder"):
+                resumed(opened(Path("s.jsonl")))
+            assert resumed(opened(Path("s.jsonl"), trust=True))[0].texts.path == str(score)
+        else:
+            version, _ = resumed(opened(Path("s.jsonl")))
+            Path("../x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
+            Path("s.yaml").write_text("ergon: 1\nuse: [../x.yaml]\n" + PLAYED)
+            with pytest.raises(NotTakenError, match="outside the score's folder"):
+                DEEDS[Reload](Reload())(version, 0.0)
+
+
+def test_a_score_that_is_loaded_has_its_own_folder(piece):
+    """`load` is typed; what it loads is held to where it lies, and trusted if the session is."""
+    other = piece.parent / "other"
+    other.mkdir()
+    (other / "s.yaml").write_text("ergon: 1\nuse: [x.yaml]\n" + PLAYED)
+    (other / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
+    (piece / "s.yaml").write_text("ergon: 1\n" + PLAYED)
+    for trust in (False, True):
+        texts = Texts.read("s.yaml", Bounds.around(piece, trust=trust))
+        version = Version(0, "", texts, texts.load().piece)
+        (other / "s.yaml").write_text("ergon: 1\nuse: [x.yaml]\n" + PLAYED)
+        loaded = DEEDS[Load](Load(str(other / "s.yaml")))(version, 0.0)
+        assert "g" in loaded.texts.names()[0].names("gestures")
+        (other / "s.yaml").write_text("ergon: 1\nuse: [../other/../x.yaml]\n" + PLAYED)
+        (piece.parent / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
+        load_outside = DEEDS[Load](Load(str(other / "s.yaml")))
+        if trust:
+            assert load_outside(version, 0.0).texts.load().piece is not None
+        else:
+            with pytest.raises(NotTakenError, match="outside the score's folder"):
+                load_outside(version, 0.0)
 
 
 @pytest.mark.parametrize("what", [name for name in NAMED if name != "render"])
