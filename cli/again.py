@@ -44,7 +44,7 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
         if getattr(wishes, name) is not None:
             raise Refused(f"a journal is rendered as it was played; {option} does nothing to it")
     try:
-        replay = opened(path)
+        replay = opened(path, trust=wishes.trust)
         with score.staging(console, replay.opening.texts.load):
             again = Again(replay)
     except (JournalError, NotTakenError) as error:
@@ -64,6 +64,7 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
         block=wishes.block,
         threads=wishes.threads,
         force=wishes.force,
+        inputs=(path, *(one for texts in replay.texts() for one in texts.load().inputs)),
     )
     try:
         with console.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress:

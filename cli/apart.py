@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ergon.common.terminal import clean
+
 from .console import Console
 from .outcome import Findings, Refused
 from .performing import Wishes, begun
@@ -166,7 +168,7 @@ def _command(wishes: Wishes) -> str:
 
 
 def _pass_on(said: bytes) -> None:
-    sys.stderr.write(said.decode(errors="replace"))
+    sys.stderr.write(clean(said.decode(errors="replace")))
     sys.stderr.flush()
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from typing import Any
 
 import click
+
+from ergon.common.terminal import clean
 
 from .console import Console
 from .lazy import LazyGroup, Table
@@ -115,7 +118,9 @@ def _outcome(arguments: list[str]) -> int:
         if console.json:
             console.outcome(Refused(error.format_message()))
         else:
-            error.show()
+            told = io.StringIO()
+            error.show(told)
+            sys.stderr.write(clean(told.getvalue()))
         return error.exit_code
     except BrokenPipeError:
         raise

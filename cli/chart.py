@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 @click.option("--upto", type=click.IntRange(2, 64), default=8, help="Most oversampling.")
 @click.option("--error", metavar="DB", help="Also what the planner takes for it, e.g. -60dB.")
 @options.force
+@options.trust
 @options.speaking
 def chart(
     console: Console,
@@ -39,6 +40,7 @@ def chart(
     upto: int,
     error: str | None,
     force: bool,
+    trust: bool,
 ) -> None:
     """Draw error against cost of every way of computing a score.
 
@@ -52,10 +54,10 @@ def chart(
     from ergon.lab.machine import machine
     from ergon.lab.scene import Score
 
-    stem = laboratory.stem(output, score_path, "chart", force)
     known = laboratory.words(methods, METHODS, "--methods")
     stars = planned(_budget(error))
-    loaded = score.read(console, score_path)
+    loaded = score.read(console, score_path, trust=trust)
+    stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
     wanted = [*settings(known, PRECISIONS, upto), *stars]
     total = work(wanted, round(seconds * piece.rate))

@@ -28,8 +28,11 @@ if TYPE_CHECKING:
     default="full",
     help="How mistakes are shown.",
 )
+@options.trust
 @options.speaking
-def check(console: Console, scores: tuple[str, ...], simulate: bool, form: Form) -> None:
+def check(
+    console: Console, scores: tuple[str, ...], simulate: bool, form: Form, trust: bool
+) -> None:
     """Report every mistake in scores, with its place.
 
     `-` reads a score from stdin. The exit code is 1 when a score has an error; warnings and notes
@@ -39,7 +42,7 @@ def check(console: Console, scores: tuple[str, ...], simulate: bool, form: Form)
     failed = 0
     for path in scores:
         try:
-            _check(console, path, simulate)
+            _check(console, path, simulate, trust)
         except Findings as found:
             console.outcome(found)
             failed += 1
@@ -47,8 +50,8 @@ def check(console: Console, scores: tuple[str, ...], simulate: bool, form: Form)
         raise Findings(f"{failed} of {plural(len(scores), 'score')}" if len(scores) > 1 else "")
 
 
-def _check(console: Console, path: str, simulate: bool) -> None:
-    loaded = score.read(console, path)
+def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
+    loaded = score.read(console, path, trust=trust)
     found: list[Diagnostic] = []
     staged = None
     if loaded.piece is not None:

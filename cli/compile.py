@@ -13,9 +13,15 @@ from .console import Console
 @options.target("Where to; stdout without it, or with -.")
 @options.seed
 @options.force
+@options.trust
 @options.speaking
 def compile_score(
-    console: Console, score_path: str, output: str | None, seed: int | None, force: bool
+    console: Console,
+    score_path: str,
+    output: str | None,
+    seed: int | None,
+    force: bool,
+    trust: bool,
 ) -> None:
     """Print the stream of ergons as CSV or JSON lines.
 
@@ -25,7 +31,7 @@ def compile_score(
     from ergon.exchange.safe import writing
     from ergon.exchange.stream import Form, Names, header, stream
 
-    loaded = score.read(console, score_path)
+    loaded = score.read(console, score_path, trust=trust)
     staged = score.stage_piece(console, loaded, seed=seed, record=True)
     piece, stage = staged.piece, staged.stage
     form: Form = "json" if console.json else "csv"
@@ -38,7 +44,7 @@ def compile_score(
     # Under --json a bar's records would mix with the rows.
     quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (
-        writing(output or "-", binary=False, force=force) as file,
+        writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
         quiet.progress("compiling", stage.n_frames, stage.rate) as progress,
     ):
         head = header(form, title=piece.title, rate=stage.rate, score=piece.digest())

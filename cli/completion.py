@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable
 
 import click
 
+from ergon.common.terminal import clean
+
 from .names import SECTIONS, names_of
 
 SHELLS = ("bash", "zsh", "fish")
@@ -28,7 +30,7 @@ def completion(shell: str | None, wanted: str | None, score_path: str | None) ->
         # Called by the scripts below: `ergon completion --names gestures,takes bash SCORE`.
         sections = tuple(name for name in wanted.split(",") if name in SECTIONS)
         for name in names_of(score_path or "", sections):
-            click.echo(name)
+            click.echo(clean(name))
         return
     if shell is None:
         raise click.UsageError(f"which shell? {', '.join(SHELLS)}")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
+
+from ergon.common.terminal import clean, json_text
 
 from .colour import style
 
@@ -37,14 +38,14 @@ class Console:
 
     def data(self, text: str) -> None:
         """Text that was asked for, on stdout."""
-        sys.stdout.write(text)
+        sys.stdout.write(clean(text))
 
     # --- messages on stderr ---------------------------------------------------------------------
 
     def say(self, message: str) -> None:
         """What happened; left out under --quiet and --json."""
         if not self.quiet and not self.json:
-            print(message, file=sys.stderr)
+            print(clean(message), file=sys.stderr)
 
     def detail(self, message: str) -> None:
         """More of it, under --verbose only."""
@@ -56,7 +57,7 @@ class Console:
         if self.json:
             self.record("warning", message=message)
         elif not self.quiet:
-            print(f"{style('warning', 'warning')}: {message}", file=sys.stderr)
+            print(f"{style('warning', 'warning')}: {clean(message)}", file=sys.stderr)
 
     def outcome(self, outcome: Outcome) -> None:
         """An early end, as one sentence or as one JSON line."""
@@ -69,7 +70,8 @@ class Console:
             self.record("error", **fields, suggestion=suggestion)
         else:
             code = f"[{outcome.code}]" if outcome.code else ""
-            print(f"{style('error', 'error' + code)}: {outcome.message}", file=sys.stderr)
+            sentence = clean(outcome.message)
+            print(f"{style('error', 'error' + code)}: {sentence}", file=sys.stderr)
 
     def diagnostics(
         self,
@@ -89,7 +91,7 @@ class Console:
         for diagnostic in found:
             if self.quiet and diagnostic.severity != "error":
                 continue
-            text = RENDERERS[form](diagnostic, sources)
+            text = clean(RENDERERS[form](diagnostic, sources))
             if form in ("full", "concise"):
                 word = f"{diagnostic.severity}[{diagnostic.code}]"
                 text = text.replace(word, style(diagnostic.severity, word), 1)
@@ -102,13 +104,13 @@ class Console:
         """A bar on a terminal, a JSON record per second under --json, otherwise silence."""
         from .progress import bar
 
-        return bar(task, total, rate, self.quiet, self.record if self.json else None)
+        return bar(clean(task), total, rate, self.quiet, self.record if self.json else None)
 
 
 def line(event: str, **fields: Any) -> str:
     """One JSON line; a number that JSON cannot say (inf, nan) becomes null."""
     fields = {name: _finite(value) for name, value in fields.items()}
-    return json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False)
+    return json_text({"v": VERSION, "event": event, **fields})
 
 
 def _finite(value: Any) -> Any:

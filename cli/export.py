@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 @click.option("--stems/--no-stems", default=True, help="Render the mix and one file per player.")
 @options.bits
 @options.force
+@options.trust
 @options.speaking
 def export(
     console: Console,
@@ -39,6 +41,7 @@ def export(
     stems: bool,
     bits: Bits | None,
     force: bool,
+    trust: bool,
 ) -> None:
     """Write tempo map, marks and stems for other programs.
 
@@ -48,12 +51,13 @@ def export(
     from ergon.exchange.markers import markers_csv
     from ergon.exchange.safe import check_target, writing
 
-    staged = score.stage_piece(console, score.read(console, score_path))
+    loaded = score.read(console, score_path, trust=trust)
+    staged = score.stage_piece(console, loaded)
     piece = staged.piece
     end = staged.stage.n_frames / staged.stage.rate
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
     for path in (tempo_path, marks_path):
-        check_target(path, force=force)
+        check_target(path, force=force, inputs=loaded.inputs)
     tempo = piece.tempo_map
     marks = [
         (name, score.where(piece, tempo.seconds(beats)), tempo.seconds(beats))
@@ -76,6 +80,7 @@ def export(
             output=str(output / "mix.wav"), stems=output / "stems", bits=bits, force=force
         )
         order = order_of(score_path, piece, staged.stage, wishes)
+        order = replace(order, inputs=loaded.inputs)
         with console.progress("rendering stems", order.stop, staged.stage.rate) as progress:
             done = exchange.render(staged.stage, order, progress.at)
         rendered(console, done, order, staged.plan_s, staged.stage.network)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from ergon.common.regular import read_bounded
+
 from . import options
 from .console import Console, plural
 from .outcome import Findings, Refused
@@ -35,8 +37,11 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     from ergon.exchange.safe import writing
     from ergon.scores.text.errors import TextError
     from ergon.scores.text.format import formatted
+    from ergon.scores.text.syntax import MAX_BYTES
 
-    data = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
+    data = sys.stdin.buffer.read() if path == "-" else read_bounded(Path(path), MAX_BYTES)
+    if len(data) > MAX_BYTES:
+        raise Refused(f"{path}: no score is larger than {MAX_BYTES >> 20} MB")
     try:
         before = data.decode("utf-8")
         after = formatted(before)
@@ -53,9 +58,9 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         lines = difflib.unified_diff(
             before.splitlines(keepends=True), after.splitlines(keepends=True), path, path
         )
-        console.data("".join(lines))
+        _print("".join(lines))
     elif path == "-" and not only_check:
-        console.data(after)
+        _print(after)
     elif different and not only_check:
         # The score is the composer's own file, so it may be written over.
         with writing(path, binary=False, force=True) as file:
@@ -65,3 +70,10 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     elif different and not diff and path != "-":
         console.say(f"{path}: " + ("would change" if only_check else "laid out"))
     return different
+
+
+def _print(text: str) -> None:
+    """To the byte what it is, but for a terminal."""
+    from ergon.exchange.safe import write_text
+
+    write_text("-", text)

@@ -34,6 +34,7 @@ class Wishes:
     threads: int
     force: bool
     plan: score.Plan
+    trust: bool = False
 
 
 def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) -> None:
@@ -41,7 +42,7 @@ def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) ->
     from ergon._core import DivergedError
     from ergon.exchange import frozen as exchange
 
-    loaded = score.read(console, path)
+    loaded = score.read(console, path, trust=wishes.trust)
     piece = score.piece_of(loaded)
     _are_there(piece, wishes.parts)
     live = [player.name for player in piece.players.values() if player.hand == "live"]
@@ -75,6 +76,7 @@ def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) ->
                 n_frames=n_frames,
                 force=wishes.force,
                 threads=wishes.threads,
+                inputs=(*loaded.inputs, *wishes.plan.read),
             )
     except DivergedError as error:
         score.show(console, loaded, [stage.fault(error)])

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("file", metavar="FILE")
 @click.option("--score", "of", metavar="SCORE", help="Check that a render comes from this score.")
+@options.trust
 @options.speaking
-def info(console: Console, file: str, of: str | None) -> None:
+def info(console: Console, file: str, of: str | None, trust: bool) -> None:
     """Say what a render, a take or a score contains.
 
     A WAV file is a render: its format, title, the hash of its score and of its samples. A .take,
@@ -31,16 +32,16 @@ def info(console: Console, file: str, of: str | None) -> None:
     if of is not None and suffix != ".wav":
         raise Refused("--score verifies a rendered WAV file")
     if suffix == ".wav":
-        _render(console, path, of)
+        _render(console, path, of, trust)
     elif suffix in (".take", ".csv", ".npz"):
         from .take_info import take
 
         take(console, path)
     else:
-        _score(console, file)
+        _score(console, file, trust)
 
 
-def _render(console: Console, path: Path, of: str | None) -> None:
+def _render(console: Console, path: Path, of: str | None, trust: bool) -> None:
     from ergon.exchange.wave import hash_samples, read_info
     from ergon.exchange.wave_header import NotWaveError
 
@@ -57,7 +58,7 @@ def _render(console: Console, path: Path, of: str | None) -> None:
         return
     if found.score is None:
         raise Findings(f"{path} does not say which score it comes from")
-    if score.piece_of(score.read(console, of)).digest() != found.score:
+    if score.piece_of(score.read(console, of, trust=trust)).digest() != found.score:
         raise Findings(f"{path} was rendered from another score than {of}, or an earlier state")
     console.say(f"{path} was rendered from {of} as it is now")
 
@@ -97,8 +98,8 @@ def _lines(path: Path, found: WaveInfo, samples: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _score(console: Console, path: str) -> None:
-    ready = score.stage_piece(console, score.read(console, path))
+def _score(console: Console, path: str, trust: bool) -> None:
+    ready = score.stage_piece(console, score.read(console, path, trust=trust))
     piece, staged = ready.piece, ready.stage
     duration = staged.n_frames / staged.rate
     end = score.where(piece, duration)

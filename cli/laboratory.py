@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 FORMS = ("csv", "svg", "png")
 
 
-def stem(output: str | None, source: str, what: str, force: bool) -> Path:
+def stem(
+    output: str | None, source: str, what: str, force: bool, inputs: Sequence[Path] = ()
+) -> Path:
     """NAME of NAME.csv, NAME.svg and NAME.png. Raises RefusedError where one may not be written."""
     from ergon.exchange.safe import check_target
     from ergon.lab.pictures import targets
@@ -29,7 +31,7 @@ def stem(output: str | None, source: str, what: str, force: bool) -> Path:
         if found.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
             found = found.with_suffix("")
     for path in targets(found):
-        check_target(path, force=force)
+        check_target(path, force=force, inputs=inputs)
     return found
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from ergon.common.regular import read_bounded
+
 SECTIONS = ("gestures", "takes", "players", "keys", "marks", "instruments")
 _SIZE_MAX = 1 << 20  # bytes: a score by hand is some 10,000; Tab must never wait
 _SECTION = re.compile(r"^([a-z]+):\s*(.*)$")
@@ -39,8 +41,7 @@ def names_in(text: str) -> dict[str, list[str]]:
 def names_of(path: str, sections: tuple[str, ...]) -> list[str]:
     """Names of these sections in a file; none when it cannot be read."""
     try:
-        with Path(path).open(encoding="utf-8", errors="replace") as file:
-            found = names_in(file.read(_SIZE_MAX))
+        found = names_in(read_bounded(Path(path), _SIZE_MAX).decode(errors="replace"))
     except OSError:
         return []
     return [name for section in sections for name in found[section]]

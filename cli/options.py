@@ -13,6 +13,7 @@ from .console import Console
 F = TypeVar("F", bound=Callable[..., Any])
 
 force = click.option("-f", "--force", is_flag=True, help="Overwrite files that are not ours.")
+trust = click.option("--trust", is_flag=True, help="The score may name files outside its folder.")
 seed = click.option("--seed", type=int, help="Another seed for every chance operation.")
 score = click.argument("score_path", metavar="SCORE")
 # Kept as text: what it may be (a file, `-`) is checked where it is opened, with a sentence.

@@ -47,6 +47,7 @@ class Wishes:
     engine: bool = False
     plain: bool = False
     strict: bool = False
+    trust: bool = False
 
     @property
     def playing(self) -> playing.Wishes:
@@ -79,7 +80,7 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
 
-    version, clock, gain = _beginning(console, path, wishes.resume)
+    version, clock, gain = _beginning(console, path, wishes)
     piece = version.piece
     boards = [
         playing.ready(console, board, wishes.unchecked)
@@ -122,7 +123,7 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
 
 
 def _beginning(
-    console: Console, path: str | None, resume: Path | None
+    console: Console, path: str | None, wishes: Wishes
 ) -> tuple[Version, Clock, float | None]:
     """The first version, where its piece stands, and the gain where it is known."""
     from ergon.repl.session.clock import Clock
@@ -131,18 +132,19 @@ def _beginning(
     from ergon.repl.session.texts import Texts
     from ergon.repl.session.version import NotTakenError, Version
 
+    resume = wishes.resume
     if (path is None) == (resume is None):
         raise Refused("a score, or --resume JOURNAL: one of them")
     if resume is not None:
         try:
-            replay = opened(resume)
+            replay = opened(resume, trust=wishes.trust)
             return *resumed(replay), replay.opening.gain
         except (JournalError, NotTakenError) as error:
             raise Refused(f"--resume {resume}: {error}") from None
     assert path is not None
-    loaded = score.read(console, path, leave_out=("N401",))
+    loaded = score.read(console, path, leave_out=("N401",), trust=wishes.trust)
     piece = score.piece_of(loaded)
-    return Version(0, "", Texts.read(path), piece), Clock(), None
+    return Version(0, "", Texts.read(path, score.bounds(path, wishes.trust)), piece), Clock(), None
 
 
 def _order(

@@ -35,6 +35,7 @@ _HEAD = ("part", "modules", "computed", "error", "cost", "stable", "left out")
 @options.accuracy
 @options.seed
 @options.force
+@options.trust
 @options.speaking
 def plan(
     console: Console,
@@ -47,6 +48,7 @@ def plan(
     pinned: str | None,
     seed: int | None,
     force: bool,
+    trust: bool,
 ) -> None:
     """Say what will be computed, how, at what cost and error, and why the rest is not.
 
@@ -56,7 +58,8 @@ def plan(
     if output == "-" and console.json:
         raise Refused("--json and -o - both want stdout")
     wanted = score.Plan(method, error, cents, pinned)
-    staged = score.stage_piece(console, score.read(console, score_path), seed=seed, plan=wanted)
+    loaded = score.read(console, score_path, trust=trust)
+    staged = score.stage_piece(console, loaded, seed=seed, plan=wanted)
     made = staged.stage.plan
     assert made is not None
     rows = made.rows()
@@ -65,7 +68,8 @@ def plan(
     if output is not None:
         from ergon.exchange.plan_file import write
 
-        write(output, made.choices(), made.hash, force=force)
+        inputs = (*loaded.inputs, *wanted.read)
+        write(output, made.choices(), made.hash, force=force, inputs=inputs)
     if console.json:
         for row in rows:
             console.record("plan_row", **_fields(row))

@@ -42,6 +42,7 @@ def _playing(command: Any) -> Any:
         click.option("--strict", is_flag=True, help="Exit 5 when sound was late."),
         options.seed,
         options.accuracy,
+        options.trust,
         options.speaking,
     ):
         command = option(command)

@@ -55,6 +55,7 @@ class Wishes:
     force_max: float | None = None
     frozen: Path | None = None
     unchecked: bool = False
+    trust: bool = False
 
     @property
     def plan(self) -> score.Plan:
@@ -64,7 +65,7 @@ class Wishes:
 
 def play_score(console: Console, path: str, wishes: Wishes) -> None:
     """Play a score to its end, or until Ctrl-C."""
-    loaded = score.read(console, path, leave_out=_NOT_HERE)
+    loaded = score.read(console, path, leave_out=_NOT_HERE, trust=wishes.trust)
     written = score.piece_of(loaded)
     piece = _standing_in(written, wishes.standin)
     loaded = replace(loaded, piece=piece)

@@ -32,6 +32,7 @@ _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 @click.option("--width", type=click.IntRange(24, 1000), help="Characters; the terminal's width.")
 @click.option("--height", type=click.IntRange(5, 1000), default=20, help="Lines.")
 @options.force
+@options.trust
 @options.speaking
 def plot(
     console: Console,
@@ -42,6 +43,7 @@ def plot(
     width: int | None,
     height: int,
     force: bool,
+    trust: bool,
 ) -> None:
     """Draw a gesture, asked and done, in the terminal or as SVG.
 
@@ -52,7 +54,7 @@ def plot(
     if Path(score_path).suffix.lower() == ".wav":
         _sound(console, Path(score_path), svg, width, height, force)
         return
-    loaded = score.read(console, score_path)
+    loaded = score.read(console, score_path, trust=trust)
     if name is None:
         raise Refused(f"what is to be drawn? {_known(score.piece_of(loaded))}")
     curves, title = _curves(console, loaded, name, key)
@@ -65,7 +67,8 @@ def plot(
     if svg is not None:
         from ergon.view.svg import plot as draw
 
-        _write(console, svg, draw(curves, title=title, x_label="position [mm]"), force)
+        picture = draw(curves, title=title, x_label="position [mm]")
+        _write(console, svg, picture, force, loaded.inputs)
 
 
 def _curves(
@@ -144,7 +147,8 @@ def _sound(
         from ergon.view.sound import picture
 
         title = info.title or path.name
-        _write(console, svg, picture(read_blocks(path), info.n_frames, rate, title), force)
+        drawn = picture(read_blocks(path), info.n_frames, rate, title)
+        _write(console, svg, drawn, force, (path,))
         return
     from ergon.view.sound import envelope
 
@@ -159,9 +163,9 @@ def _text(curves: Sequence[Curve], width: int | None, height: int, label: str) -
     return draw(curves, width=columns, height=height, x_label=label)
 
 
-def _write(console: Console, target: str, text: str, force: bool) -> None:
+def _write(console: Console, target: str, text: str, force: bool, inputs: Sequence[Path]) -> None:
     from ergon.exchange.safe import write_text
 
-    write_text(target, text, force=force)
+    write_text(target, text, force=force, inputs=inputs)
     if target != "-":
         console.say(f"wrote {target}")

@@ -59,7 +59,7 @@ class _Bar(Progress):
         from rich.progress import Progress as Rich
 
         columns: list[Any] = [
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),  # a name may hold brackets
             BarColumn(),
             TaskProgressColumn(),
             TextColumn("{task.fields[speed]}"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.regular import open_regular
+
 from .console import Console
 from .outcome import Refused
 
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from ergon._core import Recording
 
 SUFFIX = ".take"
+NAMES_MAX = 400  # characters of a stranger's names that are shown
 
 
 def read(console: Console, path: Path, span: tuple[int, int] | None = None) -> Recording:
@@ -30,6 +33,7 @@ def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
     from ergon._core import EngineError, read_recording
 
     try:
+        open_regular(path).close()  # the core would wait for a pipe's other end
         return read_recording(path, span)
     except EngineError as error:
         raise Refused(f"{path}: {error}") from None
@@ -39,11 +43,12 @@ def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
 
 def target(output: str, source: Path) -> Path:
     """Where a recording is written to; its name says what it is."""
+    from ergon.exchange.safe import check_target
+
     path = Path(output)
     if path.suffix.lower() != SUFFIX:
         raise Refused(f"{output}: a recording is called something{SUFFIX}")
-    if path.exists() and path.samefile(source):
-        raise Refused(f"{output} is what is read; give the new file another name")
+    check_target(path, force=True, inputs=(source,))
     return path
 
 
@@ -73,10 +78,5 @@ def say(console: Console, path: Path, recording: Recording, *, dry: bool) -> Non
             axes=recording.names,
         )
     else:
-        names = plain(", ".join(recording.names))
+        names = ", ".join(recording.names)[:NAMES_MAX]
         console.say(f"{event} {path}: {names}, {recording.duration:.3f} s, {n_ticks:,} ticks")
-
-
-def plain(text: str) -> str:
-    """A stranger's names, short and without what moves a terminal."""
-    return "".join(c if c.isprintable() else "?" for c in text[:400])

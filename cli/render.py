@@ -48,11 +48,18 @@ class Wishes:
     pinned: str | None = None
     hands: str | None = None
     freeze: str | None = None
+    trust: bool = False
 
     @property
     def plan(self) -> score.Plan:
         """How exact."""
         return score.Plan(self.method, self.error, self.cents, self.pinned)
+
+    @property
+    def read(self) -> tuple[Path, ...]:
+        """Files that are read beside the score's."""
+        hands = () if self.hands is None else (Path(self.hands),)
+        return *self.plan.read, *hands
 
 
 @click.command()
@@ -104,6 +111,7 @@ class Wishes:
 @click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
 @options.force
 @click.option("--watch", is_flag=True, help="Render again whenever the score or its files change.")
+@options.trust
 @options.speaking
 def render(
     console: Console,
@@ -164,13 +172,14 @@ def _freeze(console: Console, path: str, wishes: Wishes, dry: bool, watch: bool)
         wishes.threads,
         wishes.force,
         wishes.plan,
+        wishes.trust,
     )
     freezing.freeze(console, path, asked, dry=dry)
 
 
 def render_file(console: Console, path: str, wishes: Wishes, dry: bool = False) -> None:
     """Render one score; what it says stands on the console."""
-    _render(console, path, score.read(console, path), wishes, dry)
+    _render(console, path, score.read(console, path, trust=wishes.trust), wishes, dry)
 
 
 def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bool) -> None:
@@ -186,6 +195,7 @@ def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bo
     )
     stage = staged.stage
     order = order_of(path, staged.piece, stage, wishes)
+    order = replace(order, inputs=(*loaded.inputs, *wishes.read))
     if recorded is not None:
         order = replace(order, level=recorded.level)
     if dry:
@@ -279,7 +289,7 @@ def _watch(console: Console, path: str, wishes: Wishes) -> None:
     first = True
     for _ in changes(files):
         try:
-            loaded = score.read(console, path)
+            loaded = score.read(console, path, trust=wishes.trust)
             files |= {Path(name) for name in loaded.files}
             _render(console, path, loaded, wishes, dry=False)
         except Exception as error:

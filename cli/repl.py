@@ -53,6 +53,7 @@ from .console import Console
 @click.option("--engine", is_flag=True, hidden=True, help="Be that process.")
 @click.option("--plain", is_flag=True, help="Lines only, no redrawing: for screen readers, pipes.")
 @click.option("--strict", is_flag=True, help="Exit 1 when a line was not taken.")
+@options.trust
 @options.speaking
 def repl(console: Console, score_path: str | None, **wishes: Any) -> None:
     """Live-code a score: every line is one musical decision.

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Pins
     from ergon.scores.staging.stage import Stage
+    from ergon.scores.text.bounds import Bounds
     from ergon.scores.text.errors import Diagnostic, Severity
 
 STDIN = "-"
@@ -59,6 +60,11 @@ class Plan:
             raise Refused(f"--error: {found.message}") from None
         return wished(of_score, method=self.method, error=error, cents=self.cents)
 
+    @property
+    def read(self) -> tuple[Path, ...]:
+        """The file of the earlier plan."""
+        return () if self.pinned is None else (Path(self.pinned),)
+
     def pins(self) -> Pins | None:
         """What an earlier plan decided, if one is to be followed."""
         from ergon.exchange.plan_file import NotPlanError, read
@@ -80,17 +86,29 @@ class Staged:
     plan_s: float
 
 
-def read(console: Console, path: str, *, leave_out: Sequence[str] = ()) -> Loaded:
-    """Load a score and print its diagnostics, but for some codes; `-` is stdin."""
+def read(
+    console: Console, path: str, *, leave_out: Sequence[str] = (), trust: bool = False
+) -> Loaded:
+    """Load a score and print its diagnostics, but for some codes; `-` is stdin.
+
+    With `trust` it may name files outside its folder.
+    """
     from ergon.scores.reading.load import load
 
     text = _stdin() if path == STDIN else None
-    loaded = load(path, text=text)
+    loaded = load(path, text=text, bounds=bounds(path, trust))
     loaded = replace(
         loaded, diagnostics=[one for one in loaded.diagnostics if one.code not in leave_out]
     )
     console.diagnostics(loaded.diagnostics, loaded.files, loaded.left_out)
     return loaded
+
+
+def bounds(path: str, trust: bool) -> Bounds:
+    """Where the files of a score may lie."""
+    from ergon.scores.text.bounds import Bounds
+
+    return Bounds.around(Path(path).parent, trust=trust)
 
 
 def piece_of(loaded: Loaded) -> Piece:

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from ergon.common.terminal import clean
+
 from . import score
 from .console import Console
 from .outcome import Late, Refused
@@ -125,7 +127,7 @@ class Session:
 
     def _draw(self, lines: Sequence[str]) -> None:
         up = f"\x1b[{self._drawn}F" if self._drawn else ""
-        sys.stderr.write(up + "".join(f"\x1b[2K{line}\n" for line in lines))
+        sys.stderr.write(up + "".join(f"\x1b[2K{clean(line)}\n" for line in lines))
         sys.stderr.flush()
         self._drawn = len(lines)
 

@@ -17,6 +17,7 @@ from .outcome import Refused
 
 if TYPE_CHECKING:
     from ergon.lab.maps import Map
+    from ergon.scores.reading.load import Loaded
 
 
 _HOW = f"How it is computed; {SLOW}: a part that is slower than the rest."
@@ -36,6 +37,7 @@ _WHICH = f"Only these, of {','.join(MAPS)}; with {SLOW} of {','.join(CUTS)}."
     "second up to 10 frames, -70 beyond.",
 )
 @options.force
+@options.trust
 @options.speaking
 def stability(
     console: Console,
@@ -46,6 +48,7 @@ def stability(
     seconds: float,
     accurate: float | None,
     force: bool,
+    trust: bool,
 ) -> None:
     """Draw where a method fails, as predicted and as it is.
 
@@ -57,8 +60,12 @@ def stability(
     from ergon.lab.draw_maps import draw
     from ergon.lab.maps import survey_all
 
-    stem = laboratory.stem(output, score_path or method, "stability", force)
-    maps, title = _maps(console, score_path, method, chosen, seconds)
+    if score_path is not None and method == SLOW:
+        raise Refused(f"--method {SLOW} maps a scene of ergon's own: without SCORE")
+    loaded = None if score_path is None else score.read(console, score_path, trust=trust)
+    inputs = () if loaded is None else loaded.inputs
+    stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
+    maps, title = _maps(loaded, Path(score_path or "").stem, method, chosen, seconds)
     if accurate is not None:
         maps = {name: replace(one, right=((inf, accurate),)) for name, one in maps.items()}
     total = sum(one.n_spots for one in maps.values())
@@ -74,18 +81,16 @@ def stability(
 
 
 def _maps(
-    console: Console, score_path: str | None, method: str, chosen: str | None, seconds: float
+    loaded: Loaded | None, name: str, method: str, chosen: str | None, seconds: float
 ) -> tuple[dict[str, Map], str]:
     from ergon.lab import atlas
 
-    if score_path is None:
+    if loaded is None:
         known = atlas.built_in(method)
         names = laboratory.words(chosen, tuple(known), "--maps")
         return {name: known[name] for name in names}, f"where {method} is stable, and where right"
-    if method == SLOW:
-        raise Refused(f"--method {SLOW} maps a scene of ergon's own: without SCORE")
-    piece = score.piece_of(score.read(console, score_path))
+    piece = score.piece_of(loaded)
     known = atlas.of_score(piece, seconds, method)
     names = laboratory.words(chosen, tuple(known), "--maps")
-    title = piece.title or Path(score_path).stem
+    title = piece.title or name
     return {name: known[name] for name in names}, f"{title}: where {method} is stable, and right"

@@ -40,12 +40,13 @@ def export(console: Console, file: str, output: str | None, dry: bool, force: bo
     form = ".csv" if output == "-" else Path(output).suffix.lower()
     if form not in _FORMS:
         raise Refused(f"{output}: a recording is exported as {', '.join(_FORMS)}")
+    inputs = (Path(file),)
     found = recording.read(console, Path(file))
     if dry:
-        check_target(Path(output), force=force)
+        check_target(Path(output), force=force, inputs=inputs)
     else:
         try:
-            with writing(output, binary=form != ".csv", force=force) as to:
+            with writing(output, binary=form != ".csv", force=force, inputs=inputs) as to:
                 _write(to, found, form)
         except NotRecordingError as error:
             raise Refused(f"{file}: {error}") from None

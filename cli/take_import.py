@@ -50,7 +50,8 @@ def import_take(
     would play. A score plays such files as they are; a recording is for hands that were there.
     """
     from ergon.exchange.recording import NotRecordingError, recorded
-    from ergon.scores.gesture.takes import TakeError, read
+    from ergon.scores.gesture.take_file import TakeError
+    from ergon.scores.gesture.takes import read
 
     if output is None:
         raise Refused("where to? -o NEW.take")

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ergon.common.terminal import printable
+
 from . import options
 from .console import Console, plural
 from .outcome import Refused
-from .recording import SUFFIX, plain, read_quietly
+from .recording import NAMES_MAX, SUFFIX, read_quietly
 from .units import metres, seconds
 
 if TYPE_CHECKING:
     from ergon._core import Recording
-    from ergon.exchange.table import Column
+    from ergon.scores.gesture.summary import Column
 
 
 @click.command()
@@ -92,7 +94,7 @@ def _recording(console: Console, path: Path) -> None:
     if found.dropped:
         lines.append(f"  {plural(found.dropped, 'row')} or events found no room while recording")
     lines.append(f"  {found.damage or 'whole'}")
-    console.data("\n".join(map(plain, lines)) + "\n")
+    console.data("\n".join(printable(line[:NAMES_MAX]) for line in lines) + "\n")
 
 
 def _axes(found: Recording) -> list[dict[str, Any]]:
@@ -114,12 +116,13 @@ def _axes(found: Recording) -> list[dict[str, Any]]:
 
 
 def _table(console: Console, path: Path) -> None:
-    from ergon.exchange.table import NotTableError, read_table
+    from ergon.scores.gesture.summary import summary
+    from ergon.scores.gesture.take_file import TakeError
 
     try:
-        table = read_table(path)
-    except NotTableError as error:
-        raise Refused(f"{path}: {error}") from None
+        table = summary(path)
+    except TakeError as error:
+        raise Refused(error.message) from None
     time = next((c for c in table.columns if c.name.partition("[")[0].strip() == "t"), None)
     span = _seconds(time) if time else None
     rate = (table.n_rows - 1) / span if span else None

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from ergon.common.terminal import printable
+
 from . import options
 from .console import Console, plural
 from .outcome import Outcome, Refused
-from .recording import SUFFIX, plain, read_quietly
+from .recording import NAMES_MAX, SUFFIX, read_quietly
 from .units import seconds
 
 _USUAL = "takes"
@@ -60,4 +62,5 @@ def _tell(console: Console, path: Path) -> None:
         words.append(plural(len(found.events), "event"))
     if found.damage is not None:
         words.append("damaged" if found.lost_bytes else "never finished")
-    console.data(plain(f"{path}: {', '.join(words)}") + "\n")
+    told = f"{path}: {', '.join(words)}"[:NAMES_MAX]
+    console.data(printable(told) + "\n")

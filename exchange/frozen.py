@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.regular import read_bounded
+
 from .ahead import ahead
 from .render import BLOCK, Staged, frames_of, stem_paths
 from .safe import MARK, check_target, writing
@@ -102,6 +104,7 @@ def write(
     n_frames: int,
     force: bool = False,
     threads: int = 1,
+    inputs: Sequence[Path] = (),
 ) -> Frozen:
     """Compute `n_frames` frames of the taps of parts; all files or none.
 
@@ -117,7 +120,7 @@ def write(
     ]
     paths = stem_paths(folder, [part for part, _ in pieces])
     for path in (*paths, folder / MANIFEST):
-        check_target(path, force=force)
+        check_target(path, force=force, inputs=inputs)
     stamp = Stamp(source.title, source.score, source.plan)
     with contextlib.ExitStack() as stack:
         # Entered first, it gets its name last.
@@ -169,9 +172,10 @@ def read(folder: Path) -> Frozen:
     """What a folder says that it holds. Raises NotFrozenError."""
     path = folder / MANIFEST
     try:
-        if path.stat().st_size > _SIZE_MAX:
+        data = read_bounded(path, _SIZE_MAX)
+        if len(data) > _SIZE_MAX:
             raise NotFrozenError(f"{path}: larger than any manifest")
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(data)
         if found["ergon_frozen"] != VERSION:
             raise NotFrozenError(f"{path}: this is no manifest of version {VERSION}")
         source = Source(

@@ -9,6 +9,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from ergon.common.regular import read_bounded
+
 from .safe import writing
 
 VERSION = 1
@@ -30,18 +32,23 @@ def text(choices: Choices, digest: str, **more: object) -> str:
     return f'{{"ergon_plan": {VERSION}, "hash": "{digest}"{head}, "choices": [\n  {lines}\n]}}\n'
 
 
-def write(path: str, choices: Choices, digest: str, *, force: bool) -> None:
+def write(
+    path: str, choices: Choices, digest: str, *, force: bool, inputs: Sequence[Path] = ()
+) -> None:
     """Write a plan; all of it or nothing."""
-    with writing(path, binary=True, force=force) as file:
+    with writing(path, binary=True, force=force, inputs=inputs) as file:
         file.write(text(choices, digest).encode())
 
 
 def read(path: Path) -> Choices:
     """The choices of a plan. Raises NotPlanError with a sentence."""
     try:
-        if path.stat().st_size > _SIZE_MAX:
+        data = read_bounded(path, _SIZE_MAX)
+        if len(data) > _SIZE_MAX:
             raise NotPlanError(f"larger than any plan ({_SIZE_MAX // 1_000_000} MB)")
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(data)
+    except NotPlanError:
+        raise
     except OSError as error:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except (ValueError, RecursionError):

@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 
 from ergon import _core
+from ergon.common.regular import read_bounded
 
 from .plan_file import Choices, NotPlanError, decided, text
 from .safe import RefusedError, writing
@@ -45,9 +46,10 @@ class PlanStore:
         key = _of_this_version(key)
         path = self._path(key)
         try:
-            if path.stat().st_size > _ONE_MAX:
+            data = read_bounded(path, _ONE_MAX)
+            if len(data) > _ONE_MAX:
                 return None
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = json.loads(data)
             kept = _kept(found, key)
         except (OSError, ValueError, RecursionError):  # NotPlanError is a ValueError
             return None

@@ -86,6 +86,7 @@ class Order:
     block: int = BLOCK
     threads: int = 1
     force: bool = False
+    inputs: Sequence[Path] = ()  # what is read, and so not written over
 
     @property
     def n_frames(self) -> int:
@@ -140,7 +141,7 @@ def render(stage: Staged, order: Order, progress: Callable[[int], None]) -> Rend
     stems = list(stage.stems(highpass=highpass)) if order.stems is not None else []
     paths = stem_paths(order.stems, [name for name, _ in stems]) if order.stems else []
     for path in paths:
-        check_target(path, force=order.force)
+        check_target(path, force=order.force, inputs=order.inputs)
     with contextlib.ExitStack() as stack:
         mixers = [(order.target, stage.mixer(highpass=highpass), order.level.limit)]
         # Stems are not limited: what one limiter does to a sum cannot be shared out to its terms.
@@ -161,7 +162,8 @@ def _open(
     mixer: Mixer,
     limit: float | None,
 ) -> _Track:
-    file = stack.enter_context(writing(path, binary=True, force=order.force))
+    to = writing(path, binary=True, force=order.force, inputs=order.inputs)
+    file = stack.enter_context(to)
     writer = WaveWriter(file, order.format, order.n_frames, order.stamp)
     finish = Finish(writer, stage.rate, order.start, order.stop, limit)
     finish.gain = order.level.gain

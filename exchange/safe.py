@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import itertools
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
+
+from ergon.common.terminal import clean
 
 from .wave import is_render
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI file of ours
 _MARK_WITHIN = 1024
@@ -31,19 +37,56 @@ def is_ours(path: Path) -> bool:
     return not head or MARK in head or is_render(path)
 
 
+def is_one_of(path: Path, others: Iterable[Path]) -> bool:
+    """Whether the file is one of these under any name: a link, another case, another way there."""
+    try:
+        here = path.stat()
+    except OSError:
+        return False
+    for other in others:
+        with contextlib.suppress(OSError, ValueError):
+            if os.path.samestat(here, other.stat()):
+                return True
+    return False
+
+
 def check_target(
-    path: Path, *, force: bool = False, ours: Callable[[Path], bool] = is_ours
+    path: Path,
+    *,
+    force: bool = False,
+    ours: Callable[[Path], bool] = is_ours,
+    inputs: Iterable[Path] = (),
 ) -> None:
-    """Raise RefusedError when `path` may not be written, before any work is done for it."""
+    """Raise RefusedError when `path` may not be written, before any work is done for it.
+
+    What is read (`inputs`) is never written over, whatever `force` says.
+    """
     if path.is_dir():
         raise RefusedError(f"{path} is a folder")
+    if is_one_of(path, inputs):
+        raise RefusedError(f"{path} is what is read; give the new file another name")
     if path.is_file() and not force and not ours(path):
         raise RefusedError(f"{path} exists and was not made by ergon (-f overwrites it)")
 
 
+class _Terminal(io.BytesIO):
+    """Standard output where it is a terminal: text, with nothing in it that steers one."""
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        """Print whole characters in UTF-8."""
+        octets = bytes(data)
+        sys.stdout.write(clean(octets.decode(errors="replace")))
+        return len(octets)
+
+
 @contextlib.contextmanager
 def writing(
-    target: str | Path, *, binary: bool, force: bool = False, sync: bool = True
+    target: str | Path,
+    *,
+    binary: bool,
+    force: bool = False,
+    sync: bool = True,
+    inputs: Iterable[Path] = (),
 ) -> Iterator[BinaryIO]:
     """A file that appears under its name only when the block ends well.
 
@@ -53,11 +96,12 @@ def writing(
     if str(target) == "-":
         if binary and sys.stdout.isatty():
             raise RefusedError("binary data does not go to a terminal; give -o FILE or a pipe")
-        yield sys.stdout.buffer
-        sys.stdout.buffer.flush()
+        sys.stdout.flush()
+        yield _Terminal() if sys.stdout.isatty() else sys.stdout.buffer
+        sys.stdout.flush()
         return
     path = Path(target)
-    check_target(path, force=force)
+    check_target(path, force=force, inputs=inputs)
     if path.exists() and not path.is_file():  # a device or a named pipe: nothing to replace
         with path.open("wb") as file:
             yield file
@@ -89,7 +133,9 @@ def writing(
         raise
 
 
-def write_text(target: str | Path, text: str, *, force: bool = False) -> None:
+def write_text(
+    target: str | Path, text: str, *, force: bool = False, inputs: Iterable[Path] = ()
+) -> None:
     """Write a whole text; its first lines must carry MARK where it is to be recognised as ours."""
-    with writing(target, binary=False, force=force) as file:
+    with writing(target, binary=False, force=force, inputs=inputs) as file:
         file.write(text.encode())

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
+
+from ergon.common.terminal import json_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -54,7 +55,7 @@ def header(form: Form, *, title: str, rate: float, score: str) -> str:
             "rate_hz": rate,
             "score": score,
         }
-        return json.dumps(about, ensure_ascii=False) + "\n"
+        return json_text(about) + "\n"
     facts = ["made by ergon", f"{rate:g} Hz", f"score {score}", " ".join(title.split())]
     rows = io.StringIO()
     csv.writer(rows, lineterminator="\n").writerow(COLUMNS)
@@ -78,7 +79,7 @@ def rows(form: Form, ergons: Ergons, names: Names) -> str:
     body = io.StringIO()
     if form == "json":
         for row in _rows(ergons, names):
-            body.write(json.dumps(dict(zip(_KEYS, row, strict=True)), ensure_ascii=False) + "\n")
+            body.write(json_text(dict(zip(_KEYS, row, strict=True))) + "\n")
     else:
         csv.writer(body, lineterminator="\n").writerows(_rows(ergons, names))
     return body.getvalue()

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from ergon.common.regular import open_regular
+
 from .wave_header import (
     BYTES,
     ORIGINATOR,
@@ -90,7 +92,7 @@ def _encode(block: NDArray[Any], format: WaveFormat) -> bytes:
 
 def read_info(path: Path) -> WaveInfo:
     """What the file says it holds. Raises NotWaveError or OSError."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return parse(file)
 
 
@@ -100,7 +102,7 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
 
     info = read_info(path)
     n_channels, bits = info.format.n_channels, info.format.bits
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         file.seek(info.offset)
         left = info.n_frames
         while left:
@@ -122,7 +124,7 @@ def hash_samples(path: Path) -> str:
     """SHA-256 of the sample bytes, as `WaveWriter.sha256` gives it."""
     info = read_info(path)
     digest = hashlib.sha256()
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         file.seek(info.offset)
         left = info.n_frames * info.format.frame_bytes
         while left:

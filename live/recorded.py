@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
+from ergon.common.regular import open_regular
 from ergon.exchange.level import Level
 
 from .perform import Order
@@ -44,6 +45,7 @@ def read(path: Path, piece: Piece) -> Recorded:
     from ergon.scores.staging.live import TICK
 
     try:
+        open_regular(path).close()  # the core would wait for a pipe's other end
         recording = _core.read_recording(path)
     except (_core.EngineError, OSError) as error:
         raise NotThisError(f"{path}: {error}") from None

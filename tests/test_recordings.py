@@ -9,7 +9,8 @@ from recordings import END, EVENTS, HEADER, ROWS, Axis, chunk, chunks, end, even
 
 from ergon import _core
 from ergon.exchange.recording import NotRecordingError, from_start
-from ergon.scores.gesture.takes import TakeError, read
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 

@@ -116,7 +116,7 @@ def test_a_piece_may_have_no_tail_and_a_gesture_no_join():
 def test_a_stage_after_another_reads_a_take_again_when_its_file_has_changed(tmp_path: Path):
     def after(before: Stage | None) -> Stage:
         text = PLAYED.format(plays="{at: 6|1, play: t}", takes=tmp_path)
-        piece = load("s.yaml", text=text).piece
+        piece = load(tmp_path / "s.yaml", text=text).piece
         assert piece is not None
         return stage(piece, planned=True, going=Going((Span(piece, ALL),), before))
 

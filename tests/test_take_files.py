@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ergon.scores
-from ergon.scores.gesture import takes
-from ergon.scores.gesture.takes import TakeError, read
+from ergon.scores.gesture import npz, takes
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.gesture.takes import read
 
 LIBRARY = Path(ergon.scores.__file__).parent / "library" / "takes"
 
@@ -100,7 +101,8 @@ def test_bad_rows_are_named_by_their_line(tmp_path, text, line, words):
 
 def test_sizes_are_bounded(tmp_path, monkeypatch):
     path = csv(tmp_path, "t [s],x [mm]\n0,0\n1,1\n2,0\n")
-    monkeypatch.setattr(takes, "MAX_SAMPLES", 2)
+    for module in (takes, npz):
+        monkeypatch.setattr(module, "MAX_SAMPLES", 2)
     with pytest.raises(TakeError, match=r"hand.csv:4: more than 2 samples"):
         read(path)
     soundfile.write(tmp_path / "x.wav", np.zeros(3), 100)
@@ -243,6 +245,7 @@ def test_a_broken_npz_is_refused_at_every_byte(tmp_path):
         assert len(take.x) == 20
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=200))
 def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "any.csv"
@@ -253,3 +256,32 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, data):
         return
     assert np.isfinite(take.x).all()
     assert (np.diff(take.t) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("form", "subtype"),
+    [
+        ("WAV", "MS_ADPCM"),
+        ("WAV", "ULAW"),
+        ("FLAC", "PCM_16"),
+        ("AIFF", "PCM_16"),
+        ("OGG", "VORBIS"),
+    ],
+)
+def test_what_only_calls_itself_wav_is_never_decoded(tmp_path, form, subtype):
+    """libsndfile looks at the content: a decoder of anything is behind the name of a WAV file."""
+    path = tmp_path / "hand.wav"
+    soundfile.write(path, np.zeros(2000), 8000, format=form, subtype=subtype)
+    with pytest.raises(TakeError, match=r"not a WAV file|is coded"):
+        read(path)
+
+
+@pytest.mark.parametrize("form", ["WAV", "WAVEX", "RF64"])
+@pytest.mark.parametrize("subtype", ["PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
+@pytest.mark.parametrize("endian", ["LITTLE", "BIG"])
+def test_all_samples_that_are_not_coded_are_read(tmp_path, form, subtype, endian):
+    path = tmp_path / "hand.wav"
+    if endian == "BIG" and form != "WAV":
+        endian = "FILE"
+    soundfile.write(path, [0, 0.5, -0.5], 100, format=form, subtype=subtype, endian=endian)
+    assert read(path).x == pytest.approx([0, 0.5, -0.5], abs=1e-4)

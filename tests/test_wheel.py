@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PARTS = ("cli", "exchange", "instruments", "repl", "scores", "view")
+PARTS = ("cli", "common", "exchange", "instruments", "repl", "scores", "view")
 SHIPPED = {".py", ".yaml", ".csv", ".json"}
 
 

@@ -1,6 +1,6 @@
 """Why a line is not taken."""
 
-from ergon.scores.text.errors import printable
+from ergon.common.terminal import printable
 
 
 class Refusal(Exception):

@@ -10,9 +10,8 @@ from prompt_toolkit.formatted_text import StyleAndTextTuples
 from prompt_toolkit.lexers import Lexer
 from prompt_toolkit.styles import Style
 
+from ergon.common.terminal import clean
 from ergon.repl.face import Face
-
-from .words import clean
 
 # A mistake is underlined: no meaning by colour alone, and none is left under NO_COLOR.
 STYLE = Style.from_dict(

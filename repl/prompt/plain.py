@@ -12,10 +12,12 @@ from collections.abc import Iterator, Sequence
 from types import FrameType
 from typing import TextIO
 
+from ergon.common.terminal import clean
+
 from .calm import Calm
 from .folded import Folded
 from .signals import Ended, handled, left_to_me
-from .words import F12, clean, echo, lines_of, typed
+from .words import F12, echo, lines_of, typed
 
 _LISTENED = 0.1  # s between two looks at what happened
 

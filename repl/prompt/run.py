@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.common.terminal import clean
 from ergon.repl.face import Face
 
 from .calm import Calm
 from .plain import Plain
 from .signals import put_off, unstopped
-from .words import clean
 
 if TYPE_CHECKING:
     from .screen import Screen

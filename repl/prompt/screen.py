@@ -23,6 +23,7 @@ from prompt_toolkit.document import Document
 from prompt_toolkit.history import InMemoryHistory
 from prompt_toolkit.patch_stdout import StdoutProxy
 
+from ergon.common.terminal import clean
 from ergon.repl.face import Reply
 
 from .assist import STYLE, Colours, Completions
@@ -31,7 +32,7 @@ from .folded import Folded
 from .keyboard import TEXT_MAX, bindings, keyboard
 from .past import Past
 from .status import status
-from .words import INDENT, clean, continuation, echo, lines_of, typed
+from .words import INDENT, continuation, echo, lines_of, typed
 
 _REDRAWN = 0.25  # s between two drawings while nobody types
 _LISTENED = 0.05  # s between two looks at what happened

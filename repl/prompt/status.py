@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
+from ergon.common.terminal import clean
 from ergon.repl.face import State
-
-from .words import clean
 
 _BETWEEN = "  "
 _LEAST = 12  # characters that who plays what keeps

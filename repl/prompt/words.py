@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import re
 
+from ergon.common.terminal import clean
 from ergon.repl.face import Reply
 
 INDENT = " " * 6  # replies stand out from what was typed
 F12 = "\x1b[24~"  # as xterm, the Linux console and those after them send it
 TAB = "[Tab]"
 _ECHO_MAX = 2_000  # characters; what fills a screen is not read again
-# All of C0 but tab and newline, DEL, C1; and what turns the direction of writing.
 _SURROGATE = re.compile("[\ud800-\udfff]")  # so bytes are read that are no UTF-8
-_STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-
-
-def clean(text: str) -> str:
-    """The text with a `?` for each character that would steer a terminal or cannot be encoded."""
-    return _STEERING.sub("?", text)
 
 
 def typed(text: str) -> str:

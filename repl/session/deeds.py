@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon.repl.language import commands as c
@@ -12,6 +13,7 @@ from ergon.repl.session.leads import lead_of
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import GLIDE, Desk, NotTakenError, Version, piece_of
 from ergon.scores.staging.stage import solo
+from ergon.scores.text.bounds import Bounds
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Deed
@@ -244,18 +246,25 @@ def _guide(command: c.Guide) -> Deed:
 
 
 def _load(command: c.Load) -> Deed:
-    texts = _file(command.file)
-    return lambda version, beat: _read(version, texts)
+    texts = _file(command.file, None)
+
+    def deed(version: Version, beat: float) -> Version:
+        before = version.texts.bounds
+        trust = before is not None and before.trusts
+        bounds = Bounds.around(Path(texts.path).parent, trust=trust)
+        return _read(version, replace(texts, bounds=bounds))
+
+    return deed
 
 
 def _reload(command: c.Reload) -> Deed:
     """The score's own file, and those that it uses, as they are now."""
-    return lambda version, beat: _read(version, _file(version.texts.path))
+    return lambda version, beat: _read(version, _file(version.texts.path, version.texts.bounds))
 
 
-def _file(path: str) -> Texts:
+def _file(path: str, bounds: Bounds | None) -> Texts:
     try:
-        return Texts.read(path)
+        return Texts.read(path, bounds)
     except OSError as error:
         raise NotTakenError(f"{path}: {error.strerror}") from None
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from ergon.common.regular import read_bounded
+
 VERSION = 1
 MAX_BYTES = 1 << 30  # an hour of lines takes some hundred kilobytes
 
@@ -79,9 +81,10 @@ class Event:
 def read(path: Path) -> Iterator[Event]:
     """Events of a journal; a last line that was cut off is left out. Raises JournalError."""
     try:
-        if path.stat().st_size > MAX_BYTES:
+        data = read_bounded(path, MAX_BYTES)
+        if len(data) > MAX_BYTES:
             raise JournalError(f"{path} is larger than any session's journal")
-        text = path.read_text(encoding="utf-8")
+        text = data.decode().replace("\r\n", "\n")
     except (OSError, UnicodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
         raise JournalError(f"{path}: {why}") from None

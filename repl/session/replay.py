@@ -19,6 +19,7 @@ from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Desk, NotTakenError, Past, Version, piece_of
 from ergon.scores.staging.stage import MAX_SECONDS
+from ergon.scores.text.bounds import Bounds
 
 if TYPE_CHECKING:
     import numpy as np
@@ -68,8 +69,9 @@ def said(texts: Texts) -> dict[str, object]:
     return {"score": texts.path, "text": texts.text, "overlay": {**files, **texts.overlay}}
 
 
-def _texts(event: Event) -> Texts:
-    return Texts(event.get("score", str), event.get("text", str), event.get("overlay", dict, {}))
+def _texts(event: Event, bounds: Bounds | None) -> Texts:
+    score, text = event.get("score", str), event.get("text", str)
+    return Texts(score, text, event.get("overlay", dict, {}), bounds=bounds)
 
 
 @dataclass(slots=True)
@@ -83,9 +85,21 @@ class Replay:
     late: dict[int, float] = field(default_factory=dict)  # by number: the beat it waits for
     n_frames: int = 0
 
+    def texts(self) -> Iterator[Texts]:
+        """What it read from files: its score, and what lines read later."""
+        yield self.opening.texts
+        for event in self.lines.values():
+            if "text" in event.fields:
+                yield _texts(event, self.opening.texts.bounds)
 
-def opened(path: Path) -> Replay:
-    """Read a journal. Raises JournalError."""
+
+def opened(path: Path, *, trust: bool = False) -> Replay:
+    """Read a journal. Raises JournalError.
+
+    It comes from anybody, as a score does: what its scores name lies in its own folder, wherever
+    it says that they lay.
+    """
+    bounds = Bounds.around(path.parent, trust=trust)
     events = read(path)
     first = next(events, None)
     if first is None or first.name != "session":
@@ -93,7 +107,7 @@ def opened(path: Path) -> Replay:
     highpass = first.fields.get("highpass")
     replay = Replay(
         Opening(
-            _texts(first),
+            _texts(first, bounds),
             first.get("at", float, 0.0),
             _desk(first),
             first.get("every", int),
@@ -212,6 +226,9 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
     Raises NotTakenError.
     """
     opening = replay.opening
+    texts = opening.texts
+    if texts.bounds is not None and not texts.bounds.allow(Path(texts.path)):  # lines may write it
+        raise NotTakenError(f"its score {texts.path} lies outside the journal's folder (--trust)")
     version = opening.version()
     versions, clock = {0: Past.of(version)}, Clock(None, opening.at)
     rate, lead = version.piece.rate, JOIN + opening.every / version.piece.rate
@@ -241,7 +258,7 @@ def deed_of(event: Event, versions: Mapping[int, Past], on: Version) -> Deed:
     if event.fields.get("resets"):
         return deeds.hushed
     if "text" in event.fields:
-        texts = _texts(event)
+        texts = _texts(event, on.texts.bounds)
         return lambda version, beat: replace(version, texts=texts, piece=piece_of(texts))
     restores = event.fields.get("restores")
     if isinstance(restores, int):

@@ -7,17 +7,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from ergon.common.regular import read_bounded
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.uses import Names, Uses
 from ergon.scores.text import document, edit
+from ergon.scores.text.bounds import Bounds
 from ergon.scores.text.document import Document, Node
 from ergon.scores.text.edit import EditError
 from ergon.scores.text.errors import Collector
 from ergon.scores.text.files import Files, shipped
 from ergon.scores.text.memory import Memory
 from ergon.scores.text.sections import lines
-from ergon.scores.text.syntax import decode
+from ergon.scores.text.syntax import MAX_BYTES, decode
 
 SECTIONS = tuple(SCORE.by_name)  # where a new section goes
 
@@ -26,6 +28,8 @@ SECTIONS = tuple(SCORE.by_name)  # where a new section goes
 class Texts:
     """A score's name and text; `overlay` holds texts that stand for files, by their paths.
 
+    What they name lies within `bounds`, without them those of the score's folder.
+
     All that come from one another share a memory, for a line changes little.
     """
 
@@ -33,19 +37,26 @@ class Texts:
     text: str
     overlay: Mapping[str, str] = field(default_factory=dict)
     memory: Memory = field(default_factory=Memory, repr=False, compare=False)
+    bounds: Bounds | None = None
 
     @classmethod
-    def read(cls, path: str | Path) -> Texts:
+    def read(cls, path: str | Path, bounds: Bounds | None = None) -> Texts:
         """The score in a file, its line breaks as they are. Raises OSError or EditError."""
         collector = Collector()
-        text = decode(Path(path).read_bytes(), str(path), collector)
+        text = decode(read_bounded(Path(path), MAX_BYTES), str(path), collector)
         if text is None:
             raise EditError(collector.finish()[0].message)
-        return cls(str(path), text)
+        return cls(str(path), text, bounds=bounds)
 
     def load(self) -> Loaded:
         """The piece that these texts are, or what is wrong with them."""
-        return load(self.path, text=self.text, overlay=self.overlay, memory=self.memory)
+        return load(
+            self.path,
+            text=self.text,
+            overlay=self.overlay,
+            memory=self.memory,
+            bounds=self.bounds,
+        )
 
     def document(self, file: str | None = None) -> Document:
         """The nodes of the score, or of another file. Raises EditError."""
@@ -54,7 +65,7 @@ class Texts:
         if (text := self.overlay.get(str(Path(file)))) is not None:
             return edit.read(text, file)
         collector = Collector()
-        opened = Files(collector).open(Path(file), None)
+        opened = Files(collector, Path(file).parent).open(Path(file), None)
         if opened is None or collector.has_errors():
             raise EditError(collector.finish()[0].message)
         return opened
@@ -68,9 +79,9 @@ class Texts:
     def names(self) -> tuple[Names, Uses]:
         """Every name that the score knows, with the node where it is written."""
         collector = self.memory.begin()
-        uses = Uses(Files(collector, self.overlay, self.memory), collector)
-        uses.files.home = Path(self.path).parent
-        own = uses.files.text(self.path, self.text, Path(self.path).parent)
+        home = Path(self.path).parent
+        uses = Uses(Files(collector, home, self.overlay, self.memory, self.bounds), collector)
+        own = uses.files.text(self.path, self.text, home)
         return uses.read(own), uses
 
     def files(self, folder: Path) -> Mapping[Path, str]:

@@ -8,43 +8,38 @@
 CSV and npz files without `t` need a `rate`.
 """
 
-import lzma
+import io
 import math
-import zipfile
-import zlib
+import os
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.lib import format as npy
-from numpy.typing import NDArray
 
 from ergon import _core
+from ergon.common.regular import open_regular
+from ergon.scores.gesture.npz import Npz, npz
 from ergon.scores.gesture.points import METRE, SECOND
-from ergon.scores.text.errors import TextError
+from ergon.scores.gesture.take_file import (
+    MAX_CHANNELS,
+    MAX_SAMPLES,
+    Floats,
+    TakeError,
+    lines,
+    opened,
+)
 from ergon.scores.text.spelling import nearest
 
-Floats = NDArray[np.float64]
-
-MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accepts
-MAX_BYTES = 1 << 30  # of a CSV or npz file
-MAX_LINE = 65_536  # characters; a thousand channels fit
-MAX_CHANNELS = 1024
 MAX_POSITION = 1e3  # m
 MAX_RATE = 1e6  # Hz
-
-
-_BROKEN_ZIP = (
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
-    EOFError,
-    NotImplementedError,  # a compression that Python does not know
-    RuntimeError,  # encrypted
-    ValueError,  # an array's header
-)
+_PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE  # format tags (RFC 2361)
+_WAV_ORDER: dict[bytes, Literal["little", "big"]] = {
+    b"RIFF": "little",
+    b"RF64": "little",
+    b"RIFX": "big",
+}
 
 
 class Samples(NamedTuple):
@@ -53,24 +48,6 @@ class Samples(NamedTuple):
     t: Floats
     x: Floats
     damage: str | None = None
-
-
-class TakeError(TextError):
-    """A take that cannot be read: the `field` of it at fault, and the `line` (from 1) of a CSV."""
-
-    def __init__(
-        self,
-        message: str,
-        path: Path,
-        line: int | None = None,
-        suggestion: str | None = None,
-        field: str = "file",
-    ) -> None:
-        """Name the file, and the line where there is one."""
-        place = path.name if line is None else f"{path.name}:{line}"
-        super().__init__(f"{place}: {message}", suggestion=suggestion)
-        self.line = line
-        self.field = field
 
 
 def read(
@@ -90,7 +67,9 @@ def read(
     try:
         if not path.is_file():
             raise TakeError("there is no such file", path)
-        samples = reader(path, channel, rate, full_scale)
+        # Of large numbers a damaged file has many; what comes of them is judged below.
+        with np.errstate(all="ignore"):
+            samples = reader(path, channel, rate, full_scale)
     except OSError as error:
         raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
     if len(samples.x) < 2:
@@ -99,11 +78,10 @@ def read(
 
 
 def _read_csv(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
-    _check_size(path)
-    with path.open(encoding="utf-8-sig") as file:
+    with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
         try:
-            lines = _lines(file, path)
-            header_line, header = next(lines, (1, ""))
+            rows = lines(file, path)
+            header_line, header = next(rows, (1, ""))
             separator = next((s for s in (",", ";", "\t") if s in header), ",")
             names = [name.strip() for name in header.split(separator)]
             columns = _columns(names, path, header_line)
@@ -112,7 +90,7 @@ def _read_csv(path: Path, channel: str | None, rate: float | None, _: float) -> 
             t, t_unit = columns.get("t", (c, "s"))
             _check_rate(timed, rate, path)
             ts, xs = array("d"), array("d")
-            for number, line in lines:
+            for number, line in rows:
                 cells = line.split(separator)
                 if len(cells) != len(names):
                     raise TakeError(
@@ -135,17 +113,6 @@ def _read_csv(path: Path, channel: str | None, rate: float | None, _: float) -> 
     else:
         seconds = np.arange(len(xs)) / (rate or 1.0)
     return _checked(seconds, x_metres, path)
-
-
-def _lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the lines that say something, numbered from 1."""
-    number = 0
-    while line := file.readline(MAX_LINE):
-        number += 1
-        if len(line) == MAX_LINE:
-            raise TakeError(f"a line of more than {MAX_LINE:,} characters", path, number)
-        if (text := line.strip(" \r\n")) and text[0] != "#":
-            yield number, text
 
 
 def _number(cell: str, path: Path, line: int) -> float:
@@ -203,11 +170,6 @@ def _divisor(unit: str, units: dict[str, float], what: str, path: Path) -> float
     return units[unit]
 
 
-def _check_size(path: Path) -> None:
-    if path.stat().st_size > MAX_BYTES:
-        raise TakeError("more than 1 GB", path)
-
-
 def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
     if timed and rate is not None:
         raise TakeError("the file says its own times; leave out the rate", path, field="rate")
@@ -233,8 +195,7 @@ def _checked(t: Floats, x: Floats, path: Path) -> Samples:
 def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: float) -> Samples:
     import soundfile  # 80 ms that a score without WAV takes need not spend
 
-    if _is_cut_short(path):
-        raise TakeError("the file is shorter than its header says", path)
+    _judge_wav(path)
     try:
         with soundfile.SoundFile(path) as file:
             _check_rate(True, rate, path)
@@ -260,77 +221,66 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: f
         ) from None
 
 
-def _is_cut_short(path: Path) -> bool:
-    """Whether a RIFF file ends before its data do; soundfile reads what there is and is silent."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        if file.read(12)[:4] != b"RIFF":
-            return False  # RF64 and others keep their sizes elsewhere
-        while len(header := file.read(8)) == 8:
-            length = int.from_bytes(header[4:], "little")
-            if header[:4] == b"data":
+def _judge_wav(path: Path) -> None:
+    """Refuse what libsndfile would read all the same. Raises TakeError.
+
+    It is silent where a file ends before its samples do, and it decodes what a file of any name
+    holds: MP3 within a WAV file too, with remarks on stdout.
+    """
+    with open_regular(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        head = file.read(12)
+        order = _WAV_ORDER.get(head[:4])
+        if order is None or head[8:] != b"WAVE":
+            raise TakeError("this is not a WAV file", path)
+        tag = None
+        while len(chunk := file.read(8)) == 8:
+            name, length, start = chunk[:4], int.from_bytes(chunk[4:], order), file.tell()
+            if name == b"fmt ":
+                content = file.read(min(length, 40))
+                tag = int.from_bytes(content[:2], order)
+                if tag == _EXTENSIBLE:
+                    tag = int.from_bytes(content[24:26], order)
+                if tag not in (_PCM, _FLOAT):
+                    raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
+            elif name == b"data" and tag is not None:
                 # A size that was never filled in: what a program leaves that streams.
-                return length not in (0, 0xFFFFFFFF) and file.tell() + length > size
-            file.seek(length + length % 2, 1)
-    return False
+                if length not in (0, 0xFFFFFFFF) and start + length > size:
+                    raise TakeError("the file is shorter than its header says", path)
+                return
+            file.seek(start + length + length % 2)
+    raise TakeError("this is not a WAV file: it holds no samples", path)
 
 
 def _read_npz(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
-    _check_size(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = [info.filename for info in archive.infolist()]
-            names = [name.removesuffix(".npy") for name in members]
-            bare = {"t": "t [s]"}
-            headers = [
-                n if "[" in n else bare.get(n, f"{n} [m]") for n in names[: MAX_CHANNELS + 1]
-            ]
-            columns = _columns(headers, path, None)
-            column, x_unit = _chosen(columns, channel, path)
-            timed = "t" in columns
-            _check_rate(timed, rate, path)
-            x = _read_npy(archive, members[column], path)
-            x = x / _divisor(x_unit, METRE, "position", path)
-            if not timed:
-                return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
-            at, t_unit = columns["t"]
-            t = _read_npy(archive, members[at], path)
-    except _BROKEN_ZIP as error:
-        if isinstance(error, TakeError):
-            raise
-        raise TakeError(f"this is not an npz file that can be read ({error})", path) from None
+    bare = {"t": "t [s]"}
+    with npz(path) as arrays:
+        headers = [n if "[" in n else bare.get(n, f"{n} [m]") for n in arrays.names]
+        columns = _columns(headers, path, None)
+        column, x_unit = _chosen(columns, channel, path)
+        timed = "t" in columns
+        _check_rate(timed, rate, path)
+        x = _array(arrays, column, path) / _divisor(x_unit, METRE, "position", path)
+        if not timed:
+            return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
+        at, t_unit = columns["t"]
+        t = _array(arrays, at, path) / _divisor(t_unit, SECOND, "time", path)
     if len(t) != len(x):
         raise TakeError(f"{len(t):,} times and {len(x):,} positions", path)
-    return _checked(t / _divisor(t_unit, SECOND, "time", path), x, path)
+    return _checked(t, x, path)
 
 
-def _read_npy(archive: zipfile.ZipFile, member: str, path: Path) -> Floats:
-    """One array; sizes are judged by the header before anything is allocated."""
-    name = member.removesuffix(".npy")[:40]
-    declared = archive.getinfo(member).file_size
-    with archive.open(member) as file:
-        try:
-            old = npy.read_magic(file) == (1, 0)
-            read_header = npy.read_array_header_1_0 if old else npy.read_array_header_2_0
-            shape, _, dtype = read_header(file)
-        except Exception as error:  # numpy lets the tokenizer's own errors through
-            raise TakeError(f"the header of '{name}' cannot be read", path) from error
-        if dtype.hasobject or dtype.kind not in "fiu" or len(shape) != 1:
-            raise TakeError(f"'{name}' is not a row of numbers", path)
-        if not 0 <= shape[0] <= MAX_SAMPLES:
-            raise TakeError(f"more than {MAX_SAMPLES:,} samples in '{name}'", path)
-        size = shape[0] * dtype.itemsize
-        if size > declared:
-            raise TakeError(f"'{name}' is cut short", path)
-        data = file.read(size)
-    if len(data) != size:
-        raise TakeError(f"'{name}' is cut short", path)
-    return np.frombuffer(data, dtype=dtype).astype(np.float64)
+def _array(arrays: Npz, column: int, path: Path) -> Floats:
+    row = arrays.row(column)
+    if row is None:
+        raise TakeError(f"'{arrays.names[column][:40]}' is not a row of numbers", path)
+    return arrays.array(row)
 
 
 def _read_recording(path: Path, channel: str | None, rate: float | None, _: float) -> Samples:
     _check_rate(True, rate, path)
     try:
+        open_regular(path).close()  # the core would wait for a pipe's other end
         recording = _core.read_recording(path)
     except _core.EngineError as error:
         raise TakeError(str(error), path) from None

@@ -29,7 +29,7 @@ from ergon.scores.tables.fields import Values
 from ergon.scores.tables.shapes import MISSING, Context
 from ergon.scores.text.document import Scalar
 from ergon.scores.text.errors import TextError
-from ergon.scores.text.files import Files, is_file
+from ergon.scores.text.files import Files
 from ergon.scores.text.values import Place
 
 START = Position()
@@ -134,16 +134,15 @@ def gesture(values: Values) -> Gesture | None:
 
 def take(values: Values, files: Files) -> TakeFile:
     """A take; its file must be there, its content is read when it is played."""
-    folder = values.nodes["file"].document.folder
-    path = files.find(values["file"], folder) or folder / values["file"]
+    v, who = values, f"{values.context.of('file')}: "
+    file, folder = v["file"], v.nodes["file"].document.folder
+    path = folder / file
     if path.suffix.lower() == ".gms":
-        values.error("E108", f"{values.context.of('file')}: GMS files are not read yet", "file")
+        v.error("E108", f"{who}GMS files are not read yet", "file")
     elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz"):
-        message = f"{values.context.of('file')}: a take is a .take, .csv, .wav or .npz file"
-        values.error("E206", message, "file")
-    elif not is_file(path):
-        values.error("E107", f"{values.context.of('file')}: no file {path}", "file")
-    v = values
+        v.error("E206", f"{who}a take is a .take, .csv, .wav or .npz file", "file")
+    else:
+        path = files.locate(file, folder, v.place_of("file"), who) or path
     return TakeFile(
         name=v.context.name,
         path=path,
@@ -287,9 +286,12 @@ def accuracy(values: Values | None) -> Accuracy:
     return Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
 
 
-def render(values: Values | None) -> RenderSpec:
-    """What is written."""
+def render(values: Values | None, files: Files) -> RenderSpec:
+    """What is written; not outside of where the score may write."""
     if values is None:
         return RenderSpec(None, 24, 5.0, None, None)
+    if values["file"] is not None:
+        folder, place = values.nodes["file"].document.folder, values.place_of("file")
+        files.target(values["file"], folder, place, f"{values.context.of('file')}: ")
     bits = _BITS[values["bits"]]
     return RenderSpec(values["file"], bits, values["tail"], values["channels"], values.place)

@@ -87,7 +87,7 @@ class Checker:
             duet=tuple(duet),
             parts=tuple(plays),
             mix=mix,
-            render=build.render(score["render"]),
+            render=build.render(score["render"], self.uses.files),
             accuracy=build.accuracy(score["accuracy"]),
             place=score.place,
             tempo_map=times.map,
@@ -234,8 +234,8 @@ class Checker:
         if not wanted:
             return {}
         tables = [self.names.tables["laws"], home.tables["laws"]]
-        shipped = self.uses.files.find("instruments/laws.yaml", self.names.document.folder)
-        document = self.uses.files.open(shipped, None) if shipped else None
+        files, folder = self.uses.files, self.names.document.folder
+        document = files.required("instruments/laws.yaml", folder, self.score.place)
         if document is not None:
             tables.insert(0, self.uses.read(document).tables["laws"])
         laws = {}

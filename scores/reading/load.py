@@ -9,6 +9,7 @@ from pathlib import Path
 from ergon.scores.reading.check import Checker
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.uses import Uses
+from ergon.scores.text.bounds import Bounds
 from ergon.scores.text.document import Document
 from ergon.scores.text.errors import Collector, Diagnostic, Severity
 from ergon.scores.text.files import Files
@@ -30,6 +31,12 @@ class Loaded:
         """Whether the score was refused."""
         return self.piece is None
 
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """Every file that the score is read from: its texts and its takes."""
+        takes = self.piece.takes.values() if self.piece is not None else ()
+        return *map(Path, self.files), *(take.path for take in takes)
+
 
 @lasting
 def load(
@@ -38,16 +45,17 @@ def load(
     text: str | None = None,
     overlay: Mapping[str, str] | None = None,
     memory: Memory | None = None,
+    bounds: Bounds | None = None,
 ) -> Loaded:
     """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.
 
     `overlay` gives texts that stand for files; `memory` is of who reads again what hardly changes.
-    Nothing is raised for what a composer wrote.
+    What the score names lies within `bounds`, without them those of its folder. Nothing is raised
+    for what a composer wrote.
     """
     collector = Collector() if memory is None else memory.begin()
-    files = Files(collector, overlay, memory)
     where = Path(path)
-    files.home = where.parent
+    files = Files(collector, where.parent, overlay, memory, bounds)
     if text is not None:
         document: Document | None = files.text(str(path), text, where.parent)
     else:

@@ -224,7 +224,7 @@ RENDER = Record(
     "render",
     "the file that is written",
     (
-        Field("file", k.PATH, "its name, relative to the score"),
+        Field("file", k.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
         Field("tail", k.PAUSE, "how long after the last event", 5.0, shown="5s"),
         Field("channels", _CHANNEL, "as in the mix"),

@@ -173,8 +173,10 @@ class Uses:
         stem, slash, word = name.partition("/")
         used = home.used.get(stem)
         if slash and used is None:  # the shipped instruments need no `use:`
-            path = self.files.find(f"instruments/{stem}.yaml", home.document.folder)
-            document = self.files.open(path, name.place) if path else None
+            file = f"instruments/{stem}.yaml"
+            is_there = self.files.find(file, home.document.folder) is not None
+            folder = home.document.folder
+            document = self.files.required(file, folder, name.place) if is_there else None
             used = self.read(document, name.place) if document else None
         if not slash or used is None or not used.tables[section]:
             message = f"{values.context.of('from')}: no file {quote(stem)} in `use:`; "

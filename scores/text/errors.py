@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from ergon.common.terminal import json_text, printable
 from ergon.scores.text.spelling import nearest
 from ergon.scores.text.values import Place
 
@@ -95,8 +95,7 @@ class Collector:
     ) -> None:
         """Add one of any severity; with `word`, the nearest of `names` becomes the suggestion."""
         self.told += 1
-        if not message.isprintable():  # a name of a file may hold what moves a terminal
-            message = printable(message)
+        message = printable(message)  # a name of a file may hold what moves a terminal
         if (code, message, place) in self._found:  # an alias is read at each of its places
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
@@ -152,8 +151,6 @@ def _with_suggestion(diagnostic: Diagnostic, known: tuple[str, ...]) -> Diagnost
 
 def quote(word: str) -> str:
     """A word of the composer's between quotes, shortened, with nothing that moves a terminal."""
-    if len(word) <= 40 and word.isprintable():  # every name of a score passes here
-        return f"'{word}'"
     shown = word if len(word) <= 40 else word[:37] + "..."
     return f"'{printable(shown)}'"
 
@@ -164,11 +161,6 @@ _SPOKEN_VOWEL = (*"aeiou", "ENF", "ENX", "LNL")
 def with_article(noun: str) -> str:
     """`a mass`, `an impulse`; kinds are spelled: `a MAS`, `an LNL`."""
     return f"{'an' if noun.startswith(_SPOKEN_VOWEL) else 'a'} {noun}"
-
-
-def printable(text: str) -> str:
-    """The text with nothing in it that moves a terminal."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 # --- showing ------------------------------------------------------------------------------------
@@ -242,7 +234,7 @@ def json_line(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = Non
         "message": d.message,
         "suggestion": d.suggestion,
     }
-    return json.dumps(record, ensure_ascii=False)
+    return json_text(record)
 
 
 Renderer = Callable[[Diagnostic, Mapping[str, Source] | None], str]

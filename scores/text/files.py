@@ -1,10 +1,15 @@
-"""Files of a score: read once, within bounds, found beside the naming file or in the library."""
+"""Files of a score: found beside the file that names them or in the library, read once.
+
+`Files.locate` alone decides which file a name of a score stands for, and whether it may.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
+from ergon.common.regular import read_bounded
+from ergon.scores.text.bounds import INSTRUMENTS, SHIPPED, Bounds
 from ergon.scores.text.document import Document, compose
 from ergon.scores.text.errors import Collector
 from ergon.scores.text.memory import Memory
@@ -13,9 +18,8 @@ from ergon.scores.text.syntax import MAX_BYTES, decode
 from ergon.scores.text.values import Place
 
 MAX_FILES = 256  # that one score reads
-_PACKAGE = Path(__file__).parents[2]
-_LIBRARY = {"instruments": _PACKAGE / "instruments" / "library"}
-_SHIPPED = _PACKAGE / "scores" / "library"
+_LIBRARY = {"instruments": INSTRUMENTS}
+_HELP = "copy it into the folder of the score, or say --trust"
 
 
 def is_file(path: Path) -> bool:
@@ -28,7 +32,7 @@ def is_file(path: Path) -> bool:
 
 def shipped(path: Path) -> str | None:
     """The name by which scores use a file that ships; None for one of their own."""
-    for prefix, root in (*_LIBRARY.items(), ("", _SHIPPED)):
+    for prefix, root in (*_LIBRARY.items(), ("", SHIPPED)):
         if path.is_relative_to(root):
             return str(PurePosixPath(prefix, path.relative_to(root).as_posix()))
     return None
@@ -44,30 +48,63 @@ class Files:
     def __init__(
         self,
         collector: Collector,
+        home: Path,
         overlay: Mapping[str, str] | None = None,
         memory: Memory | None = None,
+        bounds: Bounds | None = None,
     ) -> None:
-        """Start with nothing read, but for what is remembered."""
+        """Start with nothing read, but for what is remembered; `bounds` are those of `home`."""
         self.collector = collector
         self.memory = memory
         self.documents: dict[str, Document] = {}
-        self.home: Path | None = None
+        self.home = home
+        self.bounds = Bounds.around(home) if bounds is None else bounds
         self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
 
     def find(self, name: str, folder: Path) -> Path | None:
-        """A file relative to a folder or to `home`, or one that ships; None when there is none."""
-        candidates = [folder / name]
-        parts = PurePosixPath(name).parts
-        if parts and ".." not in parts and not Path(name).is_absolute():
-            if self.home is not None and folder != self.home:
-                candidates.append(self.home / name)
-            if parts[0] in _LIBRARY and len(parts) > 1:
-                candidates.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
-            candidates.append(_SHIPPED / name)
-        for path in candidates:
-            if str(path) in self._overlay or is_file(path):
+        """A file relative to a folder or to `home`, or one that ships; None when there is none.
+
+        The one that is found may lie outside the bounds.
+        """
+        for path in self._candidates(name, folder):
+            if self._holds(path) or not self.bounds.allow(path) or is_file(path):
                 return path
         return None
+
+    def _candidates(self, name: str, folder: Path) -> list[Path]:
+        found = [folder / name]
+        parts = PurePosixPath(name).parts
+        if parts and ".." not in parts and not Path(name).is_absolute():
+            if folder != self.home:
+                found.append(self.home / name)
+            if parts[0] in _LIBRARY and len(parts) > 1:
+                found.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
+            found.append(SHIPPED / name)
+        return found
+
+    def _holds(self, path: Path) -> bool:
+        return str(path) in self._overlay
+
+    def locate(self, name: str, folder: Path, asked: Place, who: str = "") -> Path | None:
+        """The file that a name in a file of `folder` stands for; None after a report."""
+        path = self.find(name, folder)
+        if path is None:
+            message = f"{who}no file {name} beside {asked.file} or in the library"
+            self._refuse("E107", message, name, asked)
+            return None
+        return path if self._is_inside(path, name, asked, who) else None
+
+    def target(self, name: str, folder: Path, asked: Place, who: str = "") -> Path | None:
+        """The file that a score wants written; None after a report."""
+        path = folder / name
+        return path if self._is_inside(path, name, asked, who) else None
+
+    def _is_inside(self, path: Path, name: str, asked: Place, who: str) -> bool:
+        inside = self._holds(path) or self.bounds.allow(path)
+        if not inside:
+            message = f"{who}{name} lies outside the score's folder"
+            self.collector.error("E112", message, asked, help=_HELP)
+        return inside
 
     def text(self, name: str, text: str, folder: Path) -> Document:
         """A document from a text that is at hand."""
@@ -92,8 +129,7 @@ class Files:
         if name in self._overlay:
             return self.text(name, self._overlay[name], path.parent)
         try:
-            with path.open("rb") as file:  # what read() may return is allocated first
-                data = file.read(min(MAX_BYTES, path.stat().st_size) + 1)
+            data = read_bounded(path, MAX_BYTES)
         except OSError as error:
             reason = error.strerror or type(error).__name__
             self._refuse("E107", f"{name} cannot be read: {reason}", name, asked)
@@ -107,13 +143,8 @@ class Files:
 
     def required(self, name: str, folder: Path, asked: Place) -> Document | None:
         """The document that a file names; None after a report."""
-        path = self.find(name, folder)
-        if path is None:
-            self._refuse(
-                "E107", f"no file {name} beside {asked.file} or in the library", name, asked
-            )
-            return None
-        return self.open(path, asked)
+        path = self.locate(name, folder, asked)
+        return None if path is None else self.open(path, asked)
 
     def _refuse(self, code: str, message: str, name: str, asked: Place | None) -> None:
         self.collector.error(code, message, asked or Place(name, 1, 1))

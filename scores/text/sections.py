@@ -34,7 +34,7 @@ def lines(text: str, section: str) -> tuple[int, int] | None:
 
 def _cut(text: str) -> Iterator[tuple[str, int, int]]:
     matches = list(_SECTION.finditer(text))
-    ends = [*(match.start() for match in matches[1:]), len(text)]
+    ends = [*(match.start() for match in matches[1:]), *([len(text)] if matches else [])]
     for match, end in zip(matches, ends, strict=True):
         yield match.group()[:-1].rstrip(), match.start(), end
 

@@ -1,0 +1,1 @@
+"""What every room may use: text for terminals, files that are opened with care."""

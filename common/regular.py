@@ -1,0 +1,40 @@
+"""Opening files that nobody vouches for: regular ones alone, and never waiting for one."""
+
+from __future__ import annotations
+
+import os
+import stat
+from io import BufferedReader
+from pathlib import Path
+
+
+class NotRegularError(OSError):
+    """The name stands for a folder, a pipe, a socket or a device."""
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """The bytes of a regular file. Raises OSError; a name that no file can have too.
+
+    Opening a pipe would wait for its other end, and a device has no end: O_NONBLOCK opens both at
+    once, and the open file itself is asked what it is.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
+    flags |= getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+    try:
+        handle = os.open(path, flags)
+    except ValueError:  # a null byte, or what the file system's encoding cannot say
+        raise FileNotFoundError(2, "no file can be called so", str(path)) from None
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise NotRegularError(22, "not a regular file", str(path))
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def read_bounded(path: Path, most: int) -> bytes:
+    """Up to `most` + 1 bytes of a regular file: more than `most` say that it is larger."""
+    with open_regular(path) as file:
+        # What read() may return is allocated first.
+        return file.read(min(most, os.fstat(file.fileno()).st_size) + 1)

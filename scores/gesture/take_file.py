@@ -1,0 +1,60 @@
+"""What all files of takes share: how large they may be, what is wrong with one, its lines."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from io import BufferedReader
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ergon.common.regular import open_regular
+from ergon.scores.text.errors import TextError
+
+Floats = NDArray[np.float64]
+
+MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accepts
+MAX_BYTES = 1 << 30  # of a CSV or npz file, and of what an npz file holds when it is unpacked
+MAX_LINE = 65_536  # characters; a thousand channels fit
+MAX_CHANNELS = 1024
+
+
+class TakeError(TextError):
+    """A take that cannot be read: the `field` of it at fault, and the `line` (from 1) of a CSV."""
+
+    def __init__(
+        self,
+        message: str,
+        path: Path,
+        line: int | None = None,
+        suggestion: str | None = None,
+        field: str = "file",
+    ) -> None:
+        """Name the file, and the line where there is one."""
+        place = path.name if line is None else f"{path.name}:{line}"
+        super().__init__(f"{place}: {message}", suggestion=suggestion)
+        self.line = line
+        self.field = field
+
+
+def opened(path: Path) -> BufferedReader:
+    """The bytes of a file that is no larger than a take may be. Raises TakeError, OSError."""
+    file = open_regular(path)
+    if os.fstat(file.fileno()).st_size > MAX_BYTES:
+        file.close()
+        raise TakeError("more than 1 GB", path)
+    return file
+
+
+def lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
+    """The lines of a CSV that say something, numbered from 1. Raises TakeError."""
+    number = 0
+    while line := file.readline(MAX_LINE):
+        number += 1
+        if len(line) == MAX_LINE:
+            raise TakeError(f"a line of more than {MAX_LINE:,} characters", path, number)
+        if (text := line.strip(" \r\n")) and text[0] != "#":
+            yield number, text

@@ -1,0 +1,69 @@
+"""Which files a score may name: those of its folder or its project, and those that ship.
+
+A score comes from anybody. What it names is read, and quoted where it is wrong; `render: {file: …}`
+is written. So a name that leads out of the score's folder, by `..`, by an absolute path or by a
+link, is refused unless whoever runs the score trusts it.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+MARKER = "ergon.project"  # an empty file that makes its folder one project with all below it
+
+_PACKAGE = Path(__file__).parents[2]
+INSTRUMENTS = _PACKAGE / "instruments" / "library"
+SHIPPED = _PACKAGE / "scores" / "library"
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Folders, without links in their names, whose files a score may name; None is any folder."""
+
+    folders: tuple[Path, ...] | None
+
+    @classmethod
+    def around(cls, folder: Path, *, trust: bool = False) -> Bounds:
+        """Those of a score in a folder; with `trust` it may name any file."""
+        if trust:
+            return cls(None)
+        return cls((_project(_real(folder)), _real(INSTRUMENTS), _real(SHIPPED)))
+
+    @property
+    def trusts(self) -> bool:
+        """Whether any file may be named."""
+        return self.folders is None
+
+    def allow(self, path: Path) -> bool:
+        """Whether a path, links followed, lies inside; of a file that is not there yet too."""
+        if self.folders is None:
+            return True
+        try:
+            real = _real(path)
+        except ValueError:  # a name that no file can have
+            return False
+        return any(real.is_relative_to(folder) for folder in self.folders)
+
+
+def _real(path: Path) -> Path:
+    return Path(os.path.realpath(path))
+
+
+def _project(folder: Path) -> Path:
+    """The nearest folder, from this one up, that holds a marker of the user's; else this one."""
+    for one in (folder, *folder.parents):
+        try:
+            found = os.lstat(one / MARKER)
+        except OSError:
+            continue
+        # In a folder that all may write to, the marker may be somebody else's.
+        if stat.S_ISREG(found.st_mode) and found.st_uid == _user(found.st_uid):
+            return one
+    return folder
+
+
+def _user(where_unknown: int) -> int:
+    return os.geteuid() if hasattr(os, "geteuid") else where_unknown

@@ -1,0 +1,108 @@
+"""Damaged takes are refused with a sentence, whatever is wrong with them."""
+
+import contextlib
+import io
+from collections import Counter
+
+import numpy as np
+import pytest
+import soundfile
+from corrupted import corrupted
+from recordings import EVENTS, Axis, chunk, end, event, header, row, rows
+
+from ergon import _core
+from ergon.cli.console import Console
+from ergon.cli.outcome import Outcome
+from ergon.cli.take_info import take as told
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.gesture.takes import read
+
+
+def csv() -> bytes:
+    lines = "".join(f"{i / 100},{np.sin(i):.4f},{np.cos(i):.4f}\n" for i in range(40))
+    return f"# a hand\nt [s],x [mm],y [mm]\n{lines}".encode()
+
+
+def wav(subtype: str = "PCM_16", form: str = "WAV") -> bytes:
+    file = io.BytesIO()
+    x = np.sin(np.arange(200.0)).reshape(100, 2)
+    soundfile.write(file, x, 1000, subtype=subtype, format=form)
+    return file.getvalue()
+
+
+def npz(packed: bool, **arrays) -> bytes:
+    file = io.BytesIO()
+    arrays = arrays or {"t": np.arange(50) / 100, "x [mm]": np.sin(np.arange(50.0))}
+    (np.savez_compressed if packed else np.savez)(file, **arrays)
+    return file.getvalue()
+
+
+def recorded() -> bytes:
+    own = (row(i, Axis(i * 1e-6, 0.5, 0.25, 16, i), Axis(0.001)) for i in range(20))
+    axes = (("remi", "k2"), ("ada", "k1"))
+    lines = chunk(EVENTS, event(3, "play") + event(5, "stop"))
+    return header(axes, about='{"day": "x"}') + rows(*own) + lines + end()
+
+
+FORMATS = {
+    ".csv": (csv(),),
+    ".wav": (wav(), wav("FLOAT"), wav("DOUBLE", "RF64"), wav("PCM_24", "WAVEX")),
+    ".npz": (npz(False), npz(True), npz(True, **{"x [mm]": np.arange(9, dtype=">i2")})),
+    ".take": (recorded(),),
+}
+CHANNEL = {".csv": "x", ".wav": "1", ".npz": "x", ".take": "remi"}
+MEANT = (TakeError, Outcome, OSError)
+
+
+def internal(path, quiet) -> list[str]:
+    """What goes wrong that nobody meant, in all that reads a take."""
+    found = []
+    ways = [lambda: quiet(path)] if path.suffix != ".wav" else []
+    for channel, rate in ((None, None), ("x", None), ("1", None), ("remi", None), ("x", 100.0)):
+        ways.append(lambda c=channel, r=rate: played(path, c, r))
+    for way in ways:
+        try:
+            way()
+        except MEANT:
+            pass
+        except BaseException as error:  # a panic of the core is no Exception
+            found.append(f"{type(error).__name__}: {error}")
+    return found
+
+
+def played(path, channel, rate):
+    samples = read(path, channel, rate=rate)
+    with contextlib.suppress(_core.EngineError):
+        _core.Take(samples.t, samples.x)
+
+
+def tried(suffix, count, seed, tmp_path, capsys) -> Counter:
+    path = tmp_path / f"hand{suffix}"
+    whole = FORMATS[suffix]
+    others = [data for every in FORMATS.values() for data in every]
+    found: Counter = Counter()
+    n = 0
+    for i, data in enumerate(whole):
+        for damaged in corrupted(data, count // len(whole), seed + i, *others):
+            path.write_bytes(damaged)
+            found.update(internal(path, lambda path: told(Console(json=True), path)))
+            n += 1
+            if n % 500 == 0:
+                capsys.readouterr()
+    return found
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_damage_is_refused_with_a_sentence(tmp_path, capsys, suffix):
+    for data in FORMATS[suffix]:
+        (tmp_path / f"whole{suffix}").write_bytes(data)
+        rate = 100.0 if data is FORMATS[".npz"][2] else None
+        assert len(read(tmp_path / f"whole{suffix}", CHANNEL[suffix], rate=rate).x) >= 2
+    assert tried(suffix, 1200, 1, tmp_path, capsys) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_much_damage_is_refused_with_a_sentence(tmp_path, capsys, suffix):
+    """Together some 66,000 files."""
+    assert tried(suffix, 16_448, 1000, tmp_path, capsys) == {}
