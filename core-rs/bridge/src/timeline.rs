@@ -14,6 +14,7 @@ use crate::error::{from_engine, hertz, refused, word};
 use crate::network::Network;
 use crate::take::Take;
 use crate::words;
+use crate::work::computing;
 
 /// What will happen, by sample index.
 #[pyclass(module = "ergon._core")]
@@ -160,7 +161,7 @@ impl Timeline {
         within: (f64, f64),
     ) -> PyResult<u64> {
         mats.iter().try_for_each(|&mat| self.there(name, mat))?;
-        py.detach(|| {
+        computing(py, || {
             let chance = |member| Chance::new(seed, "strikes", name, member, 0);
             let rain = Rain {
                 rate,
@@ -171,7 +172,7 @@ impl Timeline {
                 source,
             };
             self.inner.rain(&self.network, &mats, &rain, chance)
-        })
+        })?
         .map_err(|error| refused(name, error))
     }
 

@@ -26,5 +26,6 @@ mod section;
 pub mod simulation;
 pub mod spectrum;
 mod state;
+pub mod stop;
 pub mod timeline;
 pub mod units;

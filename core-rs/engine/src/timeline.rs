@@ -13,6 +13,7 @@ use crate::gesture::script::Gesture;
 use crate::gesture::written::GestureError;
 use crate::network::Network;
 use crate::scheme::moves;
+use crate::stop;
 use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
@@ -232,6 +233,7 @@ impl Timeline {
         }
         let mut n_strikes = 0;
         for (member, &mat) in mats.iter().enumerate() {
+            stop::poll();
             let mut chance = chance(member as u64);
             let mut times = chance.poisson_times(rain.rate, rain.start, rain.stop);
             while let Some(at) = times.next() {
