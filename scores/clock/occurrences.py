@@ -8,6 +8,7 @@ end the series ends it.
 import re
 from math import ceil
 
+from ergon._core import poll
 from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.positions import Length
 from ergon.scores.clock.tempo import TempoMap
@@ -69,6 +70,8 @@ def starts(
     while len(found) < count and beat < stop:
         if len(found) == room:
             raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
+        if not len(found) % 1024:
+            poll()
         found.append(beat)
         # Counting from `at` does not drift; bars, beats and seconds together must follow the tempo.
         beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(found)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ergon._core import poll
 from ergon.scores.clock.occurrences import MAX_OCCURRENCES, starts
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Middle, Transform, apply, apply_to_take
@@ -30,6 +31,7 @@ def schedule(
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
     for play, at in zip(piece.parts, begins, strict=True):
+        poll()
         found = None
         gesture = piece.gestures.get(play.what)
         length, lost = Time(), _NOTHING

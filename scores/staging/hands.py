@@ -190,6 +190,9 @@ class Hands:
         self._played["points"] += len(starts) * points
         for what, most in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
             if self._played[what] > most:
+                if self._played["reports"]:
+                    return ()
+                self._played["reports"] += 1
                 message = (
                     f"{quote(play.what)}: with these {len(starts):,} times {points:,} points the "
                     f"piece plays more than {most:,} {what}"

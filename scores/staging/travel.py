@@ -21,9 +21,9 @@ _SINGULAR = 0.2
 # every occurrence another.
 _REHEARSALS = 64
 _BLOCK = 4096  # frames computed at once: of a rehearsal nothing is kept but its extremes
-# A rehearsal takes at most so many frames where that leaves it enough of them a second, and a
-# period of the key.
-_FRAMES = 1 << 22
+# A rehearsal takes at most so many frames where that leaves it enough of them a period of the key,
+# or a second where the key has many.
+_FRAMES = 1 << 21
 _LONGEST = 24 * 3600.0  # [s]
 _LEAST_RATE, _PER_PERIOD = 1000.0, 64.0
 
@@ -120,8 +120,8 @@ def _rehearse(piece: Piece, key: Key, gesture: StagedGesture) -> tuple[float, fl
 
 
 def _least_rate(key: Key) -> float:
-    omega = _own_frequency(key) or 0.0
-    return max(_LEAST_RATE, _PER_PERIOD * omega / (2.0 * math.pi))
+    omega = _own_frequency(key)
+    return _LEAST_RATE if omega is None else _PER_PERIOD * omega / (2.0 * math.pi)
 
 
 def _rehearsed(

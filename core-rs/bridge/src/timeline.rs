@@ -14,7 +14,7 @@ use crate::error::{from_engine, hertz, refused, word};
 use crate::network::Network;
 use crate::take::Take;
 use crate::words;
-use crate::work::computing;
+use crate::work::{self, computing};
 
 /// What will happen, by sample index.
 #[pyclass(module = "ergon._core")]
@@ -62,6 +62,7 @@ impl Timeline {
         layer: bool,
         sources: Vec<u32>,
     ) -> PyResult<usize> {
+        work::poll()?; // there may be many
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let way = curve
             .iter()
@@ -103,6 +104,7 @@ impl Timeline {
         layer: bool,
         source: u32,
     ) -> PyResult<usize> {
+        work::poll()?;
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let path = take
             .0
@@ -125,6 +127,7 @@ impl Timeline {
         speed: Option<f64>,
         source: u32,
     ) -> PyResult<()> {
+        work::poll()?;
         self.there("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {

@@ -138,6 +138,7 @@ pub(crate) fn computing<T: Send>(
     py: Python<'_>,
     compute: impl FnOnce() -> T + Send,
 ) -> PyResult<T> {
+    poll()?; // of many short computations none may ask
     let raised = Arc::new(Mutex::new(None));
     let limits = LIMITS.with_borrow(Clone::clone);
     let told = raised.clone();
