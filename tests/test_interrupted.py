@@ -4,86 +4,32 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 
 import numpy as np
 import pytest
+from benches.interrupts import COMMANDS, begun
 
 from ergon import _core
+from ergon.exchange.signals import signals_as_exceptions
 
 _PATIENCE = 60.0  # [s] on a machine that does much else
-# Tells on standard output that some thread has been in a function for three looks in a row.
-_CHILD = """
-import sys, threading, time
-from ergon.cli.app import main
-
-def look():
-    looks = 0
-    while looks < 3:
-        frames = sys._current_frames().values()
-        looks = looks + 1 if any(is_in(frame) for frame in frames) else 0
-        time.sleep(0.02)
-    print("begun", flush=True)
-
-def is_in(frame):
-    return frame.f_code.co_name == sys.argv[1] and "ergon" in frame.f_code.co_filename
-
-threading.Thread(target=look, daemon=True).start()
-main(sys.argv[2:])
-"""
-_THROW = """\
-ergon: 1
-rates: {{audio: 2000kHz}}
-keys: {{k: {{M: 400g, f: 90kHz{more}}}}}
-players: {{p: {{key: k}}}}
-gestures: {{g: 0mm@0s throw 1mm@80000s}}
-parts: {{p: [{{at: 0, play: g}}]}}
-instruments:
-  bell:
-    modules: {{m: {{CEL: {{M: 2g, f: 220Hz, t60: 1s}}}}, b: {{BUT: {{between: [k, m], K: 900N/m}}}}}}
-    out: {{SOX: m}}
-"""
-_LONG = """\
-ergon: 1
-instruments:
-  gong: {PLATE: {shape: hex, radius: 90, M: 1kg, f: 80Hz, t60: 9s, hardening: 4e8N/m3}, out: {SOX: gong.centre}}
-strikes: {s: {to: gong.centre, at: 0, impulse: 1mNs}}
-render: {tail: 80000s}
-"""
-# The score, the command, and the function that calls the core.
-_COMMANDS = {
-    "check, a rehearsal": (_THROW.format(more=", travel: -9mm..9mm"), "check", "_rehearsed"),
-    "check --simulate": (_THROW.format(more=""), "check --simulate", "follow"),
-    "plan": (_THROW.format(more=""), "plan", "plan"),
-    "render, a plan": (_THROW.format(more=""), "render -o out.wav", "plan"),
-    "render": (_LONG, "render -o out.wav --method ca", "frames_of"),
-    "render, in one thread": (_LONG, "render -o out.wav --threads 1 --method ca", "frames_of"),
-    "compile": (_THROW.format(more=""), "compile -o out.csv", "stream"),
-    "plot": (_THROW.format(more=""), "plot g --svg out.svg", "asked_and_done"),
-}
+# `fmt`, `info` and the rest are measured by the bench alone: they take seconds, not hours.
+_HOURS = [what for what in COMMANDS if COMMANDS[what][0] and "large" not in what]
+_HOURS = [what for what in _HOURS if what not in ("chart", "info")]
 
 
-@pytest.mark.parametrize("what", _COMMANDS)
+@pytest.mark.parametrize("what", _HOURS)
 def test_control_c_ends_a_command(what, tmp_path):
-    text, command, function = _COMMANDS[what]
-    (tmp_path / "score.yaml").write_text(text, encoding="utf-8")
-    name, *options = command.split()
-    line = [sys.executable, "-c", _CHILD, function, name, "score.yaml", *options]
-    env = {**os.environ, "ERGON_CACHE": "off"}
-    with subprocess.Popen(
-        line, cwd=tmp_path, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as child:
+    with begun(tmp_path, what) as child:
         try:
-            assert child.stdout is not None
-            assert "begun" in child.stdout.readline(), child.communicate(timeout=_PATIENCE)
             child.send_signal(signal.SIGINT)
             _, told = child.communicate(timeout=_PATIENCE)
         finally:
             child.kill()
     assert child.returncode == 130
-    assert "Traceback" not in told and "error" not in told, told
+    assert "Traceback" not in told
+    assert "error" not in told
     assert [path.name for path in tmp_path.iterdir()] == ["score.yaml"]
 
 
@@ -150,20 +96,38 @@ def test_a_deadline_of_no_work_changes_no_sample():
     assert np.array_equal(alone, limited)
 
 
+class _SignalledError(Exception):
+    pass
+
+
+def _compute() -> None:
+    while True:
+        _simulation().process(np.zeros((1 << 24, 1)))
+
+
 def test_a_handler_that_raises_ends_the_engine_alone():
     """What a signal's handler raises comes out of the core as it is."""
 
-    class Signalled(BaseException):
-        pass
-
     def handler(number, frame):
-        raise Signalled
+        raise _SignalledError
 
     before = signal.signal(signal.SIGUSR1, handler)
     try:
-        threading.Timer(0.05, lambda: os.kill(os.getpid(), signal.SIGUSR1)).start()
-        with pytest.raises(Signalled):
-            while True:
-                _simulation().process(np.zeros((1 << 24, 1)))
+        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+        with pytest.raises(_SignalledError):
+            _compute()
     finally:
         signal.signal(signal.SIGUSR1, before)
+
+
+def test_control_c_in_a_finaliser_is_not_lost():
+    class Dropped:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def drop():
+        Dropped()
+        threading.Event().wait(_PATIENCE)
+
+    with signals_as_exceptions(), pytest.raises(KeyboardInterrupt):
+        drop()

@@ -16,7 +16,7 @@ from ergon.scores.text.values import Place, Time
 _Length = tuple[Time, tuple[str, ...]]
 _NOTHING: tuple[str, ...] = ()
 
-MAX_STRIKES = 4_000_000  # in a piece: some 130 MB
+MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
 
 
 def schedule(
