@@ -44,6 +44,7 @@ def starts(
     `room` is how many more the piece may hold. Raises TextError when they would be more, or when
     nothing separates them.
     """
+    poll()
     if times in (None, 1) and until is None and room > 0:
         return [at]  # most lines of a part play once
     step = Length(0.0, *length) if every is None else every

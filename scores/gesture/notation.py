@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ergon._core import poll
 from ergon.scores.gesture.points import (
     CURVES,
     POINT,
@@ -128,6 +129,7 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
 
     More than `most` points are refused. Raises TextError with the characters at fault.
     """
+    poll()
     stack = [_Group(0, most)]
     pending: tuple[str, int] | None = None  # a curve word that has led nowhere yet
     for token in _TOKEN.finditer(text):
@@ -168,6 +170,7 @@ def parse_table(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Not
     More than `most` rows are refused. `#` starts a comment. Raises TextError with the characters at
     fault.
     """
+    poll()
     group = _Group(0)
     offset = 0
     for line in text.split("\n"):

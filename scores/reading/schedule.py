@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ergon._core import poll
 from ergon.scores.clock.occurrences import MAX_OCCURRENCES, starts
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Middle, Transform, apply, apply_to_take
@@ -31,7 +30,6 @@ def schedule(
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
     for play, at in zip(piece.parts, begins, strict=True):
-        poll()
         found = None
         gesture = piece.gestures.get(play.what)
         length, lost = Time(), _NOTHING

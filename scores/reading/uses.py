@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
-from ergon._core import poll
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.tables.fields import Values
 from ergon.scores.tables.kinds import PATH
@@ -126,7 +125,6 @@ class Uses:
 
         The values are None after a report.
         """
-        poll()
         chain: list[Values] = []
         while True:
             values = entry.values
