@@ -16,6 +16,7 @@ from benches.duet import duet
 from benches.gong import gong
 from benches.growth import growth
 from benches.hammer import hammer
+from benches.interrupts import interrupts
 from benches.laws import laws
 from benches.measure import Row
 from benches.mesh import mesh
@@ -41,6 +42,7 @@ def main(arguments: list[str]) -> int:
         "check": reading.check,
         "start": reading.start,
         "repl": repl,
+        "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
     }
     if unknown := [name for name in wanted if name not in scenes]:

@@ -7,6 +7,8 @@ import threading
 from collections.abc import Generator, Iterator
 from typing import TypeVar
 
+from ergon._core import Work
+
 T = TypeVar("T")
 _AHEAD = 4  # blocks that may wait: enough to even out the two, little memory
 _PATIENCE = 0.1  # [s] between looks at whether the consumer is gone
@@ -20,6 +22,7 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
     # A list with one item; an empty list at the end; or why there is no more.
     waiting: queue.Queue[list[T] | BaseException] = queue.Queue(_AHEAD)
     gone = threading.Event()
+    computing = Work()
 
     def put(entry: list[T] | BaseException) -> bool:
         while not gone.is_set():
@@ -32,9 +35,10 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
 
     def work() -> None:
         try:
-            for item in source:
-                if not put([item]):
-                    return
+            with computing:
+                for item in source:
+                    if not put([item]):
+                        return
             put([])
         except BaseException as error:  # PyO3's panic exception is no Exception
             put(error)
@@ -48,4 +52,5 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
             yield from entry
     finally:
         gone.set()
+        computing.cancel()  # a block may take minutes
         thread.join()

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
+
+Handler = Callable[[int, FrameType | None], None]
+_AGAIN = 0.01  # [s] until a signal that was lost comes again
 
 
 class Terminated(BaseException):
@@ -32,7 +37,7 @@ def signals_as_exceptions() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    handlers = {signal.SIGINT: interrupt, signal.SIGTERM: terminate}
+    handlers: dict[int, Handler] = {signal.SIGINT: interrupt, signal.SIGTERM: terminate}
     if hasattr(signal, "SIGHUP"):
         handlers[signal.SIGHUP] = terminate
     # A signal that the caller ignores (nohup) stays ignored.
@@ -42,7 +47,44 @@ def signals_as_exceptions() -> Iterator[None]:
         if signal.getsignal(number) is not signal.SIG_IGN
     }
     try:
-        yield
+        with _not_lost(handlers):
+            yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _interrupt(number: int) -> None:
+    """Let a signal come to the main thread, and wake it."""
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)
+    else:
+        _thread.interrupt_main(signal.Signals(number))
+
+
+@contextlib.contextmanager
+def _not_lost(handlers: Mapping[int, Handler]) -> Iterator[None]:
+    """Raise a signal's exception again where Python has dropped it.
+
+    It drops what is raised in a finaliser or a weak reference's callback, as while it imports.
+    """
+    before = sys.unraisablehook
+
+    def hook(dropped: sys.UnraisableHookArgs) -> None:
+        error = dropped.exc_value
+        if not isinstance(error, (KeyboardInterrupt, Terminated)):
+            before(dropped)
+            return
+        number = error.number if isinstance(error, Terminated) else signal.SIGINT
+        signal.signal(number, handlers[number])
+        # Not from here, where it would be dropped as well.
+        again = threading.Timer(_AGAIN, _interrupt, (number,))
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before

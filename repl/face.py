@@ -80,6 +80,9 @@ class Face(Protocol):
     def panic(self) -> None:
         """Silence at once."""
 
+    def cancel(self) -> bool:
+        """Drop the line that is being computed; whether there is one. From any thread."""
+
     def close(self) -> None:
         """Hush, and let go of everything; the last call."""
 

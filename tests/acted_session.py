@@ -99,6 +99,10 @@ class Acted:
         self._panicked.set()
         self._note("panic")
 
+    def cancel(self) -> bool:
+        self._note("cancel")
+        return False
+
     def close(self) -> None:
         self._note("close")
         self._messages.append("closed")

@@ -14,6 +14,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture(autouse=True)
+def patient_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line has its time by the clock, and a machine that does much else is slow."""
+    from ergon.repl.session import computing
+
+    monkeypatch.setattr(computing, "LINE", 1e3)
+    monkeypatch.setattr(computing, "FILES", 1e3)
+
+
 @pytest.fixture
 def short_folder() -> Iterator[Path]:
     """A folder whose name is short enough for a socket."""

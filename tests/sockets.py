@@ -53,6 +53,10 @@ class Acted:
     def panic(self) -> None:
         self.panicked.set()
 
+    def cancel(self) -> bool:
+        self.cancelled = True
+        return True
+
     def close(self) -> None:
         self.closed = True
 

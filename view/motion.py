@@ -44,5 +44,7 @@ def asked_and_done(
         done.append(float(simulation.positions()[struck]) * scale)
         if simulation.frame >= last:
             break
-        simulation.process(np.zeros((min(step, last - simulation.frame), simulation.n_out)))
+        until = min(last, simulation.frame + step)
+        while simulation.frame < until:
+            simulation.process(block[: until - simulation.frame])
     return Curve("asked", t, asked), Curve("done", t, done)

@@ -44,6 +44,10 @@ class Calm:
         """Silence at once."""
         self._try(self._face.panic, None)
 
+    def cancel(self) -> bool:
+        """Drop the line that is being computed."""
+        return self._try(self._face.cancel, False)
+
     def close(self) -> None:
         """Hush, and let go."""
         self._face.close()

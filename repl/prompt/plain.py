@@ -131,9 +131,10 @@ class Plain:
             yield
 
     def _interrupted(self, number: int, frame: FrameType | None) -> None:
-        if self._reading:  # and never in the middle of what a line does
+        if self._reading:
             _forget(self._source.fileno())
             raise KeyboardInterrupt
+        self._face.cancel()  # a line is dropped as a whole, never in the middle of what it does
 
 
 def _forget(terminal: int) -> None:

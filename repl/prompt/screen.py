@@ -124,7 +124,9 @@ class Screen:
         self._face.panic()
 
     def clear(self) -> None:
-        """Forget what is typed."""
+        """Forget what is typed; where nothing is, drop the line that is being computed."""
+        if not self._buffer.text:
+            self._face.cancel()
         self._buffer.reset()
 
     def leave(self) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ergon.repl.face import Reply
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
-from ergon.repl.session import deeds, files, looks
+from ergon.repl.session import computing, deeds, files, looks
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.text.errors import TextError
 
@@ -124,11 +124,13 @@ def _show(session: Session, command: c.Show) -> Reply:
 
 
 def _look(session: Session, command: c.Look) -> Reply:
-    return Reply(True, "", lines=tuple(looks.drawn(session.commits.head, command.name)))
+    with session.computing.within(computing.LINE):
+        return Reply(True, "", lines=tuple(looks.drawn(session.commits.head, command.name)))
 
 
 def _scope_of(session: Session, command: c.Trace) -> Reply:
-    lines = looks.scoped(session.commits.running, session.commits.engine.frame, command.name)
+    with session.computing.within(computing.LINE):
+        lines = looks.scoped(session.commits.running, session.commits.engine.frame, command.name)
     return Reply(True, "", lines=tuple(lines))
 
 

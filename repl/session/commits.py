@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ergon._core import EngineError
+from ergon._core import EngineError, StoppedError
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, started
 from ergon.repl.session.engine import Change
@@ -31,7 +31,7 @@ _AHEAD = 0.3
 _AGAIN, _FORGET = 2.0, 0.8
 
 # What a line is refused by, once it is read.
-REFUSALS = (NotTakenError, StageError, EditError, EngineError)
+REFUSALS = (NotTakenError, StageError, EditError, EngineError, StoppedError)
 
 # A line: what it makes of the version before it, when it takes effect at a beat.
 Deed = Callable[[Version, float], Version]

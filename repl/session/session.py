@@ -20,7 +20,7 @@ from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import names
-from ergon.repl.session import asides, deeds, files
+from ergon.repl.session import asides, computing, deeds, files
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
@@ -82,6 +82,7 @@ class Session:
         )
         self.captures = Captures(hands)
         self.leads = Leads(self.commits)
+        self.computing = computing.Computing()
         self.watch = files.Watch(version.texts) if watches else None
         self.panicked = False
         self.taps: list[float] = []
@@ -109,6 +110,8 @@ class Session:
             except StageError as error:
                 first = error.diagnostics[0]
                 reply = _not_taken(first.message, None, first.help)
+            except _core.StoppedError as error:
+                reply = _not_taken(self.computing.refusal(error))
             except (EditError, _core.EngineError) as error:
                 reply = _not_taken(str(error))
             except BaseException as error:  # pyo3's panics are no Exceptions, nor is SystemExit
@@ -147,11 +150,16 @@ class Session:
         return found
 
     def panic(self) -> None:
-        """Silence at once."""
+        """Silence at once; a line that is being computed is dropped."""
         self.commits.engine.panic()
         self.panicked = True
+        self.computing.cancel()
         self._messages.append("panic: silent, no force; `release`, then `play`")
         threading.Thread(target=self._reset, daemon=True).start()
+
+    def cancel(self) -> bool:
+        """Drop the line that is being computed, from any thread; whether there is one."""
+        return self.computing.cancel()
 
     def release(self) -> None:
         """Sound and force again, after a panic."""
@@ -222,11 +230,12 @@ class Session:
         resets: bool = False,
         restores: int | None = None,
         is_read: bool = False,
+        is_limited: bool = True,
     ) -> tuple[str, Running]:
         """Let a line wait for its boundary; a new version unless it `restores` an old one.
 
         Where it comes into effect, and what plays then. What was read from files stands in the
-        journal as it was.
+        journal as it was. Raises StoppedError where a line that `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self._number += 1
@@ -239,7 +248,12 @@ class Session:
         enter = place if beat is None else beat
         is_now = when is NOW or (when is None and self.quant is None) or goes is not None
         waiting = Waiting(line, numbered, enter, start, goes, resets, number=number, is_now=is_now)
-        made = self.commits.take(waiting)
+        seconds: float | None = None
+        if is_limited:
+            takes_long = is_read or restores is not None or goes is not None
+            seconds = computing.FILES if takes_long else computing.LINE
+        with self.computing.within(seconds):
+            made = self.commits.take(waiting)
         where = made.version.piece.tempo_map.written(waiting.beat)
         self._tell(
             "line",
@@ -340,7 +354,8 @@ class Session:
             self.commits.waiting.clear()
             self.commits.head = self.commits.running.version
             try:
-                self.queue("panic", deeds.hushed, NOW, goes=False, resets=True)
+                hushed = deeds.hushed
+                self.queue("panic", hushed, NOW, goes=False, resets=True, is_limited=False)
             except REFUSALS as error:
                 self._messages.append(f"what played is not forgotten: {error}")
 

@@ -42,6 +42,7 @@ REQUESTS: dict[str, dict[str, type]] = {
     "state": {},  # as below
     "messages": {},  # sentences since the last call, for this prompt
     "panic": {},  # true, and silence
+    "cancel": {},  # whether a line of this prompt was being computed, which is dropped
     "complete": {"line": str, "cursor": int},  # [text, start, hint] each
     "tokens": {"line": str},  # [start, end, kind] each
     "is_whole": {"text": str},  # true or false

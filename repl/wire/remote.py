@@ -89,6 +89,13 @@ class Remote:
         else:
             self._link.ask("panic")
 
+    def cancel(self) -> bool:
+        """Drop the line of this prompt that is being computed; whether one may be."""
+        if self._link.gone:
+            return False
+        self._link.ask("cancel")
+        return True
+
     def close(self) -> None:
         """Leave; the session goes on."""
         if self._over.is_set():

@@ -77,12 +77,14 @@ class Served:
         self._came = 0
         self._lines: SimpleQueue[tuple[Prompt, Any, str] | None] = SimpleQueue()
         self._why = ""  # it ended
+        self._now: Prompt | None = None  # whose line is being done
         self._over = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._does: Mapping[str, Callable[..., Any]] = {
             "state": lambda prompt: state_out(self._face.state()),
             "messages": _taken,
             "panic": lambda prompt: self._panic(prompt),
+            "cancel": self._cancel,
             "complete": self._complete,
             "tokens": lambda prompt, line: [list(one) for one in self._face.tokens(line)],
             "is_whole": lambda prompt, text: bool(self._face.is_whole(text)),
@@ -216,6 +218,10 @@ class Served:
         self._tell(f"panic, by prompt {prompt.number}", but=prompt)
         return True
 
+    def _cancel(self, prompt: Prompt) -> bool:
+        """Of the prompt whose line it is: nobody drops another's."""
+        return self._now is prompt and self._face.cancel()
+
     # --- lines ------------------------------------------------------------------------------------
 
     def _wait(self, prompt: Prompt, number: Any, text: str) -> None:
@@ -228,7 +234,9 @@ class Served:
         """A thread of its own: a line may take a while, and everything else goes on."""
         while (one := self._lines.get()) is not None:
             prompt, number, text = one
+            self._now = prompt
             reply = self._submitted(text)
+            self._now = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
                 self._loop.call_soon_threadsafe(self._done, prompt, number, text, reply)

@@ -8,6 +8,7 @@ end the series ends it.
 import re
 from math import ceil
 
+from ergon._core import poll
 from ergon.scores.clock.meter import SAME
 from ergon.scores.clock.positions import Length
 from ergon.scores.clock.tempo import TempoMap
@@ -43,6 +44,7 @@ def starts(
     `room` is how many more the piece may hold. Raises TextError when they would be more, or when
     nothing separates them.
     """
+    poll()
     if times in (None, 1) and until is None and room > 0:
         return [at]  # most lines of a part play once
     step = Length(0.0, *length) if every is None else every
@@ -69,6 +71,8 @@ def starts(
     while len(found) < count and beat < stop:
         if len(found) == room:
             raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
+        if not len(found) % 1024:
+            poll()
         found.append(beat)
         # Counting from `at` does not drift; bars, beats and seconds together must follow the tempo.
         beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(found)))

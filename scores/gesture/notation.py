@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ergon._core import poll
 from ergon.scores.gesture.points import (
     CURVES,
     POINT,
@@ -26,7 +27,7 @@ from ergon.scores.text.spelling import nearest
 from ergon.scores.text.values import Point, Time
 
 MAX_DEPTH = 8  # groups inside groups: more cannot be read aloud
-MAX_EVENTS = 1_000_000  # points after expansion: some 100 MB
+MAX_EVENTS = 500_000  # points after expansion: some 140 MB while they are read
 SAME = 1e-9  # beats, seconds and metres that are rounding, not music
 
 _TOKEN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
@@ -98,9 +99,7 @@ class _Group:
     def repeat(self, group: "_Group", count: int, offset: int) -> None:
         """Write out a closed group `count` times, each from the end of the one before."""
         if len(self.events) + count * len(group.events) > self.most:
-            raise TextError(
-                f"this group makes more than {self.most:,} points", offset=offset, length=1
-            )
+            raise TextError(_too_many("this group makes", self.most), offset=offset, length=1)
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
             raise TextError("this group would last thirty years", offset=offset, length=1)
         for i in range(count):
@@ -130,6 +129,7 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
 
     More than `most` points are refused. Raises TextError with the characters at fault.
     """
+    poll()
     stack = [_Group(0, most)]
     pending: tuple[str, int] | None = None  # a curve word that has led nowhere yet
     for token in _TOKEN.finditer(text):
@@ -157,18 +157,20 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
             curve = curve_word(word, offset)
             pending = (word, offset)
         if len(stack[-1].events) > most:
-            raise TextError(f"more than {most:,} points", offset=token.start())
+            raise TextError(_too_many("this has", most), offset=token.start())
     _no_pending(pending)
     if len(stack) > 1:
         raise TextError("this group is not closed: write ( … )*4", offset=stack[-1].offset)
     return _joined(stack[0].events)
 
 
-def parse_table(text: str, curve: str = "smooth") -> Notation:
+def parse_table(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
     """Read rows `t x [curve]`; `curve` leads into the rows without a word.
 
-    `#` starts a comment. Raises TextError with the characters at fault.
+    More than `most` rows are refused. `#` starts a comment. Raises TextError with the characters at
+    fault.
     """
+    poll()
     group = _Group(0)
     offset = 0
     for line in text.split("\n"):
@@ -177,8 +179,8 @@ def parse_table(text: str, curve: str = "smooth") -> Notation:
             raise explained_row(line, offset)
         if row.group(1) is not None:
             group.row(row, curve, offset)
-            if len(group.events) > MAX_EVENTS:
-                raise TextError(f"more than {MAX_EVENTS:,} rows", offset=offset)
+            if len(group.events) > most:
+                raise TextError(_too_many("this table has", most), offset=offset)
         offset += len(line) + 1
     return _joined(group.events)
 
@@ -223,7 +225,9 @@ def _joined(events: list[_Event]) -> Notation:
     points: list[Point] = []
     checks: list[BarCheck] = []
     last: _Event | None = None
-    for event in events:
+    events.reverse()
+    while events:  # each is let go as soon as it is a point: there may be a million
+        event = events.pop()
         x = event.x
         at = Time(event.beats, event.seconds)
         if x is None:
@@ -251,6 +255,12 @@ def _joined(events: list[_Event]) -> Notation:
     if not points:
         raise TextError("a gesture needs a point, such as 0mm@0")
     return Notation(tuple(points), tuple(checks))
+
+
+def _too_many(what: str, most: int) -> str:
+    if most > 0:
+        return f"{what} more than {most:,} points"
+    return f"all gestures of a piece have at most {MAX_EVENTS:,} points"
 
 
 def _millimetres(x: float) -> str:

@@ -112,8 +112,8 @@ def _inside(place: Place, values: Values) -> bool:
     )
 
 
-def gesture(values: Values) -> Gesture | None:
-    """A gesture with its points; None after a report."""
+def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:
+    """A gesture with its points, at most `room`; None after a report."""
     if not _one_of(values, ("notation",), ("points",)):
         return None
     name = values.written("notation", "points")[0]
@@ -122,7 +122,7 @@ def gesture(values: Values) -> Gesture | None:
         return None
     parse = notation.parse if name == "notation" else notation.parse_table
     try:
-        read = parse(written.text, values["curve"])
+        read = parse(written.text, values["curve"], room)
     except TextError as error:
         values.context.text_error(error, written, name, inside=True)
         return None

@@ -12,6 +12,7 @@ from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
+from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import build
 from ergon.scores.reading.piece import (
     Coupling,
@@ -53,6 +54,7 @@ class Checker:
         self.written: dict[str, Values] = {}
         self.takes: dict[str, TakeFile] = {}
         self.gestures: dict[str, Gesture | None] = {}
+        self._room = MAX_EVENTS  # points that gestures may still have
         self.keys: dict[str, Key] = {}
         self.instruments: dict[str, Instrument] = {}
 
@@ -119,8 +121,9 @@ class Checker:
     def _gesture(self, name: str, entry: Entry) -> None:
         if name not in self.gestures:
             values, _ = self.uses.resolved("gestures", entry)
-            made = build.gesture(values) if values is not None else None
+            made = build.gesture(values, self._room) if values is not None else None
             self.gestures[name] = _called(made, name) if made else None
+            self._room -= len(made.points) if made else 0
 
     def _take(self, name: str, entry: Entry) -> None:
         if name not in self.takes and isinstance(entry.values, Values):

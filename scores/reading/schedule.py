@@ -15,7 +15,7 @@ from ergon.scores.text.values import Place, Time
 _Length = tuple[Time, tuple[str, ...]]
 _NOTHING: tuple[str, ...] = ()
 
-MAX_STRIKES = 4_000_000  # about 1 GB of events while they are put in order
+MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
 
 
 def schedule(
@@ -44,8 +44,9 @@ def schedule(
         if gesture is not None and gesture.bar_checks and not play.do:
             _bars(piece, gesture, found[:1] if found else [], collector)
         result.append(found)
+    left = float(MAX_STRIKES)
     for strikes in piece.strikes:
-        _count(strikes, piece, collector)
+        left -= _count(strikes, piece, left, collector)
     return tuple(result)
 
 
@@ -61,8 +62,8 @@ def _found(
         return []
 
 
-def _count(strikes: Strikes, piece: Piece, collector: Collector) -> None:
-    """Refuse more strikes than a piece can hold before any is drawn."""
+def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) -> float:
+    """How many strikes there are; refuses more than are left before any is drawn."""
     tempo = piece.tempo_map
     start = tempo.resolve(strikes.at)
     if strikes.until is not None:
@@ -78,14 +79,19 @@ def _count(strikes: Strikes, piece: Piece, collector: Collector) -> None:
         if step <= 0.0:
             message = f"strikes {quote(strikes.name)}: 'every' must be longer than nothing"
             collector.error("E305", message, strikes.place)
-            return
+            return 0.0
         each = float(strikes.times) if strikes.times is not None else lasting / step
         if strikes.times is None and stop == start:
             message = f"strikes {quote(strikes.name)}: say how many: `times`, `for` or `until`"
             collector.error("E103", message, strikes.place)
-    if each * sum(target.count for target in strikes.to) > MAX_STRIKES:
-        message = f"strikes {quote(strikes.name)}: more than {MAX_STRIKES:,} of them"
-        collector.error("E105", message, strikes.place)
+    count = each * sum(target.count for target in strikes.to)
+    if count <= left:
+        return count
+    message = f"strikes {quote(strikes.name)}: more than {MAX_STRIKES:,} of them"
+    if count <= MAX_STRIKES:
+        message += ", with those above"
+    collector.error("E105", message, strikes.place)
+    return 0.0
 
 
 def _take_can(play: Play, collector: Collector) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -29,6 +30,10 @@ from ergon.scores.text.values import Place, Point, Time
 
 _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
 
+# What is put on a timeline at most: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
+MAX_PLAYED = 200_000
+MAX_POINTS = 500_000
+
 Curve = Literal["smooth", "line", "hold", "throw"]
 
 
@@ -52,7 +57,9 @@ class StagedGesture(NamedTuple):  # there may be a million: a tuple is made four
     start: float
     stop: float
     place: Place
-    points: tuple[tuple[float, float], ...] = ()  # as written on this occurrence (t [s], x [m])
+    # Its points on this occurrence: instants [s] and positions [m].
+    t: Sequence[float] = ()
+    x: Sequence[float] = ()
     curves: tuple[Curve, ...] = ()  # the ways into them
     layer: bool = False
     tracked: bool = False
@@ -98,7 +105,7 @@ class _Shape:
 
     key: str
     times: list[Time]
-    x: list[float]
+    x: Sequence[float]
     curves: tuple[Curve, ...]
     sources: list[int]
     options: _Options
@@ -132,6 +139,7 @@ class Hands:
     _point_sources: dict[tuple[str, int], int] = field(default_factory=dict)
     _shapes: dict[tuple[object, ...], _Shape] = field(default_factory=dict)
     _manners: dict[tuple[str, str], _Options] = field(default_factory=dict)
+    _played: Counter[str] = field(default_factory=Counter)
 
     def key(self, name: str, struck: int) -> None:
         """A key whose struck MAT is known."""
@@ -148,6 +156,7 @@ class Hands:
             self.sources,
             self.gestures,
             self._keys,
+            _played=self._played,
         )
 
     def play(self, play: Play, starts: Sequence[float] | None) -> None:
@@ -159,10 +168,11 @@ class Hands:
             return  # of a piece that had a key more
         if (gesture := self.piece.gestures.get(play.what)) is not None:
             chain = (*gesture.do, *play.do)
-            for start in self._due(play, starts or ()):
+            for start in self._room(play, self._due(play, starts or ()), len(gesture.points)):
                 self._written(play, gesture, chain, start)
         elif (take := self.takes.get(play.what)) is not None:
-            for start in self._due(play, self._ends(play, take) if starts is None else starts):
+            begins = self._due(play, self._ends(play, take) if starts is None else starts)
+            for start in self._room(play, begins):
                 self._taken(play, take, start)
 
     def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
@@ -172,6 +182,28 @@ class Hands:
         first = bisect_left(starts, self.window.since - SAME)
         self._occurrences[play.player, play.what] += first
         return starts[first : bisect_left(starts, self.window.until - SAME)]
+
+    def _room(self, play: Play, starts: Sequence[float], points: int = 1) -> Sequence[float]:
+        """Those for which the timeline has room; none after a report."""
+        _core.poll()
+        self._played["occurrences"] += len(starts)
+        self._played["points"] += len(starts) * points
+        for what, most in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
+            if self._played[what] > most:
+                if self._played["reports"]:
+                    return ()
+                self._played["reports"] += 1
+                message = (
+                    f"{quote(play.what)}: with these {len(starts):,} times {points:,} points the "
+                    f"piece plays more than {most:,} {what}"
+                    if points > 1
+                    else f"{quote(play.what)}: with these {len(starts):,} times the piece plays "
+                    f"more than {most:,} {what}"
+                )
+                help = "play it less often; a long movement of many points belongs into a take"
+                self.collector.error("E105", message, play.place, help=help)
+                return ()
+        return starts
 
     def standin(self, player: Player) -> None:
         """A live hand's stand-in, from the beginning of the piece."""
@@ -219,7 +251,8 @@ class Hands:
                 t[0],
                 t[-1],
                 play.place,
-                tuple(zip(t, shape.x, strict=True)),
+                array("d", t),  # a quarter of what a list of floats takes
+                shape.x,
                 shape.curves,
                 shape.options["layer"],
                 shape.options["touch"] == "tracked",
@@ -258,7 +291,7 @@ class Hands:
         return _Shape(
             self._key_of(play),
             [point.at for point in points],
-            [point.x * reach for point in points],
+            array("d", [point.x * reach for point in points]),
             tuple(cast(Curve, point.curve) for point in points),
             [self._source(gesture, point) for point in points],
             self._said(play, gesture),

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 # A device is asked so often unless its player says otherwise [Hz].
 TICK = 1000.0
 _BLOCK = 4096  # frames
+# Positions of a hand that are known beforehand at most: 80 MB, held three times over.
+MAX_TICKS = 10_000_000
 # Where a key is no longer depends on what was played so long before: it has swung back [s].
 _SETTLED = 5.0
 
@@ -122,6 +124,8 @@ def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) ->
 
 def standin(piece: Piece, player: Player, every: int, collector: Collector) -> NDArray[np.float64]:
     """Where the player's part, or its stand-in, takes the key by itself, at every tick [m]."""
+    import numpy as np
+
     alone = _alone(piece, player)
     network, hands = _key(alone, player, collector)
     for play, starts in zip(alone.parts, alone.starts, strict=True):
@@ -130,6 +134,15 @@ def standin(piece: Piece, player: Player, every: int, collector: Collector) -> N
         hands.standin(player)
     end = max((gesture.stop for gesture in hands.gestures), default=0.0)
     n_ticks = int(end * piece.rate) // every + 2
+    if n_ticks > MAX_TICKS:
+        longest = MAX_TICKS * every / piece.rate
+        message = (
+            f"{quote(player.name)}: what plays where no hand is lasts {end:,.0f} s; in ticks of "
+            f"{piece.rate / every:g} Hz the most is {longest:,.0f} s"
+        )
+        help = "a lower `tick` allows a longer part"
+        collector.error("E308", message, player.place, help=help)
+        return np.zeros(2)
     return _path(_core.Simulation(network, hands.timeline), every, n_ticks)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 from ergon import _core
@@ -16,6 +17,15 @@ _SLACK = 1e-9  # metres: a written point on the very end of the travel is inside
 # Nearer to a multiple of half the key's period the strike that meets the next point grows without
 # bound: |sin ωΔt| of 0.2 takes five times the strike of a quarter period.
 _SINGULAR = 0.2
+# A line's throws are rehearsed so often, each way of playing it once: chance and tempo may make
+# every occurrence another.
+_REHEARSALS = 64
+_BLOCK = 4096  # frames computed at once: of a rehearsal nothing is kept but its extremes
+# A rehearsal takes at most so many frames where that leaves it enough of them a period of the key,
+# or a second where the key has many.
+_FRAMES = 1 << 21
+_LONGEST = 24 * 3600.0  # [s]
+_LEAST_RATE, _PER_PERIOD = 1000.0, 64.0
 
 
 def check_travel(
@@ -26,24 +36,31 @@ def check_travel(
 ) -> None:
     """Report gestures that leave the travel (E307) and throws that hardly can be aimed (W312).
 
-    Each distinct gesture is looked at once, alone on its free key; each line of a part is reported
-    once, for its farthest swing.
+    Each distinct gesture is looked at once, alone on its free key, up to 64 of a line that throws;
+    each line of a part is reported once, for its farthest swing.
     """
     seen: set[tuple[object, ...]] = set()
+    rehearsed: Counter[Place] = Counter()
     farthest: dict[Place, tuple[float, str, str]] = {}
     singular: set[Place] = set()
     limits = {name: _limits(key) for name, key in piece.keys.items()}
     for gesture, (low, high) in zip(gestures, timeline.ranges(), strict=True):
         least, most = limits[gesture.key]
+        if gesture.stop - gesture.start > _LONGEST:
+            continue  # longer than a piece may be, which is told elsewhere
         is_inside = low >= least - _SLACK and high <= most + _SLACK
         if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
         key = piece.keys[gesture.key]
-        relative = tuple((t - gesture.start, x) for t, x in gesture.points)
+        if gesture.throws and rehearsed[gesture.place] == _REHEARSALS:
+            continue
+        points = zip(gesture.t, gesture.x, strict=True)
+        relative = tuple((round(t - gesture.start, 9), x) for t, x in points)
         known = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
         if known in seen:
             continue
         seen.add(known)
+        rehearsed[gesture.place] += 1
         if gesture.place not in singular and (message := _singular(key, gesture)):
             singular.add(gesture.place)
             collector.error("W312", message, gesture.place)
@@ -88,33 +105,60 @@ def _sentence(
 
 
 def _rehearse(piece: Piece, key: Key, gesture: StagedGesture) -> tuple[float, float, float]:
-    """Lowest and highest position of the free key, and when the farthest is [s after the start]."""
+    """Lowest and highest position of the free key, and when the farthest is [s after the start].
+
+    A long one is rehearsed at a lower rate: its throws take as many frames as its paths do.
+    """
+    seconds = gesture.stop - gesture.start
+    rate = min(piece.rate, max(_FRAMES / max(seconds, 1.0), _least_rate(key)))
+    while rate < piece.rate:
+        try:
+            return _rehearsed(key, gesture, rate, piece.seed)
+        except _core.EngineError:  # too low for the key, or for another throw of the gesture
+            rate = min(piece.rate, 2.0 * rate)
+    return _rehearsed(key, gesture, piece.rate, piece.seed)
+
+
+def _least_rate(key: Key) -> float:
+    omega = _own_frequency(key)
+    return _LEAST_RATE if omega is None else _PER_PERIOD * omega / (2.0 * math.pi)
+
+
+def _rehearsed(
+    key: Key, gesture: StagedGesture, rate: float, seed: int
+) -> tuple[float, float, float]:
     import numpy as np
 
-    assembly = Assembly()
+    assembly = Assembly(seed=seed)
     assembly.part(key.name, key.modules, reach=key.reach)
     assembly.joins(key.name, key.modules, reach=key.reach)
     network, struck = assembly.network, assembly.mats[key.name, key.struck]
     network.listen("key", positions=[(struck, 1, 1.0)])
-    timeline = _core.Timeline(network, piece.rate)
+    timeline = _core.Timeline(network, rate)
     index = timeline.key(key.name, struck)
     # Time to join the first point, wherever it is.
     lead = 0.05
-    t = [time - gesture.start + lead for time, _ in gesture.points]
-    x = [position for _, position in gesture.points]
-    timeline.gesture(index, t, x, gesture.curves)
-    path = np.zeros((int(t[-1] * piece.rate) + 1, 1))
-    _core.Simulation(network, timeline).process(path)
-    played = path[int(lead * piece.rate) :, 0]
-    low, high = int(played.argmin()), int(played.argmax())
-    far = high if played[high] > -played[low] else low
-    return float(played[low]), float(played[high]), far / piece.rate
+    t = [time - gesture.start + lead for time in gesture.t]
+    timeline.gesture(index, t, list(gesture.x), gesture.curves)
+    simulation = _core.Simulation(network, timeline)
+    first, last = int(lead * rate), int(t[-1] * rate) + 1
+    simulation.process(np.zeros((first, 1)))
+    low, high = (math.inf, 0), (-math.inf, 0)
+    for at in range(first, last, _BLOCK):
+        block = np.zeros((min(_BLOCK, last - at), 1))
+        simulation.process(block)
+        least, most = int(block.argmin()), int(block.argmax())
+        low = min(low, (float(block[least, 0]), at + least - first))
+        if block[most, 0] > high[0]:
+            high = float(block[most, 0]), at + most - first
+    far = high if high[0] > -low[0] else low
+    return low[0], high[0], far[1] / rate
 
 
 def _leg(gesture: StagedGesture, at: float) -> str:
     """`0.125 s and 0.375 s`: the two points of the throw during which an instant falls."""
     for i in gesture.throws:
-        begin, end = (gesture.points[j][0] - gesture.start for j in (i - 1, i))
+        begin, end = (gesture.t[j] - gesture.start for j in (i - 1, i))
         if begin <= at <= end + 1e-3:
             return f"{begin:.3f} s and {end:.3f} s"
     return "its points"
@@ -125,7 +169,7 @@ def _singular(key: Key, gesture: StagedGesture) -> str | None:
     if omega is None:
         return None
     for i in gesture.throws:
-        dt = gesture.points[i][0] - gesture.points[i - 1][0]
+        dt = gesture.t[i] - gesture.t[i - 1]
         if abs(math.sin(omega * dt)) < _SINGULAR and omega * dt > math.pi / 2:
             half = math.pi / omega
             return (

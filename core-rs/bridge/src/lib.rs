@@ -1,7 +1,7 @@
 //! `ergon._core`: the only door between Python and the engine.
 //!
-//! A function here does three things: check shapes, let go of the GIL, call the engine. Anything
-//! longer belongs in `ergon-engine`.
+//! A function here does three things: check shapes, let go of the GIL, call the engine. What may take
+//! long is called by `work::computing`, which ends it on Ctrl-C. Anything longer belongs in `ergon-engine`.
 
 mod audio;
 mod chance;
@@ -23,6 +23,7 @@ mod simulation;
 mod take;
 mod timeline;
 mod words;
+mod work;
 
 use pyo3::prelude::*;
 
@@ -65,6 +66,8 @@ mod _core {
     use super::take::Take;
     #[pymodule_export]
     use super::timeline::Timeline;
+    #[pymodule_export]
+    use super::work::{StoppedError, Work, poll};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

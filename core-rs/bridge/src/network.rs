@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 use crate::error::{from_engine, hertz, refused, word};
 use crate::law::{Law, Row, entry, plain};
 use crate::words;
+use crate::work::computing;
 
 /// (first, count, weight) of modules in an output.
 type Ranges = Vec<(usize, usize, f64)>;
@@ -115,7 +116,7 @@ impl Network {
         hardening: f64,
     ) -> PyResult<usize> {
         let ends = word("ends", ends, &words::ENDS)?;
-        let topology = py.detach(|| generator::string(masses, ends, stiffness));
+        let topology = computing(py, || generator::string(masses, ends, stiffness))?;
         self.mesh(py, name, topology, [M, f, hardening], t60)
     }
 
@@ -136,7 +137,7 @@ impl Network {
     ) -> PyResult<usize> {
         let shape = word("shape", shape, &words::SHAPES)?;
         let rim = word("rim", rim, &words::RIMS)?;
-        let topology = py.detach(|| generator::plate(shape, radius, rim));
+        let topology = computing(py, || generator::plate(shape, radius, rim))?;
         self.mesh(py, name, topology, [M, f, hardening], t60)
     }
 
@@ -157,7 +158,7 @@ impl Network {
     ) -> PyResult<usize> {
         let spread = word("spread", spread, &words::SPREADS)?;
         let place = word("place", place, &words::PLACES)?;
-        py.detach(|| {
+        computing(py, || {
             self.0.bank(
                 name,
                 M,
@@ -170,7 +171,7 @@ impl Network {
                 },
                 seed,
             )
-        })
+        })?
         .map_err(from_engine)
     }
 
@@ -322,14 +323,14 @@ impl Network {
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<(f64, f64)>> {
         let index = self.0.parts().iter().position(|known| known.name == part);
         let index = index.ok_or_else(|| refused(part, "there is no such part"))?;
-        let tones = py.detach(|| self.0.tones(index, n_modes));
+        let tones = computing(py, || self.0.tones(index, n_modes))?;
         Ok(tones.iter().map(|tone| (tone.f, tone.t60)).collect())
     }
 
     /// Whether the CA scheme is stable at `rate`.
     fn certify(&self, py: Python<'_>, rate: f64) -> PyResult<Certificate> {
         let rate = hertz(rate)?;
-        let certificate = py.detach(|| Scheme::new(&self.0, rate)?.certify(&self.0));
+        let certificate = computing(py, || Scheme::new(&self.0, rate)?.certify(&self.0))?;
         let certificate = certificate.map_err(from_engine)?;
         Ok(Certificate {
             lambda_max: certificate.lambda_max,
@@ -359,7 +360,7 @@ impl Network {
     ) -> PyResult<usize> {
         let topology =
             topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
-        py.detach(|| self.0.mesh(name, &topology, mass, f, t60, hardening))
+        computing(py, || self.0.mesh(name, &topology, mass, f, t60, hardening))?
             .map_err(from_engine)
     }
 

@@ -10,6 +10,7 @@ use crate::error::{from_engine, refused, word};
 use crate::network::Network;
 use crate::timeline::Timeline;
 use crate::words;
+use crate::work::computing;
 
 /// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
 type Pin = (usize, u32, usize, Vec<Vec<u32>>);
@@ -48,7 +49,7 @@ impl Plan {
         let network = Arc::new(network.0.clone());
         let pins = pins.map(|pins| pins.into_iter().map(choice).collect());
         let told = told.map(|told| told.into_iter().map(said).collect::<Vec<_>>());
-        py.detach(|| {
+        computing(py, || {
             let timeline = &timeline.inner;
             let plan = match like {
                 Some(like) => plan::Plan::like(network, timeline, &budget, pins, &like.0)?,
@@ -58,7 +59,7 @@ impl Plan {
                 Some(told) => plan.recalled(&told),
                 None => Ok(plan),
             }
-        })
+        })?
         .map(|plan| Self(Arc::new(plan)))
         .map_err(from_engine)
     }
@@ -76,7 +77,7 @@ impl Plan {
         upto: Option<f64>,
     ) -> PyResult<String> {
         let budget = budget(method, error_db, cents, upto)?;
-        Ok(py.detach(|| plan::key(&network.0, &timeline.inner, &budget)))
+        computing(py, || plan::key(&network.0, &timeline.inner, &budget))
     }
 
     /// What it does, part by part.

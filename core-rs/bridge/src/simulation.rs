@@ -11,6 +11,7 @@ use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
 use crate::words;
+use crate::work::computing;
 
 /// A moment of a simulation, to come back to.
 #[pyclass(frozen, module = "ergon._core")]
@@ -18,7 +19,10 @@ pub(crate) struct Snapshot(simulation::Snapshot);
 
 /// Plan + State: steps frames, taps outputs, keeps the ledger.
 #[pyclass(module = "ergon._core")]
-pub(crate) struct Simulation(pub(crate) simulation::Simulation);
+pub(crate) struct Simulation(pub(crate) simulation::Simulation, IsStopped);
+
+/// Whether it was stopped in the middle of a frame: then its state is of no use.
+type IsStopped = bool;
 
 #[pymethods]
 impl Simulation {
@@ -53,19 +57,20 @@ impl Simulation {
                 return Err(refused("plan", message));
             }
             let plan = plan.0.clone();
-            return py
-                .detach(|| simulation::Simulation::planned_from(plan, options, start))
-                .map(Self)
-                .map_err(from_engine);
+            return computing(py, || {
+                simulation::Simulation::planned_from(plan, options, start)
+            })?
+            .map(|own| Self(own, false))
+            .map_err(from_engine);
         }
         // The network as it is now: outputs may have been added since the timeline was made.
         let network = std::sync::Arc::new(network.0.clone());
-        py.detach(|| {
+        computing(py, || {
             let plan =
                 ergon_engine::plan::Plan::plain(network, &timeline.inner, options.unchecked)?;
             simulation::Simulation::planned_from(std::sync::Arc::new(plan), options, start)
-        })
-        .map(Self)
+        })?
+        .map(|own| Self(own, false))
         .map_err(from_engine)
     }
 
@@ -88,14 +93,22 @@ impl Simulation {
     fn process(&mut self, py: Python<'_>, mut out: PyReadwriteArray2<'_, f64>) -> PyResult<()> {
         let (n_frames, n_out) = (out.shape()[0], self.0.n_out());
         let samples = rows_mut(&mut out, "out", n_out)?;
-        py.detach(|| {
+        let Self(own, is_stopped) = self;
+        if std::mem::replace(is_stopped, true) {
+            return Err(refused(
+                "process",
+                "it was stopped in the middle of a frame",
+            ));
+        }
+        let done = computing(py, || {
             if n_out == 0 {
-                self.0.skip(n_frames as u64)
+                own.skip(n_frames as u64)
             } else {
-                self.0.process(samples)
+                own.process(samples)
             }
-        })
-        .map_err(from_fault)
+        })?;
+        *is_stopped = false;
+        done.map_err(from_fault)
     }
 
     /// Positions now (n_mat,) [m].
@@ -128,7 +141,7 @@ impl Simulation {
 
     /// The same at the same moment, to go its own way.
     fn fork(&self, py: Python<'_>) -> Self {
-        Self(py.detach(|| self.0.fork()))
+        Self(py.detach(|| self.0.fork()), self.1)
     }
 
     /// Let everything fade within t60 [s] more, from this frame on; None: no longer.

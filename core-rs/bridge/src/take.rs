@@ -5,6 +5,7 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use crate::error::{EngineError, with};
+use crate::work::computing;
 
 /// A captured movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
 #[pyclass(module = "ergon._core", frozen)]
@@ -22,7 +23,7 @@ impl Take {
         smooth: Option<f64>,
     ) -> PyResult<Self> {
         let (t, x) = (t.as_slice()?, x.as_slice()?);
-        py.detach(|| take::Take::new(t, x, Care { trim, smooth }))
+        computing(py, || take::Take::new(t, x, Care { trim, smooth }))?
             .map(Self)
             .map_err(refused)
     }

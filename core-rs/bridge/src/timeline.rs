@@ -14,6 +14,7 @@ use crate::error::{from_engine, hertz, refused, word};
 use crate::network::Network;
 use crate::take::Take;
 use crate::words;
+use crate::work::{self, computing};
 
 /// What will happen, by sample index.
 #[pyclass(module = "ergon._core")]
@@ -61,6 +62,7 @@ impl Timeline {
         layer: bool,
         sources: Vec<u32>,
     ) -> PyResult<usize> {
+        work::poll()?; // there may be many
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let way = curve
             .iter()
@@ -102,6 +104,7 @@ impl Timeline {
         layer: bool,
         source: u32,
     ) -> PyResult<usize> {
+        work::poll()?;
         let manner = manner(touch, ergons, grain, join, force_limit, layer)?;
         let path = take
             .0
@@ -124,6 +127,7 @@ impl Timeline {
         speed: Option<f64>,
         source: u32,
     ) -> PyResult<()> {
+        work::poll()?;
         self.there("strike", mat)?;
         match (impulse, mass, speed) {
             (Some(impulse), None, None) => {
@@ -160,7 +164,7 @@ impl Timeline {
         within: (f64, f64),
     ) -> PyResult<u64> {
         mats.iter().try_for_each(|&mat| self.there(name, mat))?;
-        py.detach(|| {
+        computing(py, || {
             let chance = |member| Chance::new(seed, "strikes", name, member, 0);
             let rain = Rain {
                 rate,
@@ -171,7 +175,7 @@ impl Timeline {
                 source,
             };
             self.inner.rain(&self.network, &mats, &rain, chance)
-        })
+        })?
         .map_err(|error| refused(name, error))
     }
 

@@ -37,12 +37,16 @@ use crate::kernel::crew::Crew;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
+use crate::stop;
 use crate::timeline::{Drive, Ergon, Gate, Lean, Push};
 use crate::units::frame;
 use hand::framed::FramedGesture;
 
 use fault::Mutes;
 use ledger::Ledger;
+
+/// Steps between two looks at whether a computation is to end: of half a million masses they take 50 ms.
+const LOOK: usize = 16;
 
 /// Everything that does not change while the simulation runs.
 #[derive(Clone, Debug)]
@@ -160,8 +164,12 @@ impl Island {
         crew: &mut Crew<'_>,
     ) -> Result<(), Fault> {
         let (steps, may_coast) = (n_frames * heard.times, self.may_coast());
-        let mut done = 0;
+        let (mut done, mut looks) = (0, 0_usize);
         while done < steps {
+            if looks.is_multiple_of(LOOK) {
+                stop::poll();
+            }
+            looks += 1;
             if may_coast {
                 done += self.coast(heard, done, steps)?;
             }

@@ -84,6 +84,7 @@ pub mod simulation;
 pub mod spectrum;
 mod start;
 mod state;
+pub mod stop;
 pub mod timeline;
 pub mod units;
 

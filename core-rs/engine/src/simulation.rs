@@ -17,6 +17,7 @@ use crate::island::{Island, Taken};
 use crate::kernel::crew::{Crew, flushed};
 use crate::network::{Error, Network};
 use crate::plan::{Isle, Plan, Unit, whole};
+use crate::stop;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -176,6 +177,7 @@ impl Simulation {
 
     /// A stretch of every group. Of several units that fault in it, the first in time is told.
     fn stretch(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
+        stop::poll();
         let plan = &*self.plan;
         let n_out = plan.network.outputs().len();
         let run = |group: &mut Group| flushed(|| group.run(plan, n_out, n_frames));

@@ -41,6 +41,31 @@ class DivergedError(EngineError):
 
     frame: int
 
+class StoppedError(Exception):
+    """A computation was ended before it was done: it was late, or cancelled."""
+
+    why: Literal["late", "cancelled"]
+
+# --- work that can be ended ----------------------------------------------------------------------
+
+@final
+class Work:
+    """A stretch of work of one thread, entered by `with`; it is entered once at a time.
+
+    What the core computes within it, and `poll`, raise StoppedError `seconds` [s] after it was
+    entered, or once it is cancelled. What was being changed is then in no defined state. In the
+    main thread a signal's handler that raises ends what the core computes as well.
+    """
+
+    def __init__(self, seconds: float | None = None) -> None: ...
+    def cancel(self) -> None:
+        """End it, from any thread, also before it is entered."""
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *how: object) -> None: ...
+
+def poll() -> None:
+    """Raise StoppedError if the work of this thread is to end: for long loops in Python."""
+
 # --- arithmetic whose last bit does not depend on the machine -----------------------------------
 
 def ln(x: float) -> float: ...

@@ -2,6 +2,7 @@
 
 use super::{GeneratorError, MAX_MASSES, count, positive};
 use crate::maths::{cos, exp, log, sin, sqrt};
+use crate::stop;
 
 /// How pitches and decays are spread over their ranges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +48,8 @@ pub struct BankCell {
     pub position: [f64; 2],
 }
 
+/// Members between two looks at whether there is to be an end.
+const LOOK: usize = 1024;
 /// π(3 - √5): the angle between one seed of a sunflower and the next.
 const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
 
@@ -64,6 +67,9 @@ pub fn bank(
     range("`t60`", form.t60)?;
     let n = form.count as f64;
     let member = |i: usize| {
+        if i.is_multiple_of(LOOK) {
+            stop::poll();
+        }
         let (pitch, length) = match form.spread {
             Spread::Random => draw(i),
             Spread::Even if form.count == 1 => (0.0, 1.0),

@@ -9,6 +9,7 @@ use crate::cell::{self, Cell};
 use crate::chance::Chance;
 use crate::generator::{self, BankForm, Topology};
 use crate::law::Law;
+use crate::stop;
 use crate::units::Rate;
 
 impl Network {
@@ -103,7 +104,10 @@ impl Network {
         self.room(name, cells.len())?;
         let first = self.n_mat();
         let part = self.current();
-        for cell in &cells {
+        for (at, cell) in cells.iter().enumerate() {
+            if at.is_multiple_of(1024) {
+                stop::poll();
+            }
             let (k, z) = self.tie(m, cell.f, Some(cell.t60));
             self.mats.push(Mat {
                 kind: MatKind::Cel,

@@ -6,6 +6,7 @@
 use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scattered};
 use super::{Apply, Mode, jacobi, largest};
 use crate::maths::{log, sqrt};
+use crate::stop;
 
 /// Vectors beyond the modes asked for: the filter's edge lies at the last of them.
 const GUARDS: usize = 6;
@@ -55,6 +56,7 @@ pub fn lowest_modes(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>], k: usize
 
 fn make_orthonormal(block: &mut [Vec<f64>], null: &[Vec<f64>], fresh: usize) {
     for i in 0..block.len() {
+        stop::poll();
         let (done, rest) = block.split_at_mut(i);
         let vector = &mut rest[0];
         for attempt in 1..4 {
@@ -95,7 +97,10 @@ fn rotate(block: &mut Vec<Vec<f64>>, apply: Apply<'_>) -> (Vec<f64>, Vec<f64>) {
     };
     let rotated: Vec<Vec<f64>> = pairs
         .iter()
-        .map(|(_, weights)| combine(block, weights))
+        .map(|(_, weights)| {
+            stop::poll();
+            combine(block, weights)
+        })
         .collect();
     let residuals = pairs
         .iter()
@@ -146,6 +151,7 @@ fn filter(
         .map(|(image, x)| (image - centre * x) * (sigma / half))
         .collect();
     for _ in 1..degree {
+        stop::poll();
         let next = 1.0 / (2.0 / first - sigma);
         apply(&now, &mut image);
         let (gain, keep) = (2.0 * next / half, sigma * next);

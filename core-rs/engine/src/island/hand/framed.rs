@@ -83,6 +83,10 @@ impl FramedGesture {
     /// The frame after `n` at which the next grain is due: a multiple of the grain since the start,
     /// or a written point before it.
     pub(crate) fn knot_after(&self, n: u64, grain: f64, rate: f64) -> u64 {
+        // Of grains shorter than a frame one is due at every frame; there may be too many to count.
+        if grain * rate <= 1.0 {
+            return n + 1;
+        }
         let knot = |k: f64| frame(self.gesture.start + k * grain + KNOT_SLACK / rate, rate);
         let mut k = ((n as f64 / rate - self.gesture.start) / grain)
             .floor()

@@ -8,10 +8,14 @@ use crate::kernel::Laws;
 use crate::kernel::crew::Crew;
 use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
+use crate::stop;
 use crate::timeline::Drive;
 
 /// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
 const ROUNDS_MAX: usize = 40;
+
+/// Frames between two looks at whether a trial run is to end: some 50 µs.
+const LOOK: u64 = 4096;
 
 /// A key that a strike moves by less than this part of what it would move a free mass comes back
 /// where it was (a multiple of half its period), or never gets there: the rest is rounding.
@@ -155,6 +159,9 @@ impl FreeKey {
         // A push that moves the key by a micrometre in one step: small, so that laws keep their slope.
         let push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
+            if n.is_multiple_of(LOOK) {
+                stop::poll();
+            }
             free.forces(&mut motion, n, &mut laws, &mut targets);
             let push = if n == 0 { push } else { 0.0 };
             free.strike_and_move(&mut motion, n, push, &mut targets);
@@ -236,6 +243,9 @@ impl FreeKey {
         } = room;
         coast.copy_motion(motion);
         for k in n..to {
+            if (k - n).is_multiple_of(LOOK) {
+                stop::poll();
+            }
             self.forces(coast, k, laws, targets);
             self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);
         }

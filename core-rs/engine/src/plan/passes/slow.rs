@@ -16,6 +16,7 @@ use crate::network::{LinkKind, MatKind, Network, Subset, Term};
 use crate::plan::passes::body::heard;
 use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
+use crate::stop;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
@@ -277,6 +278,7 @@ fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[V
     }
     let mut found = Vec::new();
     for frames in 1..=flow.every {
+        stop::poll();
         found.push(flow.missing(own, frames, &moved));
         moved = frame.apply(&moved);
     }

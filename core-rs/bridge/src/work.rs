@@ -1,0 +1,171 @@
+//! Work that can be ended: by Ctrl-C, by a deadline, by another thread.
+
+use std::cell::RefCell;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use ergon_engine::stop::{self, Ask};
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+
+create_exception!(
+    ergon._core,
+    StoppedError,
+    PyException,
+    "A computation was ended before it was done; `why` is 'late' or 'cancelled'."
+);
+
+/// Time between two looks at signals, for which the GIL is taken.
+const LOOK: Duration = Duration::from_millis(20);
+/// A deadline is at most so far off [s].
+const LONGEST: f64 = 1e6;
+
+/// What ends the work of a thread.
+#[derive(Debug)]
+struct Limit {
+    until: Option<Instant>,
+    is_cancelled: AtomicBool,
+}
+
+impl Limit {
+    /// Why the work is to end, if it is.
+    fn why(&self) -> Option<&'static str> {
+        if self.is_cancelled.load(Ordering::Relaxed) {
+            return Some("cancelled");
+        }
+        let is_late = self.until.is_some_and(|until| Instant::now() >= until);
+        is_late.then_some("late")
+    }
+}
+
+thread_local! {
+    /// The limits that this thread works within, the innermost last.
+    static LIMITS: RefCell<Vec<Arc<Limit>>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Why the work of this thread is to end, if it is.
+fn over(limits: &[Arc<Limit>]) -> Option<&'static str> {
+    limits.iter().find_map(|limit| limit.why())
+}
+
+fn stopped(why: &'static str) -> PyErr {
+    let message = match why {
+        "late" => "it needs more time than it has",
+        _ => "it was cancelled",
+    };
+    let error = StoppedError::new_err(message);
+    let set = Python::attach(|py| error.value(py).setattr("why", why));
+    set.err().unwrap_or(error)
+}
+
+/// A stretch of work in one thread, entered by `with`: it ends `seconds` after it was entered, or when cancelled.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Work {
+    seconds: Option<f64>,
+    limit: Mutex<Option<Arc<Limit>>>,
+    is_cancelled: AtomicBool,
+}
+
+impl Work {
+    fn limit(&self) -> std::sync::MutexGuard<'_, Option<Arc<Limit>>> {
+        self.limit.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Work {
+    #[new]
+    #[pyo3(signature = (seconds=None))]
+    fn new(seconds: Option<f64>) -> Self {
+        Self {
+            seconds,
+            limit: Mutex::new(None),
+            is_cancelled: AtomicBool::new(false),
+        }
+    }
+
+    /// End it, from any thread; also before it has begun.
+    fn cancel(&self) {
+        self.is_cancelled.store(true, Ordering::Relaxed);
+        if let Some(limit) = &*self.limit() {
+            limit.is_cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
+        let own = slf.get();
+        let until = own.seconds.map(|seconds| {
+            // Not NaN, and not below 0.
+            let seconds = f64::min(f64::max(seconds, 0.0), LONGEST);
+            Instant::now() + Duration::from_secs_f64(seconds)
+        });
+        let limit = Arc::new(Limit {
+            until,
+            is_cancelled: AtomicBool::new(own.is_cancelled.load(Ordering::Relaxed)),
+        });
+        *own.limit() = Some(limit.clone());
+        // Between the two above somebody may have cancelled it.
+        if own.is_cancelled.load(Ordering::Relaxed) {
+            limit.is_cancelled.store(true, Ordering::Relaxed);
+        }
+        LIMITS.with_borrow_mut(|limits| limits.push(limit));
+        slf
+    }
+
+    #[pyo3(signature = (*_how))]
+    fn __exit__(&self, _how: &Bound<'_, pyo3::types::PyTuple>) {
+        if let Some(own) = self.limit().take() {
+            LIMITS.with_borrow_mut(|limits| limits.retain(|limit| !Arc::ptr_eq(limit, &own)));
+        }
+    }
+}
+
+/// Raise StoppedError if this thread's work is to end. For loops in Python: Ctrl-C interrupts those by itself.
+#[pyfunction]
+pub(crate) fn poll() -> PyResult<()> {
+    match LIMITS.with_borrow(|limits| over(limits)) {
+        Some(why) => Err(stopped(why)),
+        None => Ok(()),
+    }
+}
+
+/// Compute without the GIL, until the work of this thread is to end or a signal's handler raises.
+///
+/// Fails with StoppedError, or with what the handler raised. What was being changed is then in no defined state.
+pub(crate) fn computing<T: Send>(
+    py: Python<'_>,
+    compute: impl FnOnce() -> T + Send,
+) -> PyResult<T> {
+    poll()?; // of many short computations none may ask
+    let raised = Arc::new(Mutex::new(None));
+    let limits = LIMITS.with_borrow(Clone::clone);
+    let told = raised.clone();
+    py.detach(move || stop::until(ask(limits, told), compute))
+        .map_err(|stop::Stopped| {
+            let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
+            raised.take().unwrap_or_else(|| stopped("cancelled"))
+        })
+}
+
+fn ask(limits: Vec<Arc<Limit>>, raised: Arc<Mutex<Option<PyErr>>>) -> Ask {
+    let mut next = Instant::now() + LOOK;
+    Box::new(move || {
+        let now = Instant::now();
+        if now < next {
+            return false;
+        }
+        next = now + LOOK;
+        let why = match over(&limits) {
+            Some(why) => Some(stopped(why)),
+            // Handlers run in the main thread alone; elsewhere this does nothing.
+            None => Python::attach(|py| py.check_signals()).err(),
+        };
+        let is_over = why.is_some();
+        if is_over {
+            *raised.lock().unwrap_or_else(PoisonError::into_inner) = why;
+        }
+        is_over
+    })
+}
