@@ -26,7 +26,7 @@ NOTATION = (
 KEYS = (
     ("F12", "panic"),
     ("Tab", "takes what is suggested, or completes"),
-    ("Ctrl-C", "clears the line; the sound goes on"),
+    ("Ctrl-C", "clears the line, or drops the one that is computed; the sound goes on"),
     ("Ctrl-D", "on an empty line: hands lift, and out"),
     ("`\\` at the end", "the line goes on in the next one"),
     ("#", "begins a comment"),

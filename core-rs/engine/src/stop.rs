@@ -80,15 +80,15 @@ mod tests {
     #[test]
     fn ends_at_the_poll_that_says_so() {
         let (ask, polls) = at(3);
-        let mut done = 0;
+        let done = Cell::new(0);
         let end = until(ask, || {
             loop {
                 poll();
-                done += 1;
+                done.set(done.get() + 1);
             }
         });
         assert_eq!(end, Err::<(), _>(Stopped));
-        assert_eq!((done, polls.get()), (2, 3));
+        assert_eq!((done.get(), polls.get()), (2, 3));
     }
 
     #[test]
