@@ -16,6 +16,7 @@ from benches.duet import duet
 from benches.gong import gong
 from benches.growth import growth
 from benches.hammer import hammer
+from benches.haply import haply
 from benches.laws import laws
 from benches.measure import Row
 from benches.mesh import mesh
@@ -42,6 +43,7 @@ def main(arguments: list[str]) -> int:
         "start": reading.start,
         "repl": repl,
         "duet": partial(duet, loops, asked.minutes),
+        "haply": haply,
     }
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)

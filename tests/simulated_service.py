@@ -1,13 +1,14 @@
 """Haply's Inverse Service as a thread: plain sockets, a WebSocket by RFC 6455, states in JSON.
 
-It notes every force that it is told, and when. It replies with its state, with `{}`, or not at all; its
-cursor is held by a hand 10 mm from the middle, which moves it to and fro by a millimetre. It has
-no watch of its own: a force stands until another is told.
+It notes every force that it is told, and when. It replies with its state, with `{}`, or not at all.
+A hand holds its cursor 10 mm from the middle and moves it to and fro by a millimetre. The service
+has no watch of its own: a force stands until another is told.
 """
 
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import json
 import math
@@ -86,10 +87,8 @@ class Service:
             with host:
                 host.settimeout(0.05)
                 host.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                try:
+                with contextlib.suppress(ConnectionError):
                     self._serve(host)
-                except ConnectionError:
-                    pass
             with self._news:
                 self.left += 1
                 self._news.notify_all()

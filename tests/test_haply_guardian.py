@@ -1,6 +1,7 @@
-"""A performance with a Haply that is killed or stopped, a service that answers no more: zero force."""
+"""A Haply is told zero when its performance is killed or stopped, or its service tells no state."""
 
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -69,3 +70,20 @@ def test_a_service_without_states_is_told_zero_and_plays_on_when_it_has_some(
             let_go(service, at)
             service.reply = "state"
             pushed(service)
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("sys.frozen = True; _core.Device('haply:ws://127.0.0.1:1')", "can start none"),
+        ("_core.Device('haply:ws://127.0.0.1:1')", "refused"),
+        ("_core.guard_haply()", "EngineError"),
+    ],
+)
+def test_what_cannot_be_guarded_is_an_error(lines: str, words: str):
+    """A program that holds Python inside cannot be started as a guardian; no host is at a pipe."""
+    program = f"import sys; from ergon import _core; {lines}"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, input="", capture_output=True, text=True)
+    assert done.returncode == 1
+    assert words in done.stderr.splitlines()[-1]
