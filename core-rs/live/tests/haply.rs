@@ -61,6 +61,14 @@ fn let_go_by(reply: Reply) {
 }
 
 #[test]
+fn what_a_former_host_left_is_taken_back_at_once() {
+    let service = Service::start();
+    let device = open(&service.url);
+    service.until_zero();
+    drop(device);
+}
+
+#[test]
 fn a_silent_service_is_told_zero_without_a_reply() {
     let_go_by(Reply::SilentUntilZero);
 }

@@ -89,7 +89,8 @@ pub fn serve() -> io::Result<()> {
     };
     put_text(&mut stream, &reply.text())?;
     if let (Reply::Open(_), Some(service)) = (&reply, &mut service) {
-        realtime::ask(realtime::PHYSICS);
+        // Above the physics thread: one that hangs may not keep its guardian waiting.
+        realtime::ask(realtime::PHYSICS + 1);
         let mut line = Line::new(stream)?;
         attend(&mut line, service, lockstep);
     }
@@ -102,6 +103,10 @@ pub fn serve() -> io::Result<()> {
 /// Pass orders on and states back, until either side is gone; at the end the force is zero.
 fn attend(line: &mut Line, service: &mut Service, lockstep: bool) {
     let mut rules = Rules::new(lockstep, Instant::now());
+    if !lockstep {
+        // What a former host left may still stand. Where this fails, the service is gone, which is noticed below.
+        let _ = service.command([0.0; 3]);
+    }
     let Err(gone) = pass(line, service, &mut rules) else {
         return farewell(service, lockstep);
     };
