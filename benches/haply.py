@@ -13,10 +13,11 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from statistics import median
 
-from tests.simulated_service import Reply, Service
+from tests.simulated_service import Reply, Service, real_time
 
 from benches.measure import Row
 
@@ -37,6 +38,7 @@ _Host = subprocess.Popen[bytes]
 
 def haply(runs: int = 50) -> list[Row]:
     """So many runs of each; medians and the longest."""
+    real_time()  # as the service: the two share a lock of Python's
     with tempfile.TemporaryDirectory() as folder:
         score = Path(folder) / "push.yaml"
         score.write_text(_SCORE)
@@ -48,7 +50,7 @@ def haply(runs: int = 50) -> list[Row]:
         _row("a Haply whose service falls silent", silent, 50),
         _row("a Haply whose service tells `{}`", empty, 50),
         _row("a Haply whose host is killed", killed, 100),
-        _row("a Haply whose host is stopped", stopped, 100),
+        _row("a Haply whose host is stopped, from its last force", stopped, 100),
     ]
 
 
@@ -77,8 +79,12 @@ def _performance(score: Path, service: Service) -> Iterator[_Host]:
             host.kill()
 
 
-def _zero(service: Service, act: Callable[[], object]) -> float:
-    """From an act, in the middle of a push, to the first zero that is told [s]."""
+def _zero(service: Service, act: Callable[[], object], *, from_force: bool = False) -> float:
+    """From an act, in the middle of a push, to the first zero that is told [s].
+
+    Or from the last force before that zero: a signal stops a process only when the system next
+    runs the thread that takes it, and until then the others push as before.
+    """
     seen = len(service.told)
     service.until(lambda own: len(own.told) > seen + 5 and abs(own.told[-1].force[0]) > _PUSH)
     time.sleep(random.uniform(0.0, 0.02))  # anywhere in a tick
@@ -87,12 +93,14 @@ def _zero(service: Service, act: Callable[[], object]) -> float:
     service.until(lambda own: own.first_zero(start) is not None)
     zero = service.first_zero(start)
     assert zero is not None
-    return zero.at - start
+    if not from_force:
+        return zero.at - start
+    return zero.at - max(told.at for told in service.told if told.at < zero.at)
 
 
 def _answering(score: Path, runs: int, reply: Reply) -> list[float]:
     took = []
-    with Service() as service, _performance(score, service):
+    with Service(prompt=True) as service, _performance(score, service):
         for _ in range(runs):
             took.append(_zero(service, lambda: setattr(service, "reply", reply)))
             service.reply = "state"
@@ -101,13 +109,14 @@ def _answering(score: Path, runs: int, reply: Reply) -> list[float]:
 
 def _stopped(score: Path, runs: int) -> list[float]:
     took = []
-    with Service() as service, _performance(score, service) as host:
+    with Service(prompt=True) as service, _performance(score, service) as host:
         for _ in range(runs):
-            took.append(_zero(service, lambda: host.send_signal(signal.SIGSTOP)))
+            stop = partial(host.send_signal, signal.SIGSTOP)
+            took.append(_zero(service, stop, from_force=True))
             host.send_signal(signal.SIGCONT)
     return took
 
 
 def _killed(score: Path) -> float:
-    with Service() as service, _performance(score, service) as host:
+    with Service(prompt=True) as service, _performance(score, service) as host:
         return _zero(service, host.kill)

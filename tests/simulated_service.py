@@ -12,8 +12,10 @@ import contextlib
 import hashlib
 import json
 import math
+import os
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -44,6 +46,7 @@ class Service:
     """`with Service() as service:` listens at `service.url`."""
 
     reply: Reply = "state"
+    prompt: bool = False  # real-time priority where it is granted: a clock that is not late itself
     url: str = ""
     told: list[Told] = field(default_factory=list)
     left: int = 0  # hosts that went
@@ -79,6 +82,8 @@ class Service:
         return found
 
     def _run(self) -> None:
+        if self.prompt:
+            real_time()
         while not self._over.is_set():
             try:
                 host, _ = self._listener.accept()
@@ -129,6 +134,14 @@ class Service:
         position = {"x": x, "y": 0.0, "z": 0.0}
         state = {"cursor_position": position, "current_cursor_force": {"x": 0, "y": 0, "z": 0}}
         return json.dumps({"inverse3": [{"device_id": _ID, "state": state}]}).encode()
+
+
+def real_time() -> None:
+    """This thread below those of the performance, and not what it starts."""
+    if sys.platform == "linux":
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, policy, os.sched_param(60))
 
 
 class _Stream:
