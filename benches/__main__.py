@@ -16,6 +16,7 @@ from benches.duet import duet
 from benches.gong import gong
 from benches.growth import growth
 from benches.hammer import hammer
+from benches.haply import haply
 from benches.interrupts import interrupts
 from benches.laws import laws
 from benches.measure import Row
@@ -44,6 +45,7 @@ def main(arguments: list[str]) -> int:
         "repl": repl,
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
+        "haply": haply,
     }
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)

@@ -15,6 +15,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 
 use crate::error::{UnsureError, refused, said, with};
+use crate::guardian;
 
 /// How often a wait looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(20);
@@ -116,6 +117,7 @@ impl Device {
     #[pyo3(signature = (url, calibration = Vec::new()))]
     fn new(py: Python<'_>, url: &str, calibration: Vec<AxisOf>) -> PyResult<Self> {
         let url = Url::parse(url).map_err(said)?;
+        guardian::ready(py);
         let known = calibration
             .into_iter()
             .map(axis)

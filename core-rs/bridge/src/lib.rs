@@ -9,6 +9,7 @@ mod device;
 mod emulator;
 mod error;
 mod frames;
+mod guardian;
 mod law;
 mod limiter;
 mod maths;
@@ -40,6 +41,8 @@ mod _core {
     use super::emulator::emulate;
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError, UnsureError};
+    #[pymodule_export]
+    use super::guardian::guard_haply;
     #[pymodule_export]
     use super::law::{Law, law_functions};
     #[pymodule_export]

@@ -17,6 +17,7 @@ use pyo3::prelude::*;
 
 use crate::device::{self, AxisOf};
 use crate::error::{refused, said};
+use crate::guardian;
 use crate::mixer::Mixer;
 use crate::simulation::{Simulation, damping};
 
@@ -103,6 +104,7 @@ impl Performance {
                 (path, header)
             }),
         };
+        guardian::ready(py);
         py.detach(|| {
             let period = every as f64 / rate;
             let boards = boards

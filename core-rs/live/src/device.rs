@@ -16,6 +16,7 @@ mod url;
 pub mod wire;
 
 pub use emulated::Emulated;
+pub use haply::guardian;
 pub use stats::{Histogram, Stats};
 pub use url::{Kind, Url, UrlError};
 

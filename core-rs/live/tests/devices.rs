@@ -309,12 +309,14 @@ fn a_service_is_told_when_its_host_falls_silent() {
         device.send(&[force]).unwrap();
         sample.position[0]
     };
+    // 1 N on 100 N/m is 10 mm, as soon as the machine lets both sides run for a while.
     let start = Instant::now();
-    let mut pushed = 0.0;
-    while start.elapsed() < Duration::from_millis(800) {
-        pushed = push(1.0);
+    while (push(1.0) - 0.01).abs() > 1e-3 {
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "it never gets there"
+        );
     }
-    assert!((pushed - 0.01).abs() < 1e-3, "1 N on 100 N/m: {pushed}");
     std::thread::sleep(Duration::from_millis(1200));
     push(0.0);
     let left = (0..20).map(|_| push(0.0)).last().unwrap();

@@ -895,6 +895,11 @@ def emulate(
     hash of all positions.
     """
 
+def guard_haply() -> None:
+    """Be the guardian of a Haply: hold the connection to its service and take forces back where the
+    host is silent, stopped or gone. The host is at the other end of the standard input; returns when it is
+    gone. For a process that does nothing else. Raises EngineError where no host is there."""
+
 def serial_ports() -> list[tuple[str, tuple[int, int, str, str] | None]]:
     """(path, (vendor, product, name, serial number) of what came by USB) each; opens none."""
 

@@ -132,7 +132,7 @@ fn nothing(error: std::io::Error) -> Result<usize, Gone> {
 }
 
 #[cfg(unix)]
-mod unix {
+pub(super) mod unix {
     use std::io::Error;
     use std::os::fd::{AsRawFd, OwnedFd};
     use std::time::Duration;
@@ -199,29 +199,40 @@ mod unix {
 
     /// Wait for something to read.
     pub(super) fn wait(fd: i32, left: Duration) -> Result<(), Gone> {
-        let mut poll = libc::pollfd {
+        let [found] = poll([fd], left);
+        if found & libc::POLLIN == 0 && found & (libc::POLLHUP | libc::POLLNVAL) != 0 {
+            return Err(Gone::Closed);
+        }
+        Ok(())
+    }
+
+    /// Wait for something to read in one of these; what was found in each.
+    pub(in crate::device) fn poll<const N: usize>(fds: [i32; N], left: Duration) -> [i16; N] {
+        let mut polls = fds.map(|fd| libc::pollfd {
             fd,
             events: libc::POLLIN,
             revents: 0,
-        };
+        });
         #[cfg(target_os = "linux")]
-        // SAFETY: one pollfd and a timespec, both locals.
+        // SAFETY: so many pollfds and a timespec, all locals.
         unsafe {
             let left = libc::timespec {
                 tv_sec: left.as_secs().min(3600) as libc::time_t,
                 tv_nsec: libc::c_long::from(left.subsec_nanos() as i32),
             };
-            libc::ppoll(&raw mut poll, 1, &raw const left, std::ptr::null());
+            libc::ppoll(
+                polls.as_mut_ptr(),
+                N as libc::nfds_t,
+                &raw const left,
+                std::ptr::null(),
+            );
         }
         #[cfg(not(target_os = "linux"))]
-        // SAFETY: one pollfd, a local.
+        // SAFETY: so many pollfds, locals.
         unsafe {
-            libc::poll(&raw mut poll, 1, (left.as_millis().min(1000) as i32).max(1));
+            let left = (left.as_millis().min(1000) as i32).max(1);
+            libc::poll(polls.as_mut_ptr(), N as libc::nfds_t, left);
         }
-        if poll.revents & libc::POLLIN == 0 && poll.revents & (libc::POLLHUP | libc::POLLNVAL) != 0
-        {
-            return Err(Gone::Closed);
-        }
-        Ok(())
+        polls.map(|poll| poll.revents)
     }
 }

@@ -141,7 +141,8 @@ impl Firmware {
 
     fn haply_state(&self) -> String {
         let axes = |of: &[f64; MAX_AXES]| [of[0], of[1], of[2]];
-        haply::state(HAPLY_ID, axes(&self.positions()), axes(&self.force))
+        let (position, force) = (axes(&self.positions()), axes(&self.force));
+        haply::state(HAPLY_ID, position, force, self.board.lockstep)
     }
 
     /// New forces; in lockstep the period they act in. `enabled`: the host wants motors to push.

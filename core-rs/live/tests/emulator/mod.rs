@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ergon_live::device::{self, Device, Url};
+use ergon_live::device::{self, Device, Url, guardian};
 use ergon_live::emulate::{Board, Event, Hand, Key, Options, Outcome, Protocol, Transport, serve};
 
 /// A tick of 44 samples at 44.1 kHz.
@@ -47,6 +47,27 @@ pub(crate) fn options(
     }
 }
 
+/// Have this very program be the guardian of a Haply too.
+pub(crate) fn can_guard() {
+    let arguments = [
+        "--exact",
+        "emulator::guardian_process",
+        "--ignored",
+        "--nocapture",
+    ];
+    guardian::start_with(guardian::Program {
+        path: std::env::current_exe().unwrap(),
+        arguments: arguments.map(Into::into).into(),
+    });
+}
+
+/// The guardian of a Haply that another test opens.
+#[test]
+#[ignore = "a part of other tests"]
+fn guardian_process() {
+    guardian::serve().unwrap();
+}
+
 impl Emulator {
     pub(crate) fn start(options: Options) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
@@ -68,6 +89,7 @@ impl Emulator {
     }
 
     pub(crate) fn open(&self, kind: &str, options: &str) -> Box<dyn Device> {
+        can_guard();
         let url = Url::parse(&format!("{kind}:{}?{options}", self.address)).unwrap();
         device::open(&url).unwrap()
     }

@@ -12,6 +12,8 @@ pub struct State {
     pub id: String,
     /// Where its cursor is [m].
     pub position: [f64; 3],
+    /// Whether a command is a period of it; only an emulated service says so.
+    pub lockstep: bool,
 }
 
 /// The command that sets a device's force [N].
@@ -33,15 +35,19 @@ pub fn parse_state(text: &str, id: Option<&str>) -> Option<State> {
     Some(State {
         id: device.get("device_id")?.as_str()?.to_owned(),
         position: vector(device.get("state")?.get("cursor_position")?)?,
+        lockstep: device.get("lockstep").and_then(Value::as_bool) == Some(true),
     })
 }
 
-/// The message that tells where a device is, as the service writes it.
-pub fn state(id: &str, position: [f64; 3], force: [f64; 3]) -> String {
+/// The message that tells where a device is, as the service writes it; `lockstep` is an emulated service's own field.
+pub fn state(id: &str, position: [f64; 3], force: [f64; 3], lockstep: bool) -> String {
     let vector = |[x, y, z]: [f64; 3]| json!({"x": x, "y": y, "z": z});
-    json!({"session_id": 1, "inverse3": [{"device_id": id, "state": {
-        "cursor_position": vector(position), "current_cursor_force": vector(force)}}]})
-    .to_string()
+    let mut device = json!({"device_id": id, "state": {
+        "cursor_position": vector(position), "current_cursor_force": vector(force)}});
+    if lockstep {
+        device["lockstep"] = true.into();
+    }
+    json!({"session_id": 1, "inverse3": [device]}).to_string()
 }
 
 /// The force [N] that a command sets for device `id`; `None` where it sets none.

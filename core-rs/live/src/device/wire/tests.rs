@@ -129,9 +129,13 @@ fn haply_messages_are_the_services() {
         haply::parse_command(&command, "A14"),
         Some([0.5, 0.0, -1.0])
     );
-    let told = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3]);
-    let heard = haply::parse_state(&told, Some("A14")).unwrap();
-    assert_eq!(heard.position, [0.1, 0.2, 0.3]);
+    assert!(!state.lockstep, "no real service has the host's time");
+    for lockstep in [false, true] {
+        let told = haply::state("A14", [0.1, 0.2, 0.3], [0.0; 3], lockstep);
+        let heard = haply::parse_state(&told, Some("A14")).unwrap();
+        assert_eq!(heard.position, [0.1, 0.2, 0.3]);
+        assert_eq!(heard.lockstep, lockstep);
+    }
 }
 
 /// Random packets with random bytes between them: every packet is found, whatever the pieces they come in.

@@ -1,0 +1,122 @@
+"""How soon a Haply is told zero when its service falls silent or its host is killed or stopped.
+
+The host is a whole performance that pushes; the service notes when each force comes.
+"""
+
+from __future__ import annotations
+
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from statistics import median
+
+from tests.simulated_service import Reply, Service, real_time
+
+from benches.measure import Row
+
+_SCORE = """\
+ergon: 1
+keys: {k: {M: 50g, K: 60N/m, Z: 1Ns/m}, v: {like: k}}
+instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 1s}}}, out: {SOX: m}}}
+gestures: {rest: 0mm@0 hold 0mm@1}
+players: {ada: {key: v}, remi: {hand: live, key: k}}
+duet: [{couple: [k, v], REF: {K: 60N/m, Z: 0.1Ns/m}}]
+parts: {ada: [{at: 1|1, play: rest}]}
+render: {tail: 3600s}
+"""
+_PUSH = 0.01  # [N] from which on it counts as pushed
+
+_Host = subprocess.Popen[bytes]
+
+
+def haply(runs: int = 50) -> list[Row]:
+    """So many runs of each; medians and the longest."""
+    real_time()  # as the service: the two share a lock of Python's
+    with tempfile.TemporaryDirectory() as folder:
+        score = Path(folder) / "push.yaml"
+        score.write_text(_SCORE)
+        silent = _answering(score, runs, "silent")
+        empty = _answering(score, runs, "empty")
+        stopped = _stopped(score, runs)
+        killed = [_killed(score) for _ in range(runs)]
+    return [
+        _row("a Haply whose service falls silent", silent, 50),
+        _row("a Haply whose service tells `{}`", empty, 50),
+        _row("a Haply whose host is killed", killed, 100),
+        _row("a Haply whose host is stopped, from its last force", stopped, 100),
+    ]
+
+
+def _row(scene: str, took: list[float], target: int) -> Row:
+    middle, longest = median(took) * 1e3, max(took) * 1e3
+    return Row(
+        scene,
+        f"told zero after {middle:.1f} ms, {longest:.1f} ms at most ({len(took)} runs)",
+        f"target: {target} ms",
+        None,
+        "by the clock",
+        {"median_ms": middle, "longest_ms": longest, "runs": len(took)},
+    )
+
+
+@contextmanager
+def _performance(score: Path, service: Service) -> Iterator[_Host]:
+    """A duet that plays on the service, its forces risen."""
+    command = [sys.executable, "-m", "ergon.cli", "duet", str(score), "--live"]
+    command += [f"remi={service.url}", "--audio", "null", "--gain", "0dB"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([*command, "--unchecked", "--plain"], **quiet) as host:
+        try:
+            yield host
+        finally:
+            host.kill()
+
+
+def _zero(service: Service, act: Callable[[], object], *, from_force: bool = False) -> float:
+    """From an act, in the middle of a push, to the first zero that is told [s].
+
+    Or from the last force before that zero: a signal stops a process only when the system next
+    runs the thread that takes it, and until then the others push as before.
+    """
+    seen = len(service.told)
+    service.until(lambda own: len(own.told) > seen + 5 and abs(own.told[-1].force[0]) > _PUSH)
+    time.sleep(random.uniform(0.0, 0.02))  # anywhere in a tick
+    start = time.monotonic()
+    act()
+    service.until(lambda own: own.first_zero(start) is not None)
+    zero = service.first_zero(start)
+    assert zero is not None
+    if not from_force:
+        return zero.at - start
+    return zero.at - max(told.at for told in service.told if told.at < zero.at)
+
+
+def _answering(score: Path, runs: int, reply: Reply) -> list[float]:
+    took = []
+    with Service(prompt=True) as service, _performance(score, service):
+        for _ in range(runs):
+            took.append(_zero(service, lambda: setattr(service, "reply", reply)))
+            service.reply = "state"
+    return took
+
+
+def _stopped(score: Path, runs: int) -> list[float]:
+    took = []
+    with Service(prompt=True) as service, _performance(score, service) as host:
+        for _ in range(runs):
+            stop = partial(host.send_signal, signal.SIGSTOP)
+            took.append(_zero(service, stop, from_force=True))
+            host.send_signal(signal.SIGCONT)
+    return took
+
+
+def _killed(score: Path) -> float:
+    with Service(prompt=True) as service, _performance(score, service) as host:
+        return _zero(service, host.kill)

@@ -1,0 +1,202 @@
+//! The guardian: a process of its own that holds the connection to the service. Whatever becomes of the host, a
+//! force on a hand is taken back: where the host falls silent or is stopped, and where it is gone.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use super::line::{Answer, Line, Order, put_text, take_text, wait};
+use super::rules::{Due, Rules};
+use super::service::{Refused, Service};
+use super::start;
+pub use super::start::{Program, start_with};
+use crate::device::{FIRST_REPLY, Gone, LOCKSTEP_PATIENCE};
+use crate::realtime;
+
+/// At the end the zero is sent so often, unless a state answers it.
+const FAREWELLS: usize = 3;
+const FAREWELL: Duration = Duration::from_millis(20);
+
+/// What the host wants first.
+pub(super) struct Wish<'a> {
+    pub(super) target: &'a str,
+    pub(super) id: Option<&'a str>,
+    pub(super) lockstep: bool,
+}
+
+impl Wish<'_> {
+    pub(super) fn text(&self) -> String {
+        json!({"target": self.target, "id": self.id, "lockstep": self.lockstep}).to_string()
+    }
+}
+
+/// What it is told.
+pub(super) enum Reply {
+    /// Where the device is [m].
+    Open([f64; 3]),
+    Refused(String),
+    NoAnswer,
+    /// Lockstep was asked for, and the device has its own time.
+    OwnTime,
+}
+
+impl Reply {
+    fn text(&self) -> String {
+        match self {
+            Self::Open(position) => json!({"open": position}),
+            Self::Refused(why) => json!({"refused": why}),
+            Self::NoAnswer => json!({"no_answer": true}),
+            Self::OwnTime => json!({"own_time": true}),
+        }
+        .to_string()
+    }
+
+    pub(super) fn parse(text: &str) -> Option<Self> {
+        let reply: Value = serde_json::from_str(text).ok()?;
+        if let Some(position) = reply.get("open").and_then(Value::as_array) {
+            let numbers: Option<Vec<f64>> = position.iter().map(Value::as_f64).collect();
+            return numbers?.try_into().ok().map(Self::Open);
+        }
+        if let Some(why) = reply.get("refused").and_then(Value::as_str) {
+            return Some(Self::Refused(why.to_owned()));
+        }
+        if reply.get("own_time").is_some() {
+            return Some(Self::OwnTime);
+        }
+        reply.get("no_answer").map(|_| Self::NoAnswer)
+    }
+}
+
+/// Be the guardian of one Haply until its host is gone. For a program that does nothing else: all files but the
+/// three standard ones are closed, signals that end a program are ignored.
+///
+/// # Errors
+/// Where no host is at the other end of the standard input.
+pub fn serve() -> io::Result<()> {
+    alone();
+    let mut stream = start::inherited()?;
+    let wish = take_text(&mut stream, FIRST_REPLY)?;
+    let wish: Value = serde_json::from_str(&wish)?;
+    let target = wish["target"].as_str().unwrap_or_default();
+    let lockstep = wish["lockstep"] == true;
+    let opened = Service::open(target, wish["id"].as_str());
+    let (reply, mut service) = match opened {
+        Ok((service, first)) if lockstep && !first.lockstep => (Reply::OwnTime, Some(service)),
+        Ok((service, first)) => (Reply::Open(first.position), Some(service)),
+        Err(Refused::Because(why)) => (Reply::Refused(why), None),
+        Err(Refused::NoAnswer) => (Reply::NoAnswer, None),
+    };
+    put_text(&mut stream, &reply.text())?;
+    if let (Reply::Open(_), Some(service)) = (&reply, &mut service) {
+        // Above the physics thread: one that hangs may not keep its guardian waiting.
+        realtime::ask(realtime::PHYSICS + 1);
+        let mut line = Line::new(stream)?;
+        attend(&mut line, service, lockstep);
+    }
+    if let Some(service) = service {
+        service.close();
+    }
+    Ok(())
+}
+
+/// Pass orders on and states back, until either side is gone; at the end the force is zero.
+fn attend(line: &mut Line, service: &mut Service, lockstep: bool) {
+    let mut rules = Rules::new(lockstep, Instant::now());
+    if !lockstep {
+        // What a former host left may still stand. Where this fails, the service is gone, which is noticed below.
+        let _ = service.command([0.0; 3]);
+    }
+    let Err(gone) = pass(line, service, &mut rules) else {
+        return farewell(service, lockstep);
+    };
+    if gone == Gone::Silent {
+        farewell(service, lockstep);
+    } else if rules.is_unsure() {
+        service.zero_anew();
+    }
+    let _ = line.put(&Answer::Gone(gone).bytes());
+}
+
+/// Fails where the service is gone, and ends where the host is.
+fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(), Gone> {
+    loop {
+        // What has come is heard before somebody is judged silent, by the clock as it was before.
+        let now = Instant::now();
+        let host = line.take(|bytes| rules.order(Order::parse(bytes), now));
+        let more = service.read(|state| {
+            let (number, let_go) = rules.state(now);
+            let answer = Answer::State {
+                number,
+                position: state.position,
+                let_go,
+            };
+            // A host that is gone is noticed where orders are read.
+            let _ = line.put(&answer.bytes());
+        })?;
+        loop {
+            match rules.due(now) {
+                Due::Nothing => break,
+                Due::Send(force) => service.command(force)?,
+                Due::Gone => return Err(Gone::Silent),
+            }
+        }
+        if host.is_err() {
+            return Ok(());
+        }
+        if !more {
+            wait([line.stream(), service.stream()], rules.next(now));
+        }
+    }
+}
+
+/// Zero, until a state answers; in lockstep a command is a period, and one is enough.
+fn farewell(service: &mut Service, lockstep: bool) {
+    let (times, patience) = if lockstep {
+        (1, LOCKSTEP_PATIENCE)
+    } else {
+        (FAREWELLS, FAREWELL)
+    };
+    for _ in 0..times {
+        if service.command([0.0; 3]).is_err() {
+            return service.zero_anew();
+        }
+        let (until, mut answered) = (Instant::now() + patience, false);
+        while !answered && Instant::now() < until {
+            service.wait(until);
+            if service.read(|_| answered = true).is_err() {
+                return service.zero_anew();
+            }
+        }
+        if answered {
+            return;
+        }
+    }
+}
+
+/// Nothing of the host's is held open here, and what ends the host's terminal does not end its guardian.
+#[cfg(unix)]
+fn alone() {
+    const IGNORED: [i32; 8] = [
+        libc::SIGINT,
+        libc::SIGTERM,
+        libc::SIGHUP,
+        libc::SIGQUIT,
+        libc::SIGPIPE,
+        libc::SIGTSTP,
+        libc::SIGTTIN,
+        libc::SIGTTOU,
+    ];
+    for signal in IGNORED {
+        // SAFETY: no handler is installed.
+        unsafe { libc::signal(signal, libc::SIG_IGN) };
+    }
+    #[cfg(target_os = "linux")]
+    // SAFETY: no pointers are passed. Nobody uses these: the caller's program does nothing else.
+    unsafe {
+        libc::syscall(libc::SYS_close_range, 3, u32::MAX, 0);
+    }
+}
+
+#[cfg(not(unix))]
+fn alone() {}

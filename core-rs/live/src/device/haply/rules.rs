@@ -1,0 +1,160 @@
+//! Which force the guardian sends, and when. It knows no clock but the one it is told.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use super::line::Order;
+use crate::device::LOCKSTEP_PATIENCE;
+
+/// Silence of the host after which the force is zero.
+pub(super) const HOST_SILENT: Duration = Duration::from_millis(50);
+/// A command that has no state so long after it was sent: the service is silent, and the force is zero. The host's
+/// own limit for old positions is 20 ms: it is the first to act, and fades its forces in again.
+pub(super) const SERVICE_SILENT: Duration = Duration::from_millis(30);
+/// How often a silent service is told zero again.
+const AGAIN: Duration = Duration::from_millis(20);
+/// Silence of the service after which it is gone.
+const SERVICE_GONE: Duration = LOCKSTEP_PATIENCE;
+
+/// What is to be done now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Due {
+    Nothing,
+    /// Send this force.
+    Send([f64; 3]),
+    /// The service is gone.
+    Gone,
+}
+
+pub(super) struct Rules {
+    lockstep: bool,
+    /// When the host was last heard.
+    heard: Instant,
+    /// Orders that are not yet passed on: by a clock the newest, in lockstep all.
+    orders: VecDeque<Order>,
+    /// Number of the latest order that was passed on.
+    number: u16,
+    /// Numbers of the commands that have no state yet.
+    unanswered: VecDeque<u16>,
+    /// When the first of them was sent.
+    asked: Option<Instant>,
+    /// When the latest command was sent.
+    sent: Instant,
+    /// Whether the latest command was a force that is not zero.
+    pushes: bool,
+    /// Whether the latest command was a zero that the host did not order.
+    let_go: bool,
+}
+
+impl Rules {
+    pub(super) fn new(lockstep: bool, now: Instant) -> Self {
+        Self {
+            lockstep,
+            heard: now,
+            orders: VecDeque::new(),
+            // Of no order: the first has number 0.
+            number: u16::MAX,
+            unanswered: VecDeque::new(),
+            asked: None,
+            sent: now,
+            pushes: false,
+            let_go: false,
+        }
+    }
+
+    /// The host orders a force.
+    pub(super) fn order(&mut self, order: Order, now: Instant) {
+        self.heard = now;
+        if !self.lockstep {
+            self.orders.clear();
+        }
+        self.orders.push_back(order);
+    }
+
+    /// The service tells a state: the number of the order that it answers, and whether the guardian let go.
+    pub(super) fn state(&mut self, now: Instant) -> (u16, bool) {
+        if self.lockstep {
+            // Every command has its own state.
+            let number = self.unanswered.pop_front();
+            self.asked = (!self.unanswered.is_empty()).then_some(now);
+            return (number.unwrap_or(self.number), self.let_go);
+        }
+        self.unanswered.clear();
+        self.asked = None;
+        (self.number, self.let_go)
+    }
+
+    /// What is to be done now; to be asked again until it is nothing.
+    pub(super) fn due(&mut self, now: Instant) -> Due {
+        if self.lockstep {
+            // Time is the host's, and nobody is late.
+            return match self.orders.pop_front() {
+                Some(order) => self.pass(order, now),
+                None => Due::Nothing,
+            };
+        }
+        let since = |at: Instant| now.saturating_duration_since(at);
+        let unanswered = self.asked.map_or(Duration::ZERO, since);
+        if unanswered >= SERVICE_GONE {
+            return Due::Gone;
+        }
+        let service_silent = unanswered >= SERVICE_SILENT;
+        if service_silent || since(self.heard) >= HOST_SILENT {
+            self.orders.clear();
+            let again = service_silent && since(self.sent) >= AGAIN;
+            if self.pushes || again {
+                self.let_go |= self.pushes;
+                return self.send([0.0; 3], now);
+            }
+            return Due::Nothing;
+        }
+        // One force at a time, or a slow service would be ever farther behind. A zero that ends a force goes at once.
+        let free = |order: &Order| self.asked.is_none() || (order.is_zero() && self.pushes);
+        match self.orders.front().copied().filter(free) {
+            Some(order) => {
+                self.orders.clear();
+                self.pass(order, now)
+            }
+            None => Due::Nothing,
+        }
+    }
+
+    /// When `due` is to be asked again, though nothing comes.
+    pub(super) fn next(&self, now: Instant) -> Instant {
+        let host = self.pushes.then_some(self.heard + HOST_SILENT);
+        let service = self.asked.map(|asked| {
+            let silent = asked + SERVICE_SILENT;
+            if self.pushes {
+                silent
+            } else {
+                silent.max(self.sent + AGAIN)
+            }
+        });
+        let nexts = [host, service].into_iter().flatten();
+        nexts.fold(now + AGAIN, Instant::min)
+    }
+
+    /// Whether a force may stand: one was sent, or a zero that no state has answered.
+    pub(super) fn is_unsure(&self) -> bool {
+        self.pushes || self.asked.is_some()
+    }
+
+    fn pass(&mut self, order: Order, now: Instant) -> Due {
+        self.number = order.number;
+        self.let_go = false;
+        self.send(order.force, now)
+    }
+
+    fn send(&mut self, force: [f64; 3], now: Instant) -> Due {
+        self.pushes = force != [0.0; 3];
+        self.sent = now;
+        self.asked = self.asked.or(Some(now));
+        if self.lockstep {
+            self.unanswered.push_back(self.number);
+        }
+        Due::Send(force)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,118 @@
+use super::*;
+
+const ZERO: Due = Due::Send([0.0; 3]);
+const PUSH: Due = Due::Send([1.0, 0.0, 0.0]);
+
+fn ms(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+fn order(number: u16, force: f64) -> Order {
+    Order {
+        number,
+        force: [force, 0.0, 0.0],
+    }
+}
+
+/// Rules by a clock, and a service that has just answered a push of 1 N; at the returned moment.
+fn pushing() -> (Rules, Instant) {
+    let start = Instant::now();
+    let mut rules = Rules::new(false, start);
+    assert_eq!(rules.due(start), Due::Nothing);
+    rules.order(order(1, 1.0), start);
+    assert_eq!(rules.due(start), PUSH);
+    assert_eq!(rules.due(start), Due::Nothing);
+    assert_eq!(rules.state(start), (1, false));
+    (rules, start)
+}
+
+#[test]
+fn a_silent_host_lets_go_once() {
+    let (mut rules, start) = pushing();
+    assert!(rules.next(start) <= start + HOST_SILENT);
+    assert_eq!(rules.due(start + ms(49)), Due::Nothing);
+    assert_eq!(rules.due(start + ms(50)), ZERO);
+    assert_eq!(rules.due(start + ms(50)), Due::Nothing);
+    assert_eq!(rules.state(start + ms(51)), (1, true), "the host is told");
+    for later in 51..5000 {
+        assert_eq!(rules.due(start + ms(later)), Due::Nothing, "{later}");
+    }
+    // It is back, and its forces with it.
+    rules.order(order(2, 1.0), start + ms(5000));
+    assert_eq!(rules.due(start + ms(5000)), PUSH);
+    assert_eq!(rules.state(start + ms(5001)), (2, false));
+}
+
+#[test]
+fn a_silent_service_is_told_zero_without_a_reply_and_again_and_is_gone() {
+    let (mut rules, start) = pushing();
+    let (mut zeros, mut gone, mut first) = (0, None, None);
+    for now in 0..4000 {
+        let at = start + ms(now);
+        rules.order(order(now as u16, 1.0), at);
+        match rules.due(at) {
+            ZERO => {
+                zeros += 1;
+                first = first.or(Some(now));
+            }
+            Due::Send(_) => assert_eq!(now, 0, "no force into silence"),
+            Due::Gone => {
+                gone = Some(now);
+                break;
+            }
+            Due::Nothing => assert!(rules.next(at) > at),
+        }
+    }
+    assert_eq!((first, gone), (Some(30), Some(2000)));
+    assert!((90..=100).contains(&zeros), "20 ms apart: {zeros}");
+}
+
+#[test]
+fn a_service_that_answers_again_is_pushed_again() {
+    let (mut rules, start) = pushing();
+    rules.order(order(2, 1.0), start);
+    assert_eq!(rules.due(start), PUSH);
+    rules.order(order(3, 1.0), start + ms(30));
+    assert_eq!(rules.due(start + ms(30)), ZERO);
+    assert_eq!(rules.state(start + ms(31)), (2, true));
+    assert_eq!(rules.due(start + ms(31)), Due::Nothing, "that order is old");
+    rules.order(order(4, 1.0), start + ms(32));
+    assert_eq!(rules.due(start + ms(32)), PUSH);
+}
+
+#[test]
+fn a_slow_service_gets_one_force_at_a_time_and_zero_at_once() {
+    let (mut rules, start) = pushing();
+    rules.order(order(2, 1.0), start);
+    assert_eq!(rules.due(start), PUSH);
+    for number in 3..10 {
+        rules.order(order(number, 2.0), start + ms(5));
+        assert_eq!(rules.due(start + ms(5)), Due::Nothing);
+    }
+    rules.order(order(10, 0.0), start + ms(6));
+    assert_eq!(rules.due(start + ms(6)), ZERO, "it waits for no reply");
+    rules.order(order(11, 0.0), start + ms(7));
+    assert_eq!(rules.due(start + ms(7)), Due::Nothing, "one is enough");
+    rules.order(order(12, 1.0), start + ms(8));
+    assert_eq!(rules.due(start + ms(8)), Due::Nothing);
+    assert_eq!(rules.state(start + ms(9)), (10, false));
+    assert_eq!(rules.due(start + ms(9)), PUSH, "the newest");
+    assert_eq!(rules.state(start + ms(10)), (12, false));
+}
+
+#[test]
+fn in_lockstep_every_order_is_a_command_and_no_other_is() {
+    let start = Instant::now();
+    let mut rules = Rules::new(true, start);
+    for number in 0..3 {
+        rules.order(order(number, 1.0), start);
+    }
+    for _ in 0..3 {
+        assert_eq!(rules.due(start), PUSH);
+    }
+    let hours = start + Duration::from_secs(7200);
+    assert_eq!(rules.due(hours), Due::Nothing);
+    for number in 0..3 {
+        assert_eq!(rules.state(hours), (number, false));
+    }
+}

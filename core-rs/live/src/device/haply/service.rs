@@ -1,0 +1,160 @@
+//! The guardian's side of the WebSocket: commands out, states in. It allocates.
+
+use std::io;
+use std::net::{TcpStream, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+use tungstenite::protocol::WebSocketConfig;
+use tungstenite::{Error, HandshakeError, Message, WebSocket, client::client_with_config};
+
+use super::line::{Waits, is_quiet, wait};
+use crate::device::wire::haply as wire;
+use crate::device::{ASK_AGAIN, FIRST_REPLY, Gone};
+
+/// Messages that are read before the clock is looked at again: a service may send without end.
+const AT_ONCE: usize = 64;
+
+pub(super) struct Service {
+    socket: WebSocket<TcpStream>,
+    target: String,
+    id: String,
+}
+
+/// Why there is none.
+pub(super) enum Refused {
+    Because(String),
+    /// It tells no state.
+    NoAnswer,
+}
+
+impl Service {
+    /// Connect and wait for the first state, of the device `id` or of any.
+    pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::State), Refused> {
+        let socket = connect(target, FIRST_REPLY).map_err(Refused::Because)?;
+        let mut this = Self {
+            socket,
+            target: target.to_owned(),
+            id: id.unwrap_or_default().to_owned(),
+        };
+        let until = Instant::now() + FIRST_REPLY;
+        while Instant::now() < until {
+            this.wait(Instant::now() + ASK_AGAIN);
+            let mut first = None;
+            let read = this.read(|state| {
+                first.get_or_insert(state);
+            });
+            if let Some(state) = first {
+                this.id.clone_from(&state.id);
+                return Ok((this, state));
+            }
+            if let Err(gone) = read {
+                return Err(Refused::Because(gone.to_string()));
+            }
+        }
+        Err(Refused::NoAnswer)
+    }
+
+    /// Command a force [N]. Where the service reads too slowly, it waits in a buffer and goes with what is sent next.
+    pub(super) fn command(&mut self, force: [f64; 3]) -> Result<(), Gone> {
+        let command = Message::text(wire::command(&self.id, force));
+        sent(self.socket.send(command))
+    }
+
+    /// Hand on the states that are there; whether there may be more.
+    pub(super) fn read(&mut self, mut each: impl FnMut(wire::State)) -> Result<bool, Gone> {
+        sent(self.socket.flush())?;
+        let id = (!self.id.is_empty()).then_some(self.id.as_str());
+        for _ in 0..AT_ONCE {
+            match self.socket.read() {
+                Ok(Message::Text(text)) => {
+                    wire::parse_state(&text, id).into_iter().for_each(&mut each)
+                }
+                Ok(Message::Close(_)) => return Err(Gone::Closed),
+                Ok(_) => {}
+                Err(Error::Io(error)) if is_quiet(&error) => return Ok(false),
+                Err(error) => return Err(gone(&error)),
+            }
+        }
+        Ok(true)
+    }
+
+    pub(super) fn wait(&self, until: Instant) {
+        wait([self.stream()], until);
+    }
+
+    pub(super) fn stream(&self) -> &dyn Waits {
+        self.socket.get_ref()
+    }
+
+    /// Zero again on a new connection: the old one ended, and the force may still stand.
+    pub(super) fn zero_anew(&mut self) {
+        const PATIENCE: Duration = Duration::from_secs(1);
+        if let Ok(socket) = connect(&self.target, PATIENCE) {
+            self.socket = socket;
+            let _ = self.command([0.0; 3]);
+        }
+    }
+
+    /// Say goodbye, and wait a little for the answer: what was sent has arrived then.
+    pub(super) fn close(mut self) {
+        const PATIENCE: Duration = Duration::from_millis(200);
+        let until = Instant::now() + PATIENCE;
+        let _ = self.socket.close(None);
+        while Instant::now() < until && self.read(|_| ()).is_ok() {
+            self.wait(until);
+        }
+    }
+}
+
+fn sent(done: Result<(), Error>) -> Result<(), Gone> {
+    match done {
+        Err(Error::Io(error)) if is_quiet(&error) => Ok(()),
+        // Its buffer is full: a service that reads nothing is silent, which is judged elsewhere.
+        Err(Error::WriteBufferFull(_)) => Ok(()),
+        done => done.map_err(|error| gone(&error)),
+    }
+}
+
+fn gone(error: &Error) -> Gone {
+    match error {
+        Error::Io(error) => error.raw_os_error().map_or(Gone::Closed, Gone::System),
+        _ => Gone::Closed,
+    }
+}
+
+/// A connection that never blocks from here on; or why there is none.
+fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, String> {
+    let address = target.strip_prefix("ws://").unwrap_or(target);
+    let host = address.split('/').next().unwrap_or(address);
+    let stream = reach(host, patience).map_err(|error| error.to_string())?;
+    let set = stream
+        .set_nodelay(true)
+        .and_then(|()| stream.set_write_timeout(Some(patience)))
+        .and_then(|()| stream.set_read_timeout(Some(patience)));
+    set.map_err(|error| error.to_string())?;
+    let config = WebSocketConfig::default()
+        .max_write_buffer_size(wire::LONGEST * 4)
+        .write_buffer_size(0)
+        .max_message_size(Some(wire::LONGEST))
+        .max_frame_size(Some(wire::LONGEST));
+    let (socket, _) =
+        client_with_config(target, stream, Some(config)).map_err(|error| match error {
+            HandshakeError::Failure(error) => error.to_string(),
+            HandshakeError::Interrupted(_) => "it does not answer as a WebSocket".to_owned(),
+        })?;
+    let set = socket.get_ref().set_nonblocking(true);
+    set.map_err(|error| error.to_string())?;
+    Ok(socket)
+}
+
+/// A name may have several addresses.
+fn reach(host: &str, patience: Duration) -> io::Result<TcpStream> {
+    let mut last = io::Error::from(io::ErrorKind::AddrNotAvailable);
+    for address in host.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, patience) {
+            Ok(stream) => return Ok(stream),
+            Err(error) => last = error,
+        }
+    }
+    Err(last)
+}

@@ -1,0 +1,210 @@
+//! How a host starts the guardian of its Haply, and how the two find each other.
+
+use std::ffi::OsString;
+use std::io;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::{PoisonError, RwLock};
+use std::time::{Duration, Instant};
+
+use super::line::Stream;
+
+/// How long a guardian may take to end after its host let go; what it does is bounded by less.
+const PATIENCE: Duration = Duration::from_secs(3);
+const LOOK: Duration = Duration::from_millis(2);
+
+/// A program that calls [`serve`](super::guardian::serve) and then ends.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// The file.
+    pub path: PathBuf,
+    /// What it is started with.
+    pub arguments: Vec<OsString>,
+}
+
+static PROGRAM: RwLock<Option<Program>> = RwLock::new(None);
+
+/// Say once in a process what is started to guard a Haply: only then one can be opened.
+pub fn start_with(program: Program) {
+    *PROGRAM.write().unwrap_or_else(PoisonError::into_inner) = Some(program);
+}
+
+/// A guardian that runs. It ends when the line to it is closed; this waits for its end.
+pub(super) struct Started(Child);
+
+impl Drop for Started {
+    fn drop(&mut self) {
+        let until = Instant::now() + PATIENCE;
+        while matches!(self.0.try_wait(), Ok(None)) {
+            if Instant::now() >= until {
+                let _ = self.0.kill();
+                let _ = self.0.wait();
+                return;
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+}
+
+/// Start a guardian; it waits for what its host wants.
+pub(super) fn start() -> io::Result<(Stream, Started)> {
+    let program = PROGRAM
+        .read()
+        .unwrap_or_else(PoisonError::into_inner)
+        .clone();
+    let program = program.ok_or_else(|| {
+        io::Error::other("a Haply needs a guardian process, and this program can start none")
+    })?;
+    let mut command = Command::new(&program.path);
+    command
+        .args(&program.arguments)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let started = launch(command);
+    started.map_err(|error| {
+        let path = program.path.display();
+        io::Error::new(error.kind(), format!("its guardian ({path}): {error}"))
+    })
+}
+
+/// The guardian's standard input is its end of a pair of sockets; Ctrl-C in the host's terminal passes it by.
+#[cfg(unix)]
+fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
+    use std::os::fd::OwnedFd;
+    use std::os::unix::process::CommandExt;
+
+    let (ours, theirs) = Stream::pair()?;
+    let child = command
+        .stdin(Stdio::from(OwnedFd::from(theirs)))
+        .process_group(0)
+        .spawn()?;
+    Ok((ours, Started(child)))
+}
+
+/// The guardian's end of the line.
+#[cfg(unix)]
+pub(super) fn inherited() -> io::Result<Stream> {
+    use std::os::fd::AsFd;
+
+    let stream = Stream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    // Whatever else a standard input may be is none.
+    stream.peer_addr().map(|_| stream)
+}
+
+#[cfg(not(unix))]
+fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
+    #[cfg(windows)]
+    {
+        use std::os::windows::process::CommandExt;
+        const CREATE_NEW_PROCESS_GROUP: u32 = 0x200;
+        const CREATE_NO_WINDOW: u32 = 0x0800_0000;
+        command.creation_flags(CREATE_NEW_PROCESS_GROUP | CREATE_NO_WINDOW);
+    }
+    let (meeting, told) = loopback::Meeting::new()?;
+    let mut child = command.stdin(Stdio::piped()).spawn()?;
+    let stdin = child.stdin.take();
+    let mut started = Started(child);
+    if let Some(mut stdin) = stdin {
+        io::Write::write_all(&mut stdin, &told)?;
+    }
+    let stream = meeting.wait(|| matches!(started.0.try_wait(), Ok(None)))?;
+    Ok((stream, started))
+}
+
+#[cfg(not(unix))]
+pub(super) fn inherited() -> io::Result<Stream> {
+    loopback::join(&mut io::stdin().lock())
+}
+
+/// Where there are no pairs of sockets: a connection on this machine, by a token that only the two know.
+#[cfg(any(not(unix), test))]
+mod loopback {
+    use std::hash::{BuildHasher, RandomState};
+    use std::io::{self, Read, Write};
+    use std::net::{Ipv4Addr, TcpListener, TcpStream};
+    use std::time::{Duration, Instant};
+
+    /// Two bytes of port, 16 of token.
+    const LEN: usize = 18;
+    const PATIENCE: Duration = Duration::from_secs(15);
+    /// A stranger is not waited for.
+    const STRANGER: Duration = Duration::from_millis(200);
+    const LOOK: Duration = Duration::from_millis(2);
+
+    pub(super) struct Meeting {
+        listener: TcpListener,
+        token: [u8; LEN - 2],
+    }
+
+    impl Meeting {
+        /// The meeting, and what the other is to be told of it.
+        pub(super) fn new() -> io::Result<(Self, [u8; LEN])> {
+            let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+            listener.set_nonblocking(true)?;
+            // The keys of a new hasher are the system's random numbers.
+            let random = || RandomState::new().hash_one(0).to_le_bytes();
+            let mut told = [0; LEN];
+            told[..2].copy_from_slice(&listener.local_addr()?.port().to_le_bytes());
+            told[2..10].copy_from_slice(&random());
+            told[10..].copy_from_slice(&random());
+            let mut token = [0; LEN - 2];
+            token.copy_from_slice(&told[2..]);
+            Ok((Self { listener, token }, told))
+        }
+
+        /// Wait for the one who knows the token, as long as it `lives`.
+        pub(super) fn wait(self, mut lives: impl FnMut() -> bool) -> io::Result<TcpStream> {
+            let until = Instant::now() + PATIENCE;
+            while lives() && Instant::now() < until {
+                let Ok((mut stream, _)) = self.listener.accept() else {
+                    std::thread::sleep(LOOK);
+                    continue;
+                };
+                stream.set_nonblocking(false)?;
+                stream.set_read_timeout(Some(STRANGER))?;
+                let mut token = [0; LEN - 2];
+                if stream.read_exact(&mut token).is_ok() && token == self.token {
+                    stream.set_nodelay(true)?;
+                    return Ok(stream);
+                }
+            }
+            Err(io::ErrorKind::TimedOut.into())
+        }
+    }
+
+    /// Come to the meeting that was told of.
+    pub(super) fn join(told: &mut impl Read) -> io::Result<TcpStream> {
+        let mut bytes = [0; LEN];
+        told.read_exact(&mut bytes)?;
+        let port = u16::from_le_bytes([bytes[0], bytes[1]]);
+        let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
+        stream.set_nodelay(true)?;
+        stream.write_all(&bytes[2..])?;
+        Ok(stream)
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn only_who_knows_the_token_is_met() {
+            let (meeting, told) = Meeting::new().unwrap();
+            let mut wrong = told;
+            wrong[17] ^= 1;
+            let _stranger = join(&mut &wrong[..]).unwrap();
+            let mut friend = join(&mut &told[..]).unwrap();
+            let mut met = meeting.wait(|| true).unwrap();
+            friend.write_all(b"here").unwrap();
+            let mut bytes = [0; 4];
+            met.read_exact(&mut bytes).unwrap();
+            assert_eq!(&bytes, b"here");
+        }
+
+        #[test]
+        fn one_that_died_is_not_waited_for() {
+            let (meeting, _) = Meeting::new().unwrap();
+            assert!(meeting.wait(|| false).is_err());
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! A Haply whose service or host falls silent, stops or dies: zero forces arrive at the service.
+#![cfg(unix)]
+
+#[allow(dead_code)] // what the other tests ask of it
+mod emulator;
+mod service;
+
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use ergon_live::device::{self, Gone, Sample, Url};
+use ergon_live::safety::{Guarded, Limits};
+use service::{PATIENCE, Reply, Service, Told};
+
+/// A host that never takes a force back by itself: what arrives as zero is the guardian's.
+fn open(url: &str) -> Guarded {
+    emulator::can_guard();
+    let device = device::open(&Url::parse(url).unwrap()).unwrap();
+    let limits = Limits {
+        slew: f64::INFINITY,
+        ramp: 0.0,
+        fade: 0.0,
+        velocity: f64::INFINITY,
+        energy: f64::INFINITY,
+        stale: f64::INFINITY,
+        ..Limits::of(device.spec())
+    };
+    Guarded::new(device, limits, 1e-3)
+}
+
+/// A tick of a host that pushes with 1 N; whether a new position came.
+fn push(device: &mut Guarded) -> Result<bool, Gone> {
+    let mut sample = Sample::default();
+    let fresh = device.receive(&mut sample, Instant::now() + Duration::from_millis(1))?;
+    device.send(&[1.0])?;
+    Ok(fresh)
+}
+
+/// A service that answers no more until it is told zero: it is, while the host pushes on and the line holds.
+fn let_go_by(reply: Reply) {
+    let service = Service::start();
+    let mut device = open(&service.url);
+    std::thread::scope(|scope| {
+        let host = scope.spawn(move || {
+            let start = Instant::now();
+            let mut fresh = 0;
+            while fresh < 100 && start.elapsed() < PATIENCE {
+                fresh += u32::from(push(&mut device).expect("the line holds"));
+            }
+            (device, fresh)
+        });
+        service.until_pushed();
+        service.reply(reply);
+        service.until_zero();
+        service.until_pushed();
+        let (device, fresh) = host.join().unwrap();
+        assert_eq!(fresh, 100, "it answers again");
+        drop(device);
+    });
+}
+
+#[test]
+fn what_a_former_host_left_is_taken_back_at_once() {
+    let service = Service::start();
+    let device = open(&service.url);
+    service.until_zero();
+    drop(device);
+}
+
+#[test]
+fn a_silent_service_is_told_zero_without_a_reply() {
+    let_go_by(Reply::SilentUntilZero);
+}
+
+#[test]
+fn a_service_that_tells_no_state_is_told_zero() {
+    let_go_by(Reply::EmptyUntilZero);
+}
+
+#[test]
+fn a_service_that_never_answers_again_is_gone() {
+    let service = Service::start();
+    let mut device = open(&service.url);
+    let start = Instant::now();
+    push(&mut device).unwrap();
+    service.until_pushed();
+    service.reply(Reply::Never);
+    let gone = loop {
+        if let Err(gone) = push(&mut device) {
+            break gone;
+        }
+        assert!(start.elapsed() < PATIENCE, "it is never gone");
+    };
+    assert_eq!(gone, Gone::Silent);
+    service.until_zero();
+}
+
+#[test]
+fn a_service_that_hangs_up_is_told_zero_on_a_new_connection() {
+    let service = Service::start();
+    let mut device = open(&service.url);
+    let start = Instant::now();
+    push(&mut device).unwrap();
+    service.until_pushed();
+    service.reply(Reply::HangUp);
+    while push(&mut device).is_ok() {
+        assert!(start.elapsed() < PATIENCE, "it is never gone");
+    }
+    // The device is held: nothing that its end does is what is told here.
+    service.until(|told| told == Told::Left);
+    service.until(|told| told == Told::Came);
+    service.until_zero();
+    drop(device);
+}
+
+/// A host of its own, for the tests below to end: pushes with 1 N as long as it lives.
+#[test]
+#[ignore = "a part of other tests"]
+fn host_process() {
+    let mut device = open(&std::env::var("ERGON_TEST_DEVICE").unwrap());
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        let _ = push(&mut device);
+    }
+}
+
+/// A host that is killed where a test ends early.
+struct Host(Child);
+
+impl Host {
+    fn signal(&self, number: i32) {
+        signal(self.0.id().cast_signed(), number);
+    }
+
+    fn kill(&mut self) {
+        self.0.kill().unwrap();
+        self.0.wait().unwrap();
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A service that is pushed by a host in a process group of its own.
+fn hosted() -> (Service, Host) {
+    let service = Service::start();
+    let host = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "host_process", "--ignored", "--nocapture"])
+        .env("ERGON_TEST_DEVICE", &service.url)
+        .stdout(Stdio::null())
+        .process_group(0)
+        .spawn()
+        .map(Host)
+        .unwrap();
+    service.until_pushed();
+    (service, host)
+}
+
+fn signal(pid: i32, signal: i32) {
+    // SAFETY: no pointers are passed; the processes are this test's own, and live.
+    assert_eq!(unsafe { libc::kill(pid, signal) }, 0);
+}
+
+#[test]
+fn a_host_that_is_killed_leaves_no_force() {
+    let (service, mut host) = hosted();
+    host.kill();
+    service.until_zero();
+    service.until(|told| told == Told::Left);
+}
+
+#[test]
+fn a_host_that_is_stopped_leaves_no_force() {
+    let (service, mut host) = hosted();
+    host.signal(libc::SIGSTOP);
+    service.until_zero();
+    // It goes on: its forces pass again.
+    host.signal(libc::SIGCONT);
+    service.until_pushed();
+    host.kill();
+    service.until_zero();
+}
+
+#[test]
+fn a_process_group_that_is_killed_leaves_no_force() {
+    let (service, host) = hosted();
+    signal(-host.0.id().cast_signed(), libc::SIGKILL);
+    service.until_zero();
+}
+
+/// Processes that a process has started.
+#[cfg(target_os = "linux")]
+fn children(of: u32) -> Vec<i32> {
+    let tasks = std::fs::read_dir(format!("/proc/{of}/task")).unwrap();
+    let of_task = |task: std::fs::DirEntry| {
+        let found = std::fs::read_to_string(task.path().join("children"));
+        let found = found.unwrap_or_default();
+        let numbers = found.split_whitespace().map(|pid| pid.parse().unwrap());
+        numbers.collect::<Vec<i32>>()
+    };
+    tasks.flat_map(|task| of_task(task.unwrap())).collect()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_guardian_outlives_what_ends_programs_and_not_its_host() {
+    let (service, mut host) = hosted();
+    let [guardian] = children(host.0.id())[..] else {
+        panic!("one guardian");
+    };
+    let files = format!("/proc/{guardian}/fd");
+    // Its three standard files, the host and the service.
+    let open = std::fs::read_dir(&files).unwrap().count();
+    assert!(open <= 5, "{open}");
+    for number in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT] {
+        signal(guardian, number);
+    }
+    host.kill();
+    service.until_zero();
+    let start = Instant::now();
+    while std::fs::read_dir(&files).is_ok_and(|files| files.count() > 0) {
+        assert!(start.elapsed() < PATIENCE, "it never ends");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_real_service_has_its_own_time() {
+    let service = Service::start();
+    emulator::can_guard();
+    let url = Url::parse(&format!("{}?lockstep", service.url)).unwrap();
+    let error = device::open(&url).err().unwrap();
+    assert!(error.to_string().contains("lockstep"), "{error}");
+}
+
+#[test]
+fn a_service_that_is_not_there_is_named() {
+    emulator::can_guard();
+    let url = Url::parse("haply:ws://127.0.0.1:1").unwrap();
+    let error = device::open(&url).err().unwrap().to_string();
+    assert!(
+        error.contains("127.0.0.1:1") && error.contains("refused"),
+        "{error}"
+    );
+}

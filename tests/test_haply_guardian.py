@@ -1,0 +1,89 @@
+"""A Haply is told zero when its performance is killed or stopped, or its service tells no state."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from duets import duet
+from simulated_service import Reply, Service
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+
+SCORE = """\
+ergon: 1
+keys:
+  k: {M: 50g, K: 60N/m, Z: 1Ns/m}
+  v: {M: 50g, K: 60N/m, Z: 1Ns/m}
+instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 1s}}}, out: {SOX: m}}}
+gestures: {rest: 0mm@0 hold 0mm@1}
+players: {ada: {key: v}, remi: {hand: live, key: k}}
+duet: [{couple: [k, v], REF: {K: 60N/m, Z: 0.1Ns/m}}]
+parts: {ada: [{at: 1|1, play: rest}]}
+render: {tail: 300s}
+"""
+
+
+def playing(tmp_path: Path, service: Service) -> tuple[Path, tuple[object, ...]]:
+    score = tmp_path / "score.yaml"
+    score.write_text(SCORE)
+    return score, ("--live", f"remi={service.url}", "--audio", "null", "--gain", "0dB")
+
+
+def pushed(service: Service) -> float:
+    """Wait until a force stands; when it came."""
+    n = len(service.told)
+    service.until(lambda own: len(own.told) > n and abs(own.told[-1].force[0]) > 0.01)
+    return service.told[-1].at
+
+
+def let_go(service: Service, after: float) -> None:
+    """Wait until zero is the last that was told."""
+    service.until(lambda own: own.first_zero(after) is not None and own.told[-1].is_zero)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_performance_that_is_killed_or_stopped_leaves_no_force(
+    tmp_path: Path, number: signal.Signals
+):
+    with Service() as service:
+        score, live = playing(tmp_path, service)
+        with duet(score, *live) as performance:
+            at = pushed(service)
+            performance.process.send_signal(number)
+            let_go(service, at)
+            if number is signal.SIGSTOP:
+                performance.process.send_signal(signal.SIGCONT)
+                pushed(service)
+
+
+@pytest.mark.parametrize("reply", ["empty", "silent"])
+def test_a_service_without_states_is_told_zero_and_plays_on_when_it_has_some(
+    tmp_path: Path, reply: Reply
+):
+    with Service() as service:
+        score, live = playing(tmp_path, service)
+        with duet(score, *live):
+            at = pushed(service)
+            service.reply = reply
+            let_go(service, at)
+            service.reply = "state"
+            pushed(service)
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("sys.frozen = True; _core.Device('haply:ws://127.0.0.1:1')", "can start none"),
+        ("_core.Device('haply:ws://127.0.0.1:1')", "refused"),
+        ("_core.guard_haply()", "EngineError"),
+    ],
+)
+def test_what_cannot_be_guarded_is_an_error(lines: str, words: str):
+    """A program that holds Python inside cannot be started as a guardian; no host is at a pipe."""
+    program = f"import sys; from ergon import _core; {lines}"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, input="", capture_output=True, text=True)
+    assert done.returncode == 1
+    assert words in done.stderr.splitlines()[-1]
