@@ -47,8 +47,10 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
         replay = opened(path)
         with score.staging(console, replay.opening.texts.load):
             again = Again(replay)
-    except (JournalError, NotTakenError) as error:
+    except JournalError as error:
         raise Refused(str(error)) from None
+    except NotTakenError as error:
+        raise Refused(f"{path}: {error}") from None
     if not again.n_frames:
         raise Refused(f"{path}: nothing was played")
     opening = replay.opening
@@ -70,6 +72,8 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
             done = exchange.render(again, order, progress.at)
     except DivergedError as error:
         raise Diverged(str(error)) from None
+    except JournalError as error:
+        raise Refused(str(error)) from None
     except NotTakenError as error:
         raise Refused(f"{path}: {error}") from None
     rendered(console, done, order, 0.0, again.running.stage.network)

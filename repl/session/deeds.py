@@ -245,12 +245,20 @@ def _guide(command: c.Guide) -> Deed:
 
 def _load(command: c.Load) -> Deed:
     texts = _file(command.file)
-    return lambda version, beat: _read(version, texts)
+    return lambda version, beat: replace(_read(version, texts), read=texts)
 
 
 def _reload(command: c.Reload) -> Deed:
-    """The score's own file, and those that it uses, as they are now."""
-    return lambda version, beat: _read(version, _file(version.texts.path))
+    """The score's own file, and those that it uses, as they are when the line is typed."""
+    files: dict[str, Texts] = {}
+
+    def deed(version: Version, beat: float) -> Version:
+        path = version.texts.path
+        if path not in files:
+            files[path] = _file(path)
+        return replace(_read(version, files[path]), read=files[path])
+
+    return deed
 
 
 def _file(path: str) -> Texts:

@@ -29,7 +29,7 @@ from ergon.scores.tables.fields import Values
 from ergon.scores.tables.shapes import MISSING, Context
 from ergon.scores.text.document import Scalar
 from ergon.scores.text.errors import TextError
-from ergon.scores.text.files import Files, is_file
+from ergon.scores.text.files import Files
 from ergon.scores.text.values import Place
 
 START = Position()
@@ -135,13 +135,14 @@ def gesture(values: Values) -> Gesture | None:
 def take(values: Values, files: Files) -> TakeFile:
     """A take; its file must be there, its content is read when it is played."""
     folder = values.nodes["file"].document.folder
-    path = files.find(values["file"], folder) or folder / values["file"]
+    found = files.find(values["file"], folder, is_text=False)
+    path = found or folder / values["file"]
     if path.suffix.lower() == ".gms":
         values.error("E108", f"{values.context.of('file')}: GMS files are not read yet", "file")
     elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz"):
         message = f"{values.context.of('file')}: a take is a .take, .csv, .wav or .npz file"
         values.error("E206", message, "file")
-    elif not is_file(path):
+    elif found is None:
         values.error("E107", f"{values.context.of('file')}: no file {path}", "file")
     v = values
     return TakeFile(

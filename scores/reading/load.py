@@ -38,14 +38,16 @@ def load(
     text: str | None = None,
     overlay: Mapping[str, str] | None = None,
     memory: Memory | None = None,
+    sealed: bool = False,
 ) -> Loaded:
     """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.
 
-    `overlay` gives texts that stand for files; `memory` is of who reads again what hardly changes.
+    `overlay` gives texts that stand for files; where it is `sealed` it has all of them, but for the
+    library; `memory` is of who reads again what hardly changes.
     Nothing is raised for what a composer wrote.
     """
     collector = Collector() if memory is None else memory.begin()
-    files = Files(collector, overlay, memory)
+    files = Files(collector, overlay, memory, sealed)
     where = Path(path)
     files.home = where.parent
     if text is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
@@ -34,8 +35,31 @@ def shipped(path: Path) -> str | None:
     return None
 
 
+def installed(name: str) -> Path:
+    """Where a file that ships is installed, by the name by which scores use it."""
+    first, *rest = PurePosixPath(name).parts
+    root = _LIBRARY.get(first)
+    return _SHIPPED / name if root is None else root.joinpath(*rest)
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a file is, or would be, in the installed library, by whatever name and link."""
+    real = os.path.realpath(path)
+    roots = (os.path.realpath(root) for root in (*_LIBRARY.values(), _SHIPPED))
+    return any(real == root or real.startswith(root + os.sep) for root in roots)
+
+
+def is_below(path: Path, folder: Path) -> bool:
+    """Whether a file is, or would be, in a folder or below it, with all links followed."""
+    real, root = os.path.realpath(path), os.path.realpath(folder)
+    return real.startswith(root.rstrip(os.sep) + os.sep)
+
+
 class Files:
     """Reads YAML files; `overlay` holds texts that stand for files (an editor's, a test's).
+
+    Where it is `sealed` no text is read from the disk that is neither in `overlay` nor ships, and
+    no other file from outside `home`.
 
     A file in `home`, the score's folder, stands for the one that ships under the same name, for
     files of the library too: so a copy that is changed is the one that is meant.
@@ -46,6 +70,7 @@ class Files:
         collector: Collector,
         overlay: Mapping[str, str] | None = None,
         memory: Memory | None = None,
+        sealed: bool = False,
     ) -> None:
         """Start with nothing read, but for what is remembered."""
         self.collector = collector
@@ -53,9 +78,13 @@ class Files:
         self.documents: dict[str, Document] = {}
         self.home: Path | None = None
         self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
+        self._sealed = sealed
 
-    def find(self, name: str, folder: Path) -> Path | None:
-        """A file relative to a folder or to `home`, or one that ships; None when there is none."""
+    def find(self, name: str, folder: Path, *, is_text: bool = True) -> Path | None:
+        """A file relative to a folder or to `home`, or one that ships; None when there is none.
+
+        What is no text (a take) is never in the overlay.
+        """
         candidates = [folder / name]
         parts = PurePosixPath(name).parts
         if parts and ".." not in parts and not Path(name).is_absolute():
@@ -65,9 +94,17 @@ class Files:
                 candidates.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
             candidates.append(_SHIPPED / name)
         for path in candidates:
-            if str(path) in self._overlay or is_file(path):
+            if str(path) in self._overlay or (self._may_read(path, is_text) and is_file(path)):
                 return path
         return None
+
+    def _may_read(self, path: Path, is_text: bool) -> bool:
+        if not self._sealed or shipped(path) is not None:
+            return True
+        try:
+            return not is_text and self.home is not None and is_below(path, self.home)
+        except (OSError, ValueError):  # a name that no file can have
+            return False
 
     def text(self, name: str, text: str, folder: Path) -> Document:
         """A document from a text that is at hand."""
