@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import json
-import math
 import os
 import stat
 import threading
@@ -127,8 +126,8 @@ class Event:
     def number_of(self, name: str, kind: type, low: float, high: float, default: Any = None) -> Any:
         """A number within bounds. Raises JournalError."""
         value = self.get(name, kind, default)
-        if not (math.isfinite(value) and low <= value <= high):
-            self.wrong(f"{name} is {value:.6g}, which is not from {low:g} to {high:g}")
+        if not low <= value <= high:  # NaN neither
+            self.wrong(f"{name} is {str(value)[:20]}, which is not from {low:g} to {high:g}")
         return value
 
     def mapping(self, name: str, kind: type, most: int = 10_000) -> dict[str, Any]:
