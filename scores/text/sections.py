@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 
 from ergon.scores.text import document
@@ -33,9 +34,9 @@ def lines(text: str, section: str) -> tuple[int, int] | None:
 
 
 def _cut(text: str) -> Iterator[tuple[str, int, int]]:
-    matches = list(_SECTION.finditer(text))
-    ends = [*(match.start() for match in matches[1:]), len(text)]
-    for match, end in zip(matches, ends, strict=True):
+    matches = list(_SECTION.finditer(text))  # none where there are remarks only
+    for match, after in zip_longest(matches, matches[1:]):
+        end = len(text) if after is None else after.start()
         yield match.group()[:-1].rstrip(), match.start(), end
 
 
