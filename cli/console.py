@@ -93,7 +93,7 @@ class Console:
             if form in ("full", "concise"):
                 word = f"{diagnostic.severity}[{diagnostic.code}]"
                 text = text.replace(word, style(diagnostic.severity, word), 1)
-            print(text, file=stream)
+            print(_sayable(text) if form == "json" else text, file=stream)
         for severity, count in left_out.items():
             if count:
                 self.say(f"and {count:,} more {severity}" + ("s" if count > 1 else ""))
@@ -106,9 +106,21 @@ class Console:
 
 
 def line(event: str, **fields: Any) -> str:
-    """One JSON line; a number that JSON cannot say (inf, nan) becomes null."""
+    """One JSON line; a number that JSON cannot say (inf, nan) becomes null.
+
+    What stdout has no characters for is escaped as JSON does, as are bytes of names of files that
+    are no text.
+    """
     fields = {name: _finite(value) for name, value in fields.items()}
-    return json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False)
+    return _sayable(json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=False))
+
+
+def _sayable(said: str) -> str:
+    try:
+        said.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        return json.dumps(json.loads(said))
+    return said
 
 
 def _finite(value: Any) -> Any:

@@ -97,7 +97,7 @@ def _axis(name: str, row: Any) -> Axis:
         numbers = (axis.zero, axis.gain, *axis.range, axis.force_max)
         if not all(map(math.isfinite, numbers)) or axis.gain == 0 or axis.sign not in (-1, 1):
             raise ValueError
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, OverflowError, TypeError, ValueError):
         raise BoardError(
             f'{config_path()}: [{_TABLE}."{name}"] is not what `ergon devices calibrate` writes'
         ) from None
