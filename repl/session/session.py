@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 _LOOK = 0.02  # [s] between two looks at the engine
 _WATCH = 15  # looks between two at the score's files
 _BAR = Length(bars=1.0)
+_HALF = re.compile("[\ud800-\udfff]")
 
 
 class Session:
@@ -192,6 +194,8 @@ class Session:
     # --- doing it --------------------------------------------------------------------------------
 
     def _submitted(self, text: str) -> Reply:
+        if _HALF.search(text):  # no journal could be read again
+            raise NotTakenError("there is half of a character in this line (a lone surrogate)")
         commands = parse(text, self._scope)
         if not commands:
             return Reply(True, "")

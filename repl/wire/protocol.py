@@ -102,18 +102,8 @@ def asked(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
             raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: {kind.__name__}")
         if isinstance(value, str) and len(value) > MAX_TEXT:
             raise ProtocolError(too_long(value))
-        if isinstance(value, str) and not _is_unicode(value):
-            raise ProtocolError(f"'{name}' of '{do}' has half of a character (a lone surrogate)")
         given[name] = value
     return do, given
-
-
-def _is_unicode(text: str) -> bool:
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def too_long(text: str) -> str:
