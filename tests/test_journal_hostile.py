@@ -166,7 +166,14 @@ LINES = [
     *("keep 8bar as verse-2", "py open('{out}/owned', 'w').write('x')", "load {out}/score.yaml"),
     *("reload", "record ada as solo", "panic", "set k1.M 1e999g", "tempo 1e308", "tempo 0.0001"),
     *("set k1.K -1N/m", "ada plays knock every 0", "play from 99999999|1", "x" * 100_000, "\0"),
-    *("damp 1e-300s", "knock = 0@0 throw 1e300@1", "hush; panic", "undo", "nudge 1", "set bell.hum.t60 x3"),
+    *(
+        "damp 1e-300s",
+        "knock = 0@0 throw 1e300@1",
+        "hush; panic",
+        "undo",
+        "nudge 1",
+        "set bell.hum.t60 x3",
+    ),
 ]
 TEXTS = [
     *("", "no: score", "ergon: 1", "\ud800", "a: &a [*a]", "[" * 5000, "{out}", "%YAML 9", "\0"),
@@ -184,7 +191,9 @@ FIELDS = {
     "score": PATHS,
     "text": TEXTS,
     "line": LINES,
-    **dict.fromkeys(("at", "every", "gain", "limit", "highpass", "master", "beat", "frame"), NUMBERS),
+    **dict.fromkeys(
+        ("at", "every", "gain", "limit", "highpass", "master", "beat", "frame"), NUMBERS
+    ),
     **dict.fromkeys(("number", "start", "goes", "resets", "restores", "where", "v"), NUMBERS),
     "event": ["session", "line", "commit", "late", "dropped", "saved", "end", "", None, 3, []],
 }

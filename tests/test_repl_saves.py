@@ -238,7 +238,14 @@ def test_links_that_lead_out_are_not_followed(
     (tmp_path / "round.yaml").symlink_to("round.yaml")
     (tmp_path / "instruments").symlink_to(outside.parent)
     at.ok("set bell.hum.t60 x0.5")
-    for line in ("save live", "save round", "save", f"save {outside}", "save ../x", "save /dev/full"):
+    for line in (
+        "save live",
+        "save round",
+        "save",
+        f"save {outside}",
+        "save ../x",
+        "save /dev/full",
+    ):
         reply = at.type(line)
         assert not reply.taken, line
         assert "ergon itself" not in reply.text
