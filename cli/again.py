@@ -37,7 +37,8 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     from ergon.exchange.level import Level
     from ergon.exchange.wave_header import Stamp, WaveFormat
     from ergon.repl.session.journal import JournalError
-    from ergon.repl.session.replay import Again, opened
+    from ergon.repl.session.recorded import opened
+    from ergon.repl.session.replay import Again
     from ergon.repl.session.version import NotTakenError
 
     for option, name in _NOT_HERE.items():

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
-    from ergon.repl.session.replay import Opening
+    from ergon.repl.session.recorded import Opening
     from ergon.repl.session.session import Session
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -129,7 +129,8 @@ def _beginning(
     """The first version, where its piece stands, the gain where it is known, and the disk."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
-    from ergon.repl.session.replay import opened, resumed
+    from ergon.repl.session.recorded import opened
+    from ergon.repl.session.replay import resumed
     from ergon.repl.session.texts import Texts
     from ergon.repl.session.version import NotTakenError, Version
 
@@ -186,7 +187,7 @@ def _engine(
 ) -> tuple[Callable[[Stage], Engine], Callable[[int], Opening]]:
     from ergon import _core
     from ergon.repl.session.live import Live
-    from ergon.repl.session.replay import Opening
+    from ergon.repl.session.recorded import Opening
 
     def make(stage: Stage) -> Engine:
         try:

@@ -18,7 +18,8 @@ def make_whole() -> None:
     for number, (name, mode) in enumerate(_NAMES):
         stream = getattr(sys, name)
         if stream is None:
-            setattr(sys, name, open(_null(number), mode, encoding="utf-8", closefd=False))
+            null = open(_null(number), mode, encoding="utf-8", closefd=False)  # noqa: SIM115
+            setattr(sys, name, null)
         elif isinstance(stream, io.TextIOWrapper) and mode == "w":
             stream.reconfigure(errors="backslashreplace")
 

@@ -12,7 +12,7 @@ from sessions import Stepped
 from test_journal_hostile import KEYS, SCORE
 
 from ergon.repl.session.journal import Journal, JournalError, read
-from ergon.repl.session.replay import opened
+from ergon.repl.session.recorded import opened
 
 
 def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import hashlib
 import json
 import os
 import random
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import closing
@@ -21,7 +20,8 @@ from sessions import EVERY, Stepped
 
 from ergon.repl.session.engine import Steps
 from ergon.repl.session.journal import JournalError
-from ergon.repl.session.replay import Again, opened, resumed
+from ergon.repl.session.recorded import opened
+from ergon.repl.session.replay import Again, resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.staging.stage import StageError
@@ -44,7 +44,7 @@ TYPED = ("save", "save other", "keep 2bar as verse", "save", "save other")
 
 
 class Sandbox:
-    """A folder with a score and its journal, and beside it what no journal has any business with."""
+    """A folder with a score and its journal, and beside it what is none of a journal's business."""
 
     def __init__(self, folder: Path) -> None:
         self.inside, self.outside = folder / "inside", folder / "outside"
@@ -135,7 +135,6 @@ def played(path: Path) -> list[str]:
             disk=replay.disk,
         )
     except REFUSED as error:
-        assert "\n" not in str(error)
         return [str(error)]
     with closing(session):
         for line in TYPED:
@@ -255,6 +254,7 @@ def swarm(box: Sandbox, seed: int, count: int) -> tuple[int, int]:
         finally:
             box.is_watched = False
         assert box.opened == [], (number, box.opened)
+        assert all("\n" not in reply for reply in replies)
         assert box.seen(box.outside) == outside, number
         assert not [name for name in os.listdir(box.inside) if name.endswith(".part")]
         done = sum(reply.startswith("ok wrote") for reply in replies)

@@ -16,7 +16,8 @@ from test_journal_hostile import KEYS, SCORE
 
 from ergon.exchange import together
 from ergon.repl.session.engine import Steps
-from ergon.repl.session.replay import opened, resumed
+from ergon.repl.session.recorded import opened
+from ergon.repl.session.replay import resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import piece_of
 from ergon.scores.reading.load import load

@@ -44,7 +44,7 @@ def _using(texts: Texts, changed: Collection[str]) -> set[str]:
 
 
 def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
-    """Every `use`: the file in which it stands, where there, its name and the file that it means."""
+    """Every `use`: its file, its place there, its name, and the file that it means."""
     finder = Files(Collector(), texts.overlay, sealed=True)
     finder.home = Path(texts.path).parent
     for file in (texts.path, *texts.overlay):

@@ -28,7 +28,7 @@ from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.leads import Leads, allow
-from ergon.repl.session.replay import said
+from ergon.repl.session.recorded import said
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.version import NotTakenError, Past, Version
 from ergon.scores.clock.positions import Length
