@@ -3,7 +3,7 @@
 #   make test       everything that must hold (random cases by a fixed seed: no luck in a landing)
 #   make check      format, lint, types; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
-#   make docs       pages that are made from the program: what errors mean, the fields, the verbs
+#   make docs       pages that are made from the program: what errors mean, the fields, the verbs, licences
 #   make charts     pictures of error against cost, and of stability (docs/charts)
 #   make test-long  the minutes-long tests, and random cases drawn anew
 
@@ -42,6 +42,7 @@ docs: $(VENV)/dev
 	$(BIN)/python -m ergon.scores.staging.error_pages docs/errors
 	$(BIN)/python -m ergon.scores.reading.reference docs/reference.md
 	$(BIN)/python -m ergon.repl.language.help docs/cheat-sheet.md
+	$(BIN)/python core-rs/third_party.py LICENSE-THIRD-PARTY
 
 charts: $(VENV)/dev
 	$(BIN)/python -m ergon.lab.bundled docs/charts

@@ -37,7 +37,8 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     from ergon.exchange.level import Level
     from ergon.exchange.wave_header import Stamp, WaveFormat
     from ergon.repl.session.journal import JournalError
-    from ergon.repl.session.replay import Again, opened
+    from ergon.repl.session.recorded import opened
+    from ergon.repl.session.replay import Again
     from ergon.repl.session.version import NotTakenError
 
     for option, name in _NOT_HERE.items():
@@ -47,8 +48,10 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
         replay = opened(path, trust=wishes.trust)
         with score.staging(console, replay.opening.texts.load):
             again = Again(replay)
-    except (JournalError, NotTakenError) as error:
+    except JournalError as error:
         raise Refused(str(error)) from None
+    except NotTakenError as error:
+        raise Refused(f"{path}: {error}") from None
     if not again.n_frames:
         raise Refused(f"{path}: nothing was played")
     opening = replay.opening
@@ -64,13 +67,15 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
         block=wishes.block,
         threads=wishes.threads,
         force=wishes.force,
-        inputs=(path, *(one for texts in replay.texts() for one in texts.load().inputs)),
+        inputs=(path, *(one for texts in replay.all_texts() for one in texts.load().inputs)),
     )
     try:
         with console.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress:
             done = exchange.render(again, order, progress.at)
     except DivergedError as error:
         raise Diverged(str(error)) from None
+    except JournalError as error:
+        raise Refused(str(error)) from None
     except NotTakenError as error:
         raise Refused(f"{path}: {error}") from None
     rendered(console, done, order, 0.0, again.running.stage.network)

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 import click
 
@@ -125,16 +125,14 @@ def _joined(console: Console, path: str | None, wishes: Wishes, here: Path) -> R
 
 def _started(console: Console, path: str | None, wishes: Wishes, here: Path) -> Remote:
     """A process that no terminal's end ends; what it says is heard until it answers."""
-    from ergon.repl.session.journal import free
     from ergon.repl.wire.place import NobodyError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import Remote
 
-    journal = free(wishes.journal)
-    log = free(journal.with_suffix(".log"))
     command = [sys.executable, "-m", "ergon.cli", "repl", *([path] if path is not None else [])]
-    command += [*_as_options(wishes), f"--journal={journal}", f"--socket={here}", "--engine"]
-    with log.open("xb") as sink, log.open("rb") as said:
+    command += [*_as_options(wishes), f"--journal={wishes.journal}", f"--socket={here}", "--engine"]
+    with _log(wishes.journal.with_suffix(".log")) as sink, open(sink.name, "rb") as said:
+        log = Path(sink.name)
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
         )
@@ -158,8 +156,19 @@ def _started(console: Console, path: str | None, wishes: Wishes, here: Path) -> 
         except BaseException:  # Ctrl-C: who does not want to wait wants no engine
             process.terminate()
             raise
+    journal = os.path.relpath(str(remote.about.get("journal", "")) or wishes.journal)
     console.say(f"the engine is process {process.pid}; it writes {journal} and {log}")
     return remote
+
+
+def _log(path: Path) -> IO[bytes]:
+    """A new file under the first of its names that is free; of several each gets its own."""
+    from ergon.repl.session.journal import names
+
+    for found in names(path):
+        with contextlib.suppress(FileExistsError):
+            return found.open("xb")
+    raise AssertionError  # names do not end
 
 
 def _command(wishes: Wishes) -> str:

@@ -14,6 +14,7 @@ from ergon.common.terminal import clean
 from .console import Console
 from .lazy import LazyGroup, Table
 from .outcome import EXIT_CODES, INTERNAL, INTERRUPTED, Diverged, Findings, Outcome, Refused
+from .streams import make_whole
 
 COMMANDS: Table = {
     "new": ("new", "new", "Make a folder with a score that plays."),
@@ -88,6 +89,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str]) -> int:
     """Run a command line and return its exit code; every message is printed here or before."""
+    make_whole()
     try:
         code = _outcome(arguments)
         sys.stdout.flush()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -95,7 +96,7 @@ class Console:
             if form in ("full", "concise"):
                 word = f"{diagnostic.severity}[{diagnostic.code}]"
                 text = text.replace(word, style(diagnostic.severity, word), 1)
-            print(text, file=stream)
+            print(_sayable(text) if form == "json" else text, file=stream)
         for severity, count in left_out.items():
             if count:
                 self.say(f"and {count:,} more {severity}" + ("s" if count > 1 else ""))
@@ -108,9 +109,22 @@ class Console:
 
 
 def line(event: str, **fields: Any) -> str:
-    """One JSON line; a number that JSON cannot say (inf, nan) becomes null."""
+    """One JSON line; a number that JSON cannot say (inf, nan) becomes null.
+
+    What stdout has no characters for is escaped as JSON does, as are bytes of names of files that
+    are no text.
+    """
     fields = {name: _finite(value) for name, value in fields.items()}
-    return json_text({"v": VERSION, "event": event, **fields})
+    return _sayable(json_text({"v": VERSION, "event": event, **fields}))
+
+
+def _sayable(said: str) -> str:
+    try:
+        said.encode(sys.stdout.encoding or "utf-8")
+    except UnicodeEncodeError:
+        escaped: str = json.dumps(json.loads(said))
+        return escaped
+    return said
 
 
 def _finite(value: Any) -> Any:

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from ergon.live.boards import Board
     from ergon.live.perform import Order
     from ergon.repl.session.clock import Clock
+    from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
-    from ergon.repl.session.replay import Opening
+    from ergon.repl.session.recorded import Opening
     from ergon.repl.session.session import Session
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -80,7 +81,7 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
 
-    version, clock, gain = _beginning(console, path, wishes)
+    version, clock, gain, disk = _beginning(console, path, wishes)
     piece = version.piece
     boards = [
         playing.ready(console, board, wishes.unchecked)
@@ -89,15 +90,14 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     real = {player: None for board in boards for _, player in board.axes}
     with score.staging(console, version.texts.load):
         order = _order(console, piece, wishes, boards, gain)
-    told = free(wishes.journal)
-    hands = free(told.with_suffix(".take")) if real else None
-    order = replace(order, record=hands, about={"journal": told.name})
-    make, opening = _engine(console, version, clock, order)
     try:
-        journal = Journal(told)
+        journal = Journal.begun(wishes.journal)
     except JournalError as error:
         raise Refused(str(error)) from None
     try:
+        hands = free(journal.path.with_suffix(".take")) if real else None
+        order = replace(order, record=hands, about={"journal": journal.path.name})
+        make, opening = _engine(console, version, clock, order)
         with score.staging(console, version.texts.load):
             session = Session(
                 version,
@@ -108,13 +108,15 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
                 store=of_user(),
                 clock=clock,
                 hands=hands,
+                disk=disk,
                 watches=wishes.watch,
             )
     except BaseException:
         journal.close()
-        told.unlink(missing_ok=True)  # nothing has begun
+        journal.path.unlink(missing_ok=True)  # nothing has begun
         raise
-    journal.tell("session", **opening(session.commits.engine.every).fields())
+    began = opening(session.commits.engine.every).fields()
+    journal.tell("session", **began, disk=session.disk.said(version.texts))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
     gc.freeze()
@@ -124,27 +126,30 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
 
 def _beginning(
     console: Console, path: str | None, wishes: Wishes
-) -> tuple[Version, Clock, float | None]:
-    """The first version, where its piece stands, and the gain where it is known."""
+) -> tuple[Version, Clock, float | None, Disk | None]:
+    """The first version, where its piece stands, the gain where it is known, and the disk."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
-    from ergon.repl.session.replay import opened, resumed
+    from ergon.repl.session.recorded import opened
+    from ergon.repl.session.replay import resumed
     from ergon.repl.session.texts import Texts
     from ergon.repl.session.version import NotTakenError, Version
 
     resume = wishes.resume
-    if (path is None) == (resume is None):
-        raise Refused("a score, or --resume JOURNAL: one of them")
     if resume is not None:
         try:
-            replay = opened(resume, trust=wishes.trust)
-            return *resumed(replay), replay.opening.gain
-        except (JournalError, NotTakenError) as error:
-            raise Refused(f"--resume {resume}: {error}") from None
-    assert path is not None
+            replay = opened(resume, path, resumes=True, trust=wishes.trust)
+            return *resumed(replay), replay.opening.gain, replay.disk
+        except JournalError as error:
+            raise Refused(f"--resume: {error}") from None
+        except NotTakenError as error:
+            raise Refused(f"--resume: {resume}: {error}") from None
+    if path is None:
+        raise Refused("a score is missing, or --resume JOURNAL")
     loaded = score.read(console, path, leave_out=("N401",), trust=wishes.trust)
     piece = score.piece_of(loaded)
-    return Version(0, "", Texts.read(path, score.bounds(path, wishes.trust)), piece), Clock(), None
+    texts = Texts.read(path, score.bounds(path, wishes.trust))
+    return Version(0, "", texts, piece), Clock(), None, None
 
 
 def _order(
@@ -185,7 +190,7 @@ def _engine(
 ) -> tuple[Callable[[Stage], Engine], Callable[[int], Opening]]:
     from ergon import _core
     from ergon.repl.session.live import Live
-    from ergon.repl.session.replay import Opening
+    from ergon.repl.session.recorded import Opening
 
     def make(stage: Stage) -> Engine:
         try:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
-import itertools
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from ergon.common.terminal import clean
 
+from . import temporary
 from .wave import is_render
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI file of ours
 _MARK_WITHIN = 1024
-_serial = itertools.count()
 
 
 class RefusedError(Exception):
@@ -61,6 +61,13 @@ def check_target(
 
     What is read (`inputs`) is never written over, whatever `force` says.
     """
+    try:
+        is_loop = False
+        path.stat()
+    except OSError as error:
+        is_loop = error.errno == errno.ELOOP
+    if is_loop:
+        raise RefusedError(f"{path} is a link that leads back to itself")
     if path.is_dir():
         raise RefusedError(f"{path} is a folder")
     if is_one_of(path, inputs):
@@ -109,28 +116,39 @@ def writing(
     path = path.resolve()  # a link stays a link; what it points to is replaced
     folders = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
-    # In the same folder, so that the rename is one step within one file system.
-    temporary = path.with_name(f".{path.name[:200]}.{os.getpid()}-{next(_serial)}.part")
-    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     try:
-        handle = os.open(temporary, flags, 0o666)
+        part, opened = temporary.opened(path)
     except OSError as error:
+        unmake(folders)
         raise RefusedError(f"{path} cannot be written: {error.strerror}") from None
     try:
-        with open(handle, "w+b") as file:
-            yield file
-            file.flush()
+        with opened:
+            yield opened
+            opened.flush()
             if sync:
-                os.fsync(file.fileno())
-        if path.exists():
-            temporary.chmod(path.stat().st_mode & 0o777)
-        os.replace(temporary, path)
+                os.fsync(opened.fileno())
+            keep_mode(path, part)
+            if temporary.IS_LOCKED:  # what is closed is nobody's, and swept away
+                os.replace(part, path)
+        if not temporary.IS_LOCKED:
+            os.replace(part, path)
     except BaseException:
-        temporary.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # somebody else's file is in it by now
-            for folder in folders:
-                folder.rmdir()
+        part.unlink(missing_ok=True)
+        unmake(folders)
         raise
+
+
+def keep_mode(path: Path, part: Path) -> None:
+    """Give a file the rights of the one that it replaces."""
+    if path.exists():
+        part.chmod(path.stat().st_mode & 0o777)
+
+
+def unmake(folders: list[Path]) -> None:
+    """Take back folders that were made, innermost first."""
+    with contextlib.suppress(OSError):  # somebody else's file is in it by now
+        for folder in folders:
+            folder.rmdir()
 
 
 def write_text(

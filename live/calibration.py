@@ -87,6 +87,9 @@ def as_recorded(board: Board, number: int) -> dict[str, object]:
 def _axis(name: str, row: Any) -> Axis:
     try:
         low, high = row["range"]
+        said = (low, high, *(row[field] for field in ("sign", "zero", "gain", "force_max")))
+        if any(type(value) not in (int, float) for value in said):
+            raise TypeError
         axis = Axis(
             int(row["sign"]),
             float(row["zero"]),
@@ -95,9 +98,9 @@ def _axis(name: str, row: Any) -> Axis:
             float(row["force_max"]),
         )
         numbers = (axis.zero, axis.gain, *axis.range, axis.force_max)
-        if not all(map(math.isfinite, numbers)) or axis.gain == 0 or axis.sign not in (-1, 1):
+        if not all(map(math.isfinite, numbers)) or axis.gain == 0 or row["sign"] not in (-1, 1):
             raise ValueError
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, OverflowError, TypeError, ValueError):
         raise BoardError(
             f'{config_path()}: [{_TABLE}."{name}"] is not what `ergon devices calibrate` writes'
         ) from None

@@ -10,7 +10,8 @@ import numpy as np
 from ergon.repl.face import Reply
 from ergon.repl.session.engine import Steps
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.replay import Again, Opening, opened
+from ergon.repl.session.recorded import Opening, opened
+from ergon.repl.session.replay import Again
 from ergon.repl.session.session import Session
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of

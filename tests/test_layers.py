@@ -1,4 +1,4 @@
-"""Layers of the Rust crates: what each top-level module may import, as the tables in DESIGN.md say."""
+"""Layers of the Rust crates: what a top-level module may import, as DESIGN.md says."""
 
 import re
 from pathlib import Path

@@ -91,6 +91,25 @@ def test_what_it_would_break_it_leaves_alone(config: Path, text: str):
     assert config.read_bytes().decode() == text
 
 
+@pytest.mark.parametrize("field", ["sign", "zero", "gain", "force_max"])
+@pytest.mark.parametrize("value", ["inf", "-inf", "nan", "1" + "0" * 400, '"1"', "[]", "true"])
+def test_numbers_that_no_axis_has_are_refused_in_their_place(config: Path, field: str, value: str):
+    remember("emul:", 0, AXIS)
+    lines = config.read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith(f"{field} = "))
+    lines[at] = f"{field} = {value}"
+    config.write_text("\n".join(lines) + "\n")
+    with pytest.raises(BoardError, match=rf'{config}: \[calibration."emul:#0"\]'):
+        known("emul:")
+
+
+def test_a_sign_is_one(config: Path):
+    remember("emul:", 0, AXIS)
+    config.write_text(config.read_text().replace(f"sign = {AXIS.sign}", "sign = 1.9"))
+    with pytest.raises(BoardError):
+        known("emul:")
+
+
 def test_a_new_list_and_its_links(config: Path, tmp_path: Path):
     remember("emul:?mass=0.1", 0, AXIS)
     assert known("emul:?mass=0.1") == {0: AXIS}

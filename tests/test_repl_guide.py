@@ -17,7 +17,8 @@ from ergon.live.boards import Board
 from ergon.live.perform import Order
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.live import Live
-from ergon.repl.session.replay import Again, Opening, opened
+from ergon.repl.session.recorded import Opening, opened
+from ergon.repl.session.replay import Again
 from ergon.repl.session.session import Session
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of

@@ -19,7 +19,8 @@ from test_repl_session import SCORE, onset
 from ergon.live.perform import Order
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.live import Live
-from ergon.repl.session.replay import Opening, opened, resumed
+from ergon.repl.session.recorded import Opening, opened
+from ergon.repl.session.replay import resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of

@@ -1,10 +1,9 @@
 """Edits of what instruments are made of, and how loud they are."""
 
 import pytest
-from edited import DUET, ROOT, TEMPO, TWO, lines, opened, piece_of, value
+from edited import DUET, TEMPO, TWO, lines, opened, piece_of, value
 
-from ergon.repl.session.edits import matter, names
-from ergon.repl.session.texts import Texts
+from ergon.repl.session.edits import matter
 from ergon.scores.text.edit import EditError
 
 
@@ -82,28 +81,6 @@ def test_under_ca_numbers_stay_numbers():
     after = matter.set_value(texts, piece, "bell.m.K", "x2")
     assert "K: 0.002," in after.text
     assert value(piece_of(after), "bell.m.K") == pytest.approx(0.002)
-
-
-def test_a_changed_file_that_ships_is_saved_beside_the_score(tmp_path):
-    # The bank is used by the gong's file, which ships too and stays where it is.
-    texts, piece = opened(DUET)
-    texts = texts.changed(texts.text.replace("layout: layouts/dome24.yaml", "layout: dome.yaml"))
-    text = (ROOT / "scores" / "library" / "layouts" / "dome24.yaml").read_text()
-    (tmp_path / "dome.yaml").write_text(text)
-    texts = matter.set_value(texts, piece, "sky.t60", "x2")
-    texts = names.define(texts, "tap", "0@0 smooth 7@1/8 0@1/4")
-    for path, text in texts.files(tmp_path).items():
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text)
-    (tmp_path / "live.yaml").write_text(texts.text)
-    assert sorted(path.name for path in tmp_path.rglob("*.yaml")) == [
-        "bank.yaml",
-        "common.yaml",
-        "dome.yaml",
-        "live.yaml",
-    ]
-    saved = Texts.read(tmp_path / "live.yaml")
-    assert value(piece_of(saved), "sky.t60") == (1.0, 16.0)
 
 
 @pytest.mark.parametrize(

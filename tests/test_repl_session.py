@@ -145,6 +145,7 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
         "py (_ for _ in ()).throw(KeyboardInterrupt)",
         "\x00\x1b[2J",
         "ünïcödé plays 𝄞",
+        "seed 3  # \ud800",
         "x" * 1_000_000,
         "couple k1 k1 K=3N/m",
         "back 99",

@@ -67,6 +67,13 @@ def test_hostile_bytes_harm_nobody(short_folder: Path):
         encode(id=1, do="submit", text="x" * (MAX_TEXT + 1)),
         encode(id=1, do="__init__"),
         b'"text"\n',
+        b'{"id": 1e999, "do": "state"}\n',
+        b'{"id": NaN, "do": "state"}\n',
+        b'{"id": -Infinity}\n',
+        b'{"id": 1.5, "do": "state"}\n',
+        b'{"id": ' + b"9" * 4000 + b', "do": "state"}\n',
+        b'{"id": ' + b"[" * 900 + b"]" * 900 + b', "do": "state"}\n',
+        b'{"id": "' + b"x" * 1_000_000 + b'", "do": "state"}\n',
     ]
     with (
         serving(short_folder / "s") as face,

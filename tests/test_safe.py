@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 import soundfile
 
+from ergon.exchange import temporary, together
 from ergon.exchange.safe import MARK, RefusedError, is_ours, write_text, writing
+from ergon.exchange.together import write_all
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
@@ -164,3 +166,93 @@ def test_no_binary_data_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     with pytest.raises(RefusedError, match="terminal"), writing("-", binary=True):
         pass
+
+
+KILLED = """
+import os, signal, sys
+from ergon.exchange.safe import writing
+with writing(sys.argv[1], binary=True) as file:
+    file.write(b"half")
+    file.flush()
+    print("ready", flush=True)
+    sys.stdin.read(1)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "x.wav")]
+    foreign = [tmp_path / name for name in (".x.part", "song.1-2.part", ".notes.txt", "x.part")]
+    for path in foreign:
+        path.write_text("mine")
+    (tmp_path / ".y.wav.1-0.part").symlink_to(foreign[0])
+    (tmp_path / ".z.wav.1-0.part").mkdir()
+    kept = {*tmp_path.iterdir()}
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        (part,) = {*tmp_path.iterdir()} - kept
+        assert temporary.sweep(tmp_path) == []  # its writer lives
+        assert part.exists()
+        process.stdin.write(b"x")
+        process.stdin.close()
+        assert process.wait(timeout=30) == -signal.SIGKILL
+    assert part.exists()
+    subprocess.run(
+        [sys.executable, "-c", "from ergon.exchange.safe import write_text as w;"
+         "import sys; w(sys.argv[1], 'x')", str(tmp_path / "new.txt")], check=True
+    )  # fmt: skip
+    assert {*tmp_path.iterdir()} == kept | {tmp_path / "new.txt"}
+
+
+def test_a_file_that_is_being_written_is_not_swept(tmp_path: Path) -> None:
+    with writing(tmp_path / "x.bin", binary=True) as file:
+        file.write(b"abc")
+        assert temporary.sweep(tmp_path) == []
+    assert (tmp_path / "x.bin").read_bytes() == b"abc"
+
+
+def test_long_names_have_temporary_files_too(tmp_path: Path) -> None:
+    path = tmp_path / ("é" * 120 + ".txt")
+    write_text(path, "x")
+    assert path.read_text() == "x"
+
+
+def test_several_files_are_written_together_or_not_at_all(tmp_path: Path) -> None:
+    old, new = tmp_path / "old.txt", tmp_path / "deep" / "new.txt"
+    old.write_text("before")
+    old.chmod(0o600)
+    files = {old: b"after", new: b"new"}
+
+    def refuse(path: Path) -> None:
+        if path == new:
+            raise RefusedError("not this one")
+
+    with pytest.raises(RefusedError, match="not this one"):
+        write_all(files, refuse)
+    assert old.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [old]
+    write_all(files, lambda path: None)
+    assert (old.read_text(), new.read_text()) == ("after", "new")
+    assert old.stat().st_mode & 0o777 == 0o600
+    assert sorted(tmp_path.rglob("*")) == [new.parent, new, old]
+
+
+def test_who_makes_a_new_file_first_keeps_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old, new = tmp_path / "a.txt", tmp_path / "b.txt"
+    old.write_text("before")
+    put = together._put
+
+    def raced(part: Path, target: Path, *, is_new: bool) -> None:
+        if target == new:
+            new.write_text("theirs")
+        put(part, target, is_new=is_new)
+
+    monkeypatch.setattr(together, "_put", raced)
+    with pytest.raises(RefusedError, match="File exists"):
+        write_all({old: b"after", new: b"ours"}, lambda path: None)
+    assert (old.read_text(), new.read_text()) == ("before", "theirs")
+    assert sorted(tmp_path.iterdir()) == [old, new]

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PARTS = ("cli", "common", "exchange", "instruments", "repl", "scores", "view")
-SHIPPED = {".py", ".yaml", ".csv", ".json"}
+PARTS = ("cli", "common", "exchange", "instruments", "lab", "live", "repl", "scores", "view")
+SHIPPED = {".py", ".yaml", ".csv", ".json", ".md"}
+LICENCES = ("LICENSE-MIT", "LICENSE-APACHE", "LICENSE-THIRD-PARTY")
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +45,30 @@ def test_the_wheel_holds_every_part_and_nothing_else(wheel: Path):
     assert wanted - names == set()
     assert {"ergon/__init__.py", "ergon/_core.pyi", "ergon/py.typed"} <= names
     assert not [name for name in names if name.endswith(".wav")]
+
+
+def test_the_wheel_holds_the_licences_of_what_is_linked_in(wheel: Path):
+    with zipfile.ZipFile(wheel) as files:
+        found = {Path(name).name: name for name in files.namelist() if "/licenses/" in name}
+        assert set(LICENCES) <= set(found)
+        for name in LICENCES:
+            assert files.read(found[name]) == (ROOT / name).read_bytes()
+
+
+def test_every_crate_that_is_linked_in_is_named():
+    """`make docs` makes the file anew."""
+    command = ["cargo", "tree", "--locked", "-p", "ergon-bridge", "--prefix", "none"]
+    command += ["-e", "normal,no-proc-macro"]
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True).stdout
+    crates = {line.removesuffix(" (*)") for line in told.splitlines()}
+    crates = {line.replace(" v", " ", 1) for line in crates if "(" not in line}
+    assert len(crates) > 40
+    text = (ROOT / "LICENSE-THIRD-PARTY").read_text(encoding="utf-8")
+    listed = {line.partition(":")[0] for line in text.splitlines()}
+    assert crates - listed == set()
+    # The one licence among them that asks where the source is.
+    assert "Mozilla Public License, v. 2.0" in text
+    assert "https://crates.io/crates/" in text
 
 
 def test_the_installed_wheel_renders(wheel: Path, tmp_path: Path):

@@ -14,6 +14,7 @@ from ergon.repl.language.help import about, overview
 from ergon.repl.session import computing, deeds, files, looks
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.text.errors import TextError
+from ergon.scores.text.files import is_shipped
 
 if TYPE_CHECKING:
     from ergon.repl.session.session import Session
@@ -145,12 +146,16 @@ def _meters(session: Session, command: c.Meters) -> Reply:
 
 def _save(session: Session, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
+    if not written:
+        return Reply(True, "ok nothing to write: the files say it already")
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
 def _record(session: Session, command: c.Record) -> Reply:
     if session.captures.path is None or command.player not in session.commits.real:
         raise NotTakenError(f"{command.player}'s hand is not real here: --live puts one on its key")
+    if is_shipped(Path(session.commits.head.texts.path)):
+        raise NotTakenError("the score ships with ergon, and takes are written beside it: copy it")
     beat, _ = session.commits.place(command.when, session.quant)
     session.captures.begin(command.player, command.take, session.commits.frame(beat))
     return Reply(True, f"ok {session.written(beat)} recording {command.player}; `record off` ends")
@@ -163,7 +168,7 @@ def _record_off(session: Session, command: c.RecordOff) -> Reply:
 
 
 def _keep(session: Session, command: c.Keep) -> Reply:
-    return Reply(True, f"ok wrote {files.keep(session, command.length, command.name)}")
+    return Reply(True, f"ok wrote {', '.join(files.keep(session, command.length, command.name))}")
 
 
 def _py(session: Session, command: c.Py) -> Reply:

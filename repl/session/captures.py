@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ergon import _core
 from ergon.exchange.safe import RefusedError, writing
 from ergon.repl.session.version import NotTakenError
+from ergon.scores.text.files import is_below
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
@@ -74,6 +75,8 @@ class Captures:
         target = folder / "takes" / f"{own.name}.take"
         try:
             found = _core.read_recording(self.path, (own.start // every, own.stop // every))
+            if not is_below(target, folder):
+                raise RefusedError(f"{target} leads out of the folder of the score")
             with writing(target, binary=True) as file:
                 file.write(found.to_bytes())
         except (RefusedError, _core.EngineError, OSError) as error:

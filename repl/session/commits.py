@@ -172,7 +172,8 @@ class Commits:
 
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
-        return one.deed(replace(before, cuts=False, damp=None, glide=GLIDE), one.beat)
+        before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None)
+        return one.deed(before, one.beat)
 
     def _made(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
         on, found = self.running, []

@@ -246,20 +246,30 @@ def _guide(command: c.Guide) -> Deed:
 
 
 def _load(command: c.Load) -> Deed:
-    texts = _file(command.file, None)
+    files: list[Texts] = []
 
     def deed(version: Version, beat: float) -> Version:
-        before = version.texts.bounds
-        trust = before is not None and before.trusts
-        bounds = Bounds.around(Path(texts.path).parent, trust=trust)
-        return _read(version, replace(texts, bounds=bounds))
+        if not files:
+            before = version.texts.bounds
+            trust = before is not None and before.trusts
+            folder = Path(command.file).parent
+            files.append(_file(command.file, Bounds.around(folder, trust=trust)))
+        return replace(_read(version, files[0]), read=files[0])
 
     return deed
 
 
 def _reload(command: c.Reload) -> Deed:
-    """The score's own file, and those that it uses, as they are now."""
-    return lambda version, beat: _read(version, _file(version.texts.path, version.texts.bounds))
+    """The score's own file, and those that it uses, as they are when the line is typed."""
+    files: dict[str, Texts] = {}
+
+    def deed(version: Version, beat: float) -> Version:
+        path = version.texts.path
+        if path not in files:
+            files[path] = _file(path, version.texts.bounds)
+        return replace(_read(version, files[path]), read=files[path])
+
+    return deed
 
 
 def _file(path: str, bounds: Bounds | None) -> Texts:

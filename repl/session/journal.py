@@ -1,19 +1,27 @@
-"""session.jsonl: what was typed and when it came into effect, as it happens."""
+"""session.jsonl: what was typed and when it came into effect, as it happens.
+
+A line is handed to the system at once, so that it survives whatever ends the program; a thread of
+the journal's own brings it to the disk, for that takes some milliseconds, on a busy disk some
+hundred. What a power failure takes are the lines of that time.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
-import math
 import os
+import stat
+import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
-
-from ergon.common.regular import read_bounded
+from typing import IO, Any, NoReturn
 
 VERSION = 1
-MAX_BYTES = 1 << 30  # an hour of lines takes some hundred kilobytes
+MAX_BYTES = 1 << 28  # an hour of lines takes some hundred kilobytes
+MAX_LINE = 1 << 25  # bytes; a score and all files that it uses are one line
+_LATEST = 1e12  # no number of a journal is larger
 
 
 class JournalError(Exception):
@@ -28,18 +36,40 @@ class Journal:
         try:
             self._file: IO[str] = path.open("x", encoding="utf-8")
         except OSError as error:
-            raise JournalError(f"{path}: {error.strerror}") from None
+            raise JournalError(f"{path}: {error.strerror}") from error
         self.path = path
         self._trouble = ""
+        self._told = threading.Event()
+        self._over = False
+        self._thread = threading.Thread(target=self._settle, name="ergon journal", daemon=True)
+        self._thread.start()
+
+    @classmethod
+    def begun(cls, path: Path) -> Journal:
+        """Begin one under the first free name of `name`, `name-2`, `name-3` … Raises JournalError.
+
+        Of several that begin at once each gets a name of its own.
+        """
+        for found in names(path):
+            try:
+                return cls(found)
+            except JournalError as error:
+                if not isinstance(error.__cause__, FileExistsError):
+                    raise
+        raise AssertionError  # names do not end
 
     def tell(self, event: str, **fields: Any) -> None:
         """Append an event; where that fails the music goes on, and `trouble` says so once."""
         line = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=True)
+        if len(line) >= MAX_LINE:
+            self._trouble = f"the journal lacks a line: a '{event}' of {len(line):,} bytes"
+            return
         try:
             self._file.write(line + "\n")
             self._file.flush()
         except (OSError, ValueError) as error:
             self._trouble = f"the journal cannot be written: {error}"
+        self._told.set()
 
     def trouble(self) -> str:
         """What kept it from being written since the last call, if anything."""
@@ -48,65 +78,133 @@ class Journal:
 
     def close(self) -> None:
         """End it, on the disk."""
-        try:
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            self._trouble = f"the journal cannot be written: {error}"
-        finally:
+        self._over = True
+        self._told.set()
+        self._thread.join()
+        with contextlib.suppress(OSError):  # told already
             self._file.close()
+
+    def _settle(self) -> None:
+        """Bring to the disk what was told, all lines of a while at once."""
+        is_over = False
+        while not is_over:
+            self._told.wait()
+            self._told.clear()
+            is_over = self._over  # what was told before is among what comes to the disk now
+            try:
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._trouble = f"the journal cannot be written: {error}"
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
     """One line of a journal: its number in the file, what it is, its fields."""
 
+    file: str
     number: int
     name: str
     fields: Mapping[str, Any]
 
+    def wrong(self, sentence: str) -> NoReturn:
+        """Raise JournalError with the place of this line."""
+        raise JournalError(f"{self.file}, line {self.number}: {sentence}") from None
+
     def get(self, name: str, kind: type, default: Any = None) -> Any:
         """A field of a kind. Raises JournalError where it is another, or missing."""
         value = self.fields.get(name, default)
-        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        if value is None:
+            self.wrong(f"{name} is missing")
+        if kind is float and type(value) is int and abs(value) <= _LATEST:
             value = float(value)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise JournalError(f"line {self.number}: {name} is no number")
-        if not isinstance(value, kind) and not (default is None and name not in self.fields):
-            raise JournalError(f"line {self.number}: {name} is not what a journal says there")
-        if value is None and kind is not type(None):
-            raise JournalError(f"line {self.number}: {name} is missing")
+        if type(value) is not kind:
+            self.wrong(f"{name} is not what a journal says there")
+        if kind is str and not _is_text(value):
+            self.wrong(f"{name} is no text in Unicode")
         return value
+
+    def number_of(self, name: str, kind: type, low: float, high: float, default: Any = None) -> Any:
+        """A number within bounds. Raises JournalError."""
+        value = self.get(name, kind, default)
+        if not low <= value <= high:  # NaN neither
+            self.wrong(f"{name} is {str(value)[:20]}, which is not from {low:g} to {high:g}")
+        return value
+
+    def mapping(self, name: str, kind: type, most: int = 10_000) -> dict[str, Any]:
+        """Values of a kind by name; empty where none is given. Raises JournalError."""
+        found: dict[str, Any] = self.get(name, dict, {})
+        fits = _is_text if kind is str else _is_ratio
+        if len(found) > most or not all(_is_text(word) and fits(x) for word, x in found.items()):
+            self.wrong(f"{name} is not what a journal says there")
+        return {word: kind(x) for word, x in found.items()}
+
+    def words(self, name: str) -> frozenset[str]:
+        """A set of names; empty where none is given. Raises JournalError."""
+        found: list[Any] = self.get(name, list, [])
+        if not all(map(_is_text, found)):
+            self.wrong(f"{name} is not what a journal says there")
+        return frozenset(found)
+
+
+def _is_text(value: object) -> bool:
+    try:
+        return isinstance(value, str) and value.encode() is not None
+    except UnicodeEncodeError:  # a half of a pair
+        return False
+
+
+def _is_ratio(value: object) -> bool:
+    return type(value) in (int, float) and 0 <= value <= _LATEST  # type: ignore[operator]
 
 
 def read(path: Path) -> Iterator[Event]:
     """Events of a journal; a last line that was cut off is left out. Raises JournalError."""
     try:
-        data = read_bounded(path, MAX_BYTES)
-        if len(data) > MAX_BYTES:
-            raise JournalError(f"{path} is larger than any session's journal")
-        text = data.decode().replace("\r\n", "\n")
-    except (OSError, UnicodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
-        raise JournalError(f"{path}: {why}") from None
-    lines = text.split("\n")
-    for number, line in enumerate(lines, 1):
+        with _opened(path) as file:
+            yield from _events(path, file)
+    except OSError as error:
+        raise JournalError(f"{path}: {error.strerror or error}") from None
+
+
+def _opened(path: Path) -> IO[bytes]:
+    """A regular file: what is a device or a pipe may never end."""
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    found = os.fstat(handle)
+    if stat.S_ISREG(found.st_mode) and found.st_size <= MAX_BYTES:
+        return open(handle, "rb")
+    os.close(handle)
+    why = "is larger than any session's journal" if stat.S_ISREG(found.st_mode) else "is no file"
+    raise JournalError(f"{path} {why}")
+
+
+def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:
+    left = MAX_BYTES
+    for number in itertools.count(1):
+        line = file.readline(MAX_LINE)
+        left -= len(line)
+        if not line or left < 0:
+            return
         if not line.strip():
             continue
         try:
-            fields = json.loads(line)
+            fields = json.loads(line.decode())
         except (ValueError, RecursionError):
-            if number == len(lines):  # no line end: it was being written
+            if not line.endswith(b"\n") and len(line) < MAX_LINE:  # it was being written
                 return
-            raise JournalError(f"{path}, line {number}: this is no journal of a session") from None
+            fields = None
         if not isinstance(fields, dict) or fields.get("v") != VERSION:
             raise JournalError(f"{path}, line {number}: this is no journal of a session")
-        yield Event(number, str(fields.get("event", "")), fields)
+        name = fields.get("event")
+        yield Event(str(path), number, name if isinstance(name, str) else "", fields)
+
+
+def names(path: Path) -> Iterator[Path]:
+    """`name`, `name-2`, `name-3` …"""
+    yield path
+    for count in itertools.count(2):
+        yield path.with_stem(f"{path.stem}-{count}")
 
 
 def free(path: Path) -> Path:
-    """`path`, or the first of `name-2`, `name-3` … that is not there."""
-    found, count = path, 1
-    while found.exists():
-        count += 1
-        found = path.with_stem(f"{path.stem}-{count}")
-    return found
+    """The first of its names that is not there now."""
+    return next(found for found in names(path) if not os.path.lexists(found))

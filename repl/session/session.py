@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -24,9 +25,10 @@ from ergon.repl.session import asides, computing, deeds, files
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
+from ergon.repl.session.disk import Disk
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.leads import Leads, allow
-from ergon.repl.session.replay import said
+from ergon.repl.session.recorded import said
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.version import NotTakenError, Past, Version
 from ergon.scores.clock.positions import Length
@@ -36,6 +38,7 @@ from ergon.scores.text.edit import EditError
 if TYPE_CHECKING:
     from ergon.repl.face import Suggestion
     from ergon.repl.session.engine import Engine
+    from ergon.repl.session.texts import Texts
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 _LOOK = 0.02  # [s] between two looks at the engine
 _WATCH = 15  # looks between two at the score's files
 _BAR = Length(bars=1.0)
+_HALF = re.compile("[\ud800-\udfff]")
 
 
 class Session:
@@ -62,12 +66,14 @@ class Session:
         store: Store | None = None,
         clock: Clock | None = None,
         hands: Path | None = None,
+        disk: Disk | None = None,
         watches: bool = False,
     ) -> None:
         """Begin with a version whose piece stands; `make` puts its stage on an engine.
 
         `margin` [s] is what a change takes to reach the engine; `hands` is the recording that
-        the engine writes of real hands. One that `watches` reloads a score that was saved.
+        the engine writes of real hands; `disk` is what is known of files where they do not lie
+        there as the version has them. One that `watches` reloads a score that was saved.
         """
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
@@ -86,7 +92,7 @@ class Session:
         self.watch = files.Watch(version.texts) if watches else None
         self.panicked = False
         self.taps: list[float] = []
-        self.saved: set[str] = set()
+        self.disk = disk or Disk.of(version.texts)
         self._number = 0
         self._scope = names(version.piece)
         self._scope_of = version.piece
@@ -196,6 +202,8 @@ class Session:
     # --- doing it --------------------------------------------------------------------------------
 
     def _submitted(self, text: str) -> Reply:
+        if _HALF.search(text):  # no journal could be read again
+            raise NotTakenError("there is half of a character in this line (a lone surrogate)")
         commands = parse(text, self._scope)
         if not commands:
             return Reply(True, "")
@@ -265,7 +273,7 @@ class Session:
             resets=resets,
             restores=restores,
             where=where,
-            **(said(made.version.texts) if is_read else {}),
+            **(self._said(made.version) if is_read else {}),
         )
         if restores is None:
             del self.versions[self.at + 1 :]
@@ -274,6 +282,17 @@ class Session:
         self._rescope()
         self.pump()
         return where, made
+
+    def _said(self, version: Version) -> dict[str, object]:
+        if version.read is not None:
+            self.disk.saw(version.read)
+        return {**said(version.texts), "disk": self.disk.said(version.texts)}
+
+    def wrote(self, texts: Texts) -> None:
+        """Files were written for texts, and `disk` knows of it."""
+        self._tell("saved", score=texts.path, disk=self.disk.said(texts))
+        if self.watch is not None:
+            self.watch.has_changed()  # it was we
 
     def pump(self) -> None:
         """Hand over what is due, and hear what the engine tells."""

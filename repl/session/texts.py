@@ -1,4 +1,4 @@
-"""The texts of a version: a score, and the files that it uses where the session changed them."""
+"""The texts of a version: a score, and the files that it uses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ergon.scores.text.bounds import Bounds
 from ergon.scores.text.document import Document, Node
 from ergon.scores.text.edit import EditError
 from ergon.scores.text.errors import Collector
-from ergon.scores.text.files import Files, shipped
+from ergon.scores.text.files import Files
 from ergon.scores.text.memory import Memory
 from ergon.scores.text.sections import lines
 from ergon.scores.text.syntax import MAX_BYTES, decode
@@ -28,25 +28,38 @@ SECTIONS = tuple(SCORE.by_name)  # where a new section goes
 class Texts:
     """A score's name and text; `overlay` holds texts that stand for files, by their paths.
 
-    What they name lies within `bounds`, without them those of the score's folder.
-
-    All that come from one another share a memory, for a line changes little.
+    What they name lies within `bounds`, without them those of the score's folder. Texts that are
+    `sealed` hold every file that the score uses: nothing but takes and the library is read from the
+    disk. All that come from one another share a memory, for a line changes little.
     """
 
     path: str
     text: str
     overlay: Mapping[str, str] = field(default_factory=dict)
+    sealed: bool = field(default=False, compare=False)
     memory: Memory = field(default_factory=Memory, repr=False, compare=False)
     bounds: Bounds | None = None
 
     @classmethod
     def read(cls, path: str | Path, bounds: Bounds | None = None) -> Texts:
-        """The score in a file, its line breaks as they are. Raises OSError or EditError."""
+        """The score in a file and the files that it uses, line breaks as they are.
+
+        Files that are edited later change nothing. Raises OSError or EditError.
+        """
         collector = Collector()
         text = decode(read_bounded(Path(path), MAX_BYTES), str(path), collector)
         if text is None:
             raise EditError(collector.finish()[0].message)
-        return cls(str(path), text, bounds=bounds)
+        return cls(str(path), text, bounds=bounds).complete()
+
+    def complete(self) -> Texts:
+        """These texts sealed, with every file that they use; as they are where one is missing."""
+        loaded = self.load()
+        if loaded.piece is None:
+            return self
+        files = {name: document.text for name, document in loaded.files.items()}
+        files.pop(self.path, None)
+        return replace(self, overlay={**files, **self.overlay}, sealed=True)
 
     def load(self) -> Loaded:
         """The piece that these texts are, or what is wrong with them."""
@@ -56,6 +69,7 @@ class Texts:
             overlay=self.overlay,
             memory=self.memory,
             bounds=self.bounds,
+            sealed=self.sealed,
         )
 
     def document(self, file: str | None = None) -> Document:
@@ -80,23 +94,10 @@ class Texts:
         """Every name that the score knows, with the node where it is written."""
         collector = self.memory.begin()
         home = Path(self.path).parent
-        uses = Uses(Files(collector, home, self.overlay, self.memory, self.bounds), collector)
-        own = uses.files.text(self.path, self.text, home)
+        files = Files(collector, home, self.overlay, self.memory, self.bounds, sealed=self.sealed)
+        uses = Uses(files, collector)
+        own = files.text(self.path, self.text, home)
         return uses.read(own), uses
-
-    def files(self, folder: Path) -> Mapping[Path, str]:
-        """What stands beside the score when it is written in a folder: the files that changed.
-
-        One that ships becomes the score's own, under the name by which it is used.
-        """
-        own = Path(self.path).parent
-        found = {}
-        for file, text in self.overlay.items():
-            path, name = Path(file), shipped(Path(file))
-            if name is None and path.is_relative_to(own):
-                name = str(path.relative_to(own))
-            found[folder / name if name is not None else path] = text
-        return found
 
     def edited(
         self, section: str | int, change: Callable[[Document], str], file: str | None = None

@@ -55,7 +55,7 @@ class Version:
 
     One that `cuts` lets nothing go on that was in flight; `damp` [s] is the T60 that it gives to
     all that sounds; parameters that differ from those before glide for `glide` [s]; `leads` says by
-    player who leads a real hand.
+    player who leads a real hand; `read` is what the line read from the disk.
     """
 
     number: int
@@ -67,6 +67,7 @@ class Version:
     damp: float | None = None
     glide: float = GLIDE
     leads: Mapping[str, Lead] = field(default_factory=dict)
+    read: Texts | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ The session speaks first:
     {"ergon": 1, "version": "0.1.0", "prompt": 2, "score": "/a/duet.yaml", "journal": "/a/s.jsonl"}
 
 `ergon` is the version of this protocol, and `prompt` the number of whoever connected. Where
-nobody else is let in, the only line is {"error": "why"}. Then requests have an id, any number or
-word, and each answer has the id of its request; answers may come in another order.
+nobody else is let in, the only line is {"error": "why"}. Then requests have an id, a whole number
+or a word, and each answer has the id of its request; answers may come in another order.
 
     {"id": 1, "do": "submit", "text": "tempo 72"}
     {"id": 1, "is": {"taken": true, "text": "ok 3|1", "try": null, "lines": [], "leaves": false}}
@@ -30,6 +30,8 @@ from ergon.repl.face import Reply, State
 VERSION = 1
 MAX_LINE = 2_000_000  # bytes; any text that a prompt takes fits in with room to spare
 MAX_TEXT = 200_000  # characters of a submission; in JSON each has 12 bytes at most
+MAX_ID = 200  # characters; whole numbers are those that every JSON reader keeps exactly
+_WHOLE = 1 << 53
 
 
 class ProtocolError(Exception):
@@ -74,6 +76,18 @@ def decode(line: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise ProtocolError("a line is an object: {...}")
     return fields
+
+
+def number_of(fields: dict[str, Any]) -> int | str | None:
+    """The id of a request, as its answer repeats it. Raises ProtocolError."""
+    number = fields.get("id")
+    if number is None:
+        return None
+    if type(number) is int and abs(number) <= _WHOLE:
+        return number
+    if isinstance(number, str) and len(number) <= MAX_ID:
+        return number
+    raise ProtocolError(f"an id is a whole number, or a word of {MAX_ID} characters at most")
 
 
 def asked(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -21,6 +21,7 @@ from .protocol import (
     asked,
     decode,
     encode,
+    number_of,
     reply_out,
     state_out,
 )
@@ -196,7 +197,7 @@ class Served:
         number = None
         try:
             fields = decode(line)
-            number = fields.get("id")
+            number = number_of(fields)
             do, given = asked(fields)
             if do == "submit":
                 self._wait(prompt, number, **given)

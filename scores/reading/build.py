@@ -142,7 +142,7 @@ def take(values: Values, files: Files) -> TakeFile:
     elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz"):
         v.error("E206", f"{who}a take is a .take, .csv, .wav or .npz file", "file")
     else:
-        path = files.locate(file, folder, v.place_of("file"), who) or path
+        path = files.locate(file, folder, v.place_of("file"), who, is_text=False) or path
     return TakeFile(
         name=v.context.name,
         path=path,

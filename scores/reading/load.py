@@ -46,16 +46,17 @@ def load(
     overlay: Mapping[str, str] | None = None,
     memory: Memory | None = None,
     bounds: Bounds | None = None,
+    sealed: bool = False,
 ) -> Loaded:
     """Check a score. With `text`, `path` only names it (and its folder); `-` is standard input.
 
-    `overlay` gives texts that stand for files; `memory` is of who reads again what hardly changes.
-    What the score names lies within `bounds`, without them those of its folder. Nothing is raised
-    for what a composer wrote.
+    `overlay` gives texts that stand for files; where it is `sealed` it has all of them, but for the
+    library; `memory` is of who reads again what hardly changes. What the score names lies within
+    `bounds`, without them those of its folder. Nothing is raised for what a composer wrote.
     """
     collector = Collector() if memory is None else memory.begin()
     where = Path(path)
-    files = Files(collector, where.parent, overlay, memory, bounds)
+    files = Files(collector, where.parent, overlay, memory, bounds, sealed=sealed)
     if text is not None:
         document: Document | None = files.text(str(path), text, where.parent)
     else:

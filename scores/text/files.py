@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
@@ -38,8 +39,31 @@ def shipped(path: Path) -> str | None:
     return None
 
 
+def installed(name: str) -> Path:
+    """Where a file that ships is installed, by the name by which scores use it."""
+    first, *rest = PurePosixPath(name).parts
+    root = _LIBRARY.get(first)
+    return SHIPPED / name if root is None else root.joinpath(*rest)
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a file is, or would be, in the installed library, by whatever name and link."""
+    real = os.path.realpath(path)
+    roots = (os.path.realpath(root) for root in (*_LIBRARY.values(), SHIPPED))
+    return any(real == root or real.startswith(root + os.sep) for root in roots)
+
+
+def is_below(path: Path, folder: Path) -> bool:
+    """Whether a file is, or would be, in a folder or below it, with all links followed."""
+    real, root = os.path.realpath(path), os.path.realpath(folder)
+    return real.startswith(root.rstrip(os.sep) + os.sep)
+
+
 class Files:
     """Reads YAML files; `overlay` holds texts that stand for files (an editor's, a test's).
+
+    Where it is `sealed` no text is read from the disk that is neither in `overlay` nor ships, and
+    no other file from outside `home`.
 
     A file in `home`, the score's folder, stands for the one that ships under the same name, for
     files of the library too: so a copy that is changed is the one that is meant.
@@ -52,6 +76,8 @@ class Files:
         overlay: Mapping[str, str] | None = None,
         memory: Memory | None = None,
         bounds: Bounds | None = None,
+        *,
+        sealed: bool = False,
     ) -> None:
         """Start with nothing read, but for what is remembered; `bounds` are those of `home`."""
         self.collector = collector
@@ -60,14 +86,20 @@ class Files:
         self.home = home
         self.bounds = Bounds.around(home) if bounds is None else bounds
         self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
+        self._sealed = sealed
 
-    def find(self, name: str, folder: Path) -> Path | None:
+    def find(self, name: str, folder: Path, *, is_text: bool = True) -> Path | None:
         """A file relative to a folder or to `home`, or one that ships; None when there is none.
 
-        The one that is found may lie outside the bounds.
+        The one that is found may lie outside the bounds. What is no text (a take) is never in the
+        overlay.
         """
         for path in self._candidates(name, folder):
-            if self._holds(path) or not self.bounds.allow(path) or is_file(path):
+            if self._holds(path):
+                return path
+            if self._sealed and is_text and shipped(path) is None:
+                continue
+            if not self.bounds.allow(path) or is_file(path):
                 return path
         return None
 
@@ -85,9 +117,11 @@ class Files:
     def _holds(self, path: Path) -> bool:
         return str(path) in self._overlay
 
-    def locate(self, name: str, folder: Path, asked: Place, who: str = "") -> Path | None:
+    def locate(
+        self, name: str, folder: Path, asked: Place, who: str = "", *, is_text: bool = True
+    ) -> Path | None:
         """The file that a name in a file of `folder` stands for; None after a report."""
-        path = self.find(name, folder)
+        path = self.find(name, folder, is_text=is_text)
         if path is None:
             message = f"{who}no file {name} beside {asked.file} or in the library"
             self._refuse("E107", message, name, asked)

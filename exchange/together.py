@@ -1,0 +1,88 @@
+"""Several files written at once: all of them, or none."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from . import temporary
+from .safe import RefusedError, keep_mode, unmake
+
+
+def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> None:
+    """Write files, all of them or none.
+
+    All stand beside their targets, on the disk, before the first takes its place. `check` is asked
+    of each just before that, and raises where it may not be written. Raises RefusedError, and what
+    `check` raises.
+    """
+    at = {path: path.resolve() for path in files}  # a link stays a link
+    made = {folder for path in at.values() for folder in path.parents if not folder.exists()}
+    done: list[tuple[Path, Path | None]] = []  # what was written, and what was there before
+    path = Path()
+    with contextlib.ExitStack() as stack:
+        try:
+            parts = {}
+            for path, data in files.items():
+                at[path].parent.mkdir(parents=True, exist_ok=True)
+                parts[path] = _beside(at[path], data, stack)
+            for path in files:
+                check(path)
+            for path in files:
+                there = at[path].exists()
+                old = _beside(at[path], at[path].read_bytes(), stack) if there else None
+                _put(parts[path], at[path], is_new=old is None)
+                done.append((at[path], old))
+            _sync(path.parent for path in at.values())
+        except BaseException as error:
+            for target, old in reversed(done):
+                if old is None:
+                    target.unlink(missing_ok=True)
+                else:
+                    os.replace(old, target)
+            stack.close()
+            unmake(sorted(made, key=lambda folder: -len(folder.parts)))
+            if isinstance(error, OSError):
+                raise RefusedError(f"{path} cannot be written: {error.strerror}") from None
+            raise
+
+
+def _beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
+    """A file beside its target, on the disk; it goes with the stack."""
+    part, file = temporary.opened(target)
+    stack.callback(part.unlink, missing_ok=True)
+    stack.enter_context(file)
+    file.write(data)
+    file.flush()
+    os.fsync(file.fileno())
+    keep_mode(target, part)
+    if not temporary.IS_LOCKED:  # a system that renames no open file
+        file.close()
+    return part
+
+
+def _put(part: Path, target: Path, *, is_new: bool) -> None:
+    """Let a file take its place; one that is new takes nobody's."""
+    if is_new:
+        try:
+            os.link(part, target)
+            return
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without links
+            if target.exists():
+                raise
+    os.replace(part, target)
+
+
+def _sync(folders: Iterable[Path]) -> None:
+    """Names on the disk."""
+    for folder in dict.fromkeys(folders):
+        with contextlib.suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)

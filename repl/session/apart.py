@@ -1,0 +1,62 @@
+"""A score under another name, with copies of the used files that a session changed.
+
+The files that it uses may be those of other scores: they stay as they are. What was changed, and
+what uses it, is copied into a folder that bears the score's name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+from ergon.repl.session.named import LIBRARY, name_of
+from ergon.repl.session.texts import Texts
+from ergon.scores.text import document, edit
+from ergon.scores.text.errors import Collector
+from ergon.scores.text.files import Files
+
+
+def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, str]:
+    """What is written for texts of which these used files were changed. Raises EditError."""
+    moved = _using(texts, changed)
+    own = Path(texts.path).parent
+    names = {file: name_of(file, own).removeprefix(LIBRARY) for file in texts.overlay}
+    for file, path, name, leads in [*_uses(texts)]:
+        if file not in moved and file != texts.path:
+            continue
+        new = f"{target.stem}/{names[leads]}" if leads in moved else names[leads]
+        if new != name and (leads in moved or file in moved):
+            texts = texts.put(path, edit.quoted(new), file)
+    copies = {file: target.parent / target.stem / names[file] for file in moved}
+    return {
+        str(target): texts.text,
+        **{str(copy): texts.overlay[file] for file, copy in copies.items()},
+    }
+
+
+def _using(texts: Texts, changed: Collection[str]) -> set[str]:
+    """These files, and all that use one of them."""
+    found, count = set(changed), -1
+    while changed and len(found) != count:
+        count = len(found)
+        found |= {file for file, _, _, leads in _uses(texts) if leads in found}
+    return found - {texts.path}
+
+
+def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
+    """Every `use`: its file, its place there, its name, and the file that it means."""
+    home = Path(texts.path).parent
+    finder = Files(Collector(), home, texts.overlay, bounds=texts.bounds, sealed=True)
+    for file in (texts.path, *texts.overlay):
+        root = texts.document(file).root
+        node = root.get("use") if isinstance(root, document.Mapping) else None
+        items: list[tuple[edit.Path, document.Node | None]] = [(("use",), node)]
+        if isinstance(node, document.Sequence):
+            items = [(("use", index), item) for index, item in enumerate(node.items)]
+        elif isinstance(node, document.Mapping):
+            items = [(("use", name), item) for name, (_, item) in node.entries.items()]
+        for path, item in items:
+            if isinstance(item, document.Scalar) and not item.is_empty:
+                found = finder.find(item.text, Path(file).parent)
+                if found is not None and str(found) in texts.overlay:
+                    yield file, path, item.text, str(found)

@@ -1,0 +1,129 @@
+"""What a session knows of its files on the disk, and which of them it may write."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.repl.session.named import name_of
+from ergon.repl.session.texts import SECTIONS
+from ergon.repl.session.version import NotTakenError
+from ergon.scores.text import document, edit
+from ergon.scores.text.edit import EditError
+from ergon.scores.text.files import is_below, is_shipped, shipped
+
+if TYPE_CHECKING:
+    from ergon.repl.session.texts import Texts
+
+_BOM = b"\xef\xbb\xbf"
+
+
+class Disk:
+    """The hash of every text that was last read from a file, or written to it."""
+
+    def __init__(self, known: Mapping[str, str] | None = None) -> None:
+        """By the names of files as texts have them."""
+        self._known = dict(known or {})
+
+    @classmethod
+    def of(cls, texts: Texts) -> Disk:
+        """Of texts that have just been read."""
+        disk = cls()
+        disk.saw(texts)
+        return disk
+
+    def saw(self, texts: Texts) -> None:
+        """Texts were read from the disk."""
+        self.wrote({texts.path: texts.text, **texts.overlay})
+
+    def wrote(self, files: Mapping[str, str]) -> None:
+        """Files say this now."""
+        self._known.update((file, of_text(text)) for file, text in files.items())
+
+    def hashes(self) -> Mapping[str, str]:
+        """By file; in hexadecimal."""
+        return self._known
+
+    def said(self, texts: Texts) -> dict[str, str]:
+        """As a journal says it, for a score: hashes by name."""
+        folder = Path(texts.path).parent
+        found = {name_of(file, folder): known for file, known in self._known.items()}
+        return {name: known for name, known in found.items() if not name.startswith("..")}
+
+    def claim(self, hashes: Mapping[str, str]) -> None:
+        """What a journal says of files; they are held against it before one is written."""
+        self._known.update(hashes)
+
+    def changed(self, texts: Texts) -> dict[str, str]:
+        """What the session has changed and not saved: the score and files that it uses."""
+        folder = Path(texts.path).parent
+        return {
+            file: text
+            for file, text in ((texts.path, texts.text), *texts.overlay.items())
+            if self._known.get(home(file, folder), self._known.get(file)) != of_text(text)
+        }
+
+    def check(self, file: str, score: Path) -> None:
+        """Raise NotTakenError where the session of a score may not write a file."""
+        path = Path(file)
+        if is_shipped(path):
+            raise NotTakenError(f"{file} ships with ergon and is never written: `save NAME`")
+        # A score that is a link is written where it leads; all else lies below the score's folder.
+        if path != score and not is_below(path, score.parent):
+            raise NotTakenError(f"{file} is outside the folder of the score, {score.parent}")
+        if not os.path.lexists(file):
+            if file in self._known:
+                raise NotTakenError(f"{file} is not there any more; `save NAME` writes another")
+            return
+        known = self._known.get(file)
+        if known is None:
+            raise NotTakenError(f"{file} is there already and was not written by this session")
+        found = on_disk(path)
+        if found is None or of_text(found) != known:
+            raise NotTakenError(
+                f"{file} was changed on the disk since it was read: "
+                "`save NAME` writes another file, `reload` takes what is there"
+            )
+        if not is_score(found):
+            raise NotTakenError(f"{file} is no score of ergon and is not replaced")
+
+
+def of_text(text: str) -> str:
+    """The hash of a text."""
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def home(file: str, folder: Path) -> str:
+    """Where a file is written: one that ships becomes the score's own, beside the score."""
+    name = shipped(Path(file))
+    return file if name is None else str(folder / name)
+
+
+def on_disk(path: Path) -> str | None:
+    """The text of a file as it is read; None where it is none."""
+    try:
+        return path.read_bytes().decode("utf-8-sig") if path.is_file() else None
+    except (OSError, UnicodeError):
+        return None
+
+
+def as_written(file: str, text: str) -> bytes:
+    """The bytes of a text in the place of a file, which keeps its byte order mark."""
+    try:
+        with Path(file).open("rb") as old:
+            mark = old.read(len(_BOM)) == _BOM
+    except OSError:
+        mark = False
+    return (_BOM if mark else b"") + text.encode()
+
+
+def is_score(text: str) -> bool:
+    """Whether a text has sections of a score, and nothing else."""
+    try:
+        root = edit.read(text, "").root
+    except EditError:
+        return False
+    return isinstance(root, document.Mapping) and all(name in SECTIONS for name in root.entries)

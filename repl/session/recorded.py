@@ -1,0 +1,206 @@
+"""What a journal says, read and checked: how a session began, and what came into effect when."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ergon.repl.session.disk import Disk
+from ergon.repl.session.journal import Event, JournalError, read
+from ergon.repl.session.named import NameRefused, file_of, name_of, score_of
+from ergon.repl.session.texts import Texts
+from ergon.repl.session.version import Desk, Version, piece_of
+from ergon.scores.text.bounds import Bounds
+
+_EVERY_MAX = 1 << 16  # frames of a tick
+_FRAME_MAX = 1 << 40  # at any rate longer than a session
+_NUMBER_MAX = 1 << 40
+_BEAT_MAX = 1e7
+_RATIO_MAX = 1e10  # as much as a score may say
+_HIGHPASS_MAX = 1000.0  # [Hz]
+_HASH = 64  # digits
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """How a session began: its score, the beat where it stood, the faders, and how it was heard
+    (`gain` and `limit` are ratios)."""
+
+    texts: Texts
+    at: float
+    desk: Desk
+    every: int
+    gain: float
+    limit: float
+    highpass: float | None
+
+    def version(self) -> Version:
+        """What it began with. Raises NotTakenError."""
+        return Version(0, "", self.texts, piece_of(self.texts), self.desk)
+
+    def fields(self) -> dict[str, object]:
+        """As a journal says it."""
+        return {
+            **said(self.texts),
+            "at": self.at,
+            "gains": dict(self.desk.gains),
+            "muted": sorted(self.desk.muted),
+            "solo": sorted(self.desk.solo),
+            "master": self.desk.master,
+            "every": self.every,
+            "gain": self.gain,
+            "limit": self.limit,
+            "highpass": self.highpass,
+        }
+
+
+def said(texts: Texts) -> dict[str, object]:
+    """Texts as a journal says them, with every file that they use: those may be edited later."""
+    folder = Path(texts.path).parent
+    overlay = {name_of(file, folder): text for file, text in texts.complete().overlay.items()}
+    return {"score": texts.path, "text": texts.text, "overlay": overlay}
+
+
+@dataclass(slots=True)
+class Replay:
+    """What a journal says: how it began, and what came into effect when.
+
+    `texts` are those that lines read, by the line of the journal; `disk` is what was known last of
+    files on the disk.
+    """
+
+    opening: Opening
+    first: Event
+    disk: Disk
+    lines: dict[int, Event] = field(default_factory=dict)
+    texts: dict[int, Texts] = field(default_factory=dict)
+    commits: list[tuple[int, float, Event]] = field(default_factory=list)  # frame, beat, line
+    dropped: set[int] = field(default_factory=set)
+    late: dict[int, float] = field(default_factory=dict)  # by number: the beat it waits for
+    n_frames: int = 0
+
+    def all_texts(self) -> Iterator[Texts]:
+        """Every version of the score that was read from files."""
+        yield self.opening.texts
+        yield from self.texts.values()
+
+
+def opened(
+    path: Path, score: str | None = None, *, resumes: bool = False, trust: bool = False
+) -> Replay:
+    """Read a journal. Raises JournalError.
+
+    A `score` that is named takes the place of the one that the journal names. One that is named by
+    the journal alone lies below the journal's folder or this one; where another is meant, nobody
+    `resumes` it, and for all else it is as if it lay beside the journal.
+    """
+    events = read(path)
+    first = next(events, None)
+    if first is None or first.name != "session":
+        raise JournalError(f"{path}: this is no journal of a session")
+    where = _Where(path, first.get("score", str), score, resumes, trust)
+    texts = where.texts(first)
+    opening = Opening(
+        texts,
+        _beat(first, "at", 0.0),
+        _desk(first),
+        first.number_of("every", int, 1, _EVERY_MAX),
+        first.number_of("gain", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
+        first.number_of("limit", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
+        None
+        if first.fields.get("highpass") is None
+        else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
+    )
+    replay = Replay(opening, first, Disk.of(texts))
+    replay.disk.claim(where.hashes(first))
+    for event in events:
+        _heard(replay, event, where)
+    replay.commits.sort(key=lambda commit: commit[0])
+    return replay
+
+
+@dataclass(frozen=True, slots=True)
+class _Where:
+    """Where the files are that a journal names; `named` is its score, `score` where that is."""
+
+    journal: Path
+    named: str
+    score: str | None
+    resumes: bool
+    trust: bool
+
+    def path(self, event: Event) -> Path:
+        """The score that a line names."""
+        name = event.get("score", str)
+        if name == self.named and self.score is not None:
+            return Path(self.score)
+        try:
+            found = score_of(name, self.journal)
+        except NameRefused as error:
+            event.wrong(str(error))
+        if found is not None:
+            return found
+        if self.resumes and name == self.named:
+            event.wrong(f"its score is elsewhere: name it, `ergon repl {name} --resume FILE`")
+        return self.journal.parent / Path(name).name
+
+    def texts(self, event: Event) -> Texts:
+        """The texts that a line has; no file is read."""
+        path = self.path(event)
+        try:
+            overlay = {
+                file_of(name, path.parent): text
+                for name, text in event.mapping("overlay", str).items()
+            }
+        except NameRefused as error:
+            event.wrong(str(error))
+        bounds = Bounds.around(path.parent, trust=self.trust)
+        return Texts(str(path), event.get("text", str), overlay, sealed=True, bounds=bounds)
+
+    def hashes(self, event: Event) -> dict[str, str]:
+        """What a line says of files on the disk."""
+        found = {}
+        if "disk" in event.fields:
+            folder = self.path(event).parent
+            for name, known in event.mapping("disk", str).items():
+                with contextlib.suppress(NameRefused):  # it is not written, then
+                    found[file_of(name, folder)] = known[:_HASH]
+        return found
+
+
+def _beat(event: Event, name: str, default: float | None = None) -> float:
+    return float(event.number_of(name, float, 0.0, _BEAT_MAX, default))
+
+
+def _desk(event: Event) -> Desk:
+    muted, solo = event.words("muted"), event.words("solo")
+    master = event.number_of("master", float, 0.0, _RATIO_MAX, 1.0)
+    return Desk(event.mapping("gains", float), muted, solo, master)
+
+
+def _heard(replay: Replay, event: Event, where: _Where) -> None:
+    if event.name in ("line", "commit", "late", "dropped"):
+        number = event.number_of("number", int, 0, _NUMBER_MAX)
+    if event.name == "line":
+        replay.lines[number] = event
+        event.get("line", str)
+        _beat(event, "beat")
+        if "text" in event.fields:
+            replay.texts[event.number] = texts = where.texts(event)
+            replay.disk.saw(texts)
+    elif event.name == "commit":
+        if number not in replay.lines:
+            event.wrong(f"no line has the number {number}")
+        frame = event.number_of("frame", int, 0, _FRAME_MAX)
+        replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
+    elif event.name == "late":
+        replay.late[number] = _beat(event, "beat")
+    elif event.name == "dropped":
+        replay.dropped.add(number)
+    if event.name in ("line", "saved"):
+        replay.disk.claim(where.hashes(event))
+    if "frame" in event.fields:
+        frame = event.number_of("frame", int, 0, _FRAME_MAX)
+        replay.n_frames = max(replay.n_frames, frame)
