@@ -37,6 +37,7 @@ use crate::device::DeviceError;
 use crate::realtime::{self, Granted};
 use crate::recording::{Header, Recorder, RecorderHandle, RecordingError};
 use crate::safety::Guarded;
+use crate::stop;
 use player::Player;
 
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
@@ -347,16 +348,22 @@ impl Performance {
         self.desk.granted()
     }
 
-    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Performance::release`].
-    pub fn panic(&self) {
-        self.desk.panic.store(true, Ordering::Release);
-        self.output.shared().panic();
+    /// What stops it from any thread.
+    pub fn brake(&self) -> Brake {
+        Brake {
+            desk: self.desk.clone(),
+            sound: self.output.shared().clone(),
+        }
     }
 
-    /// After a panic: sound and force again.
+    /// See [`Brake::panic`].
+    pub fn panic(&self) {
+        self.brake().panic();
+    }
+
+    /// See [`Brake::release`].
     pub fn release(&self) {
-        self.desk.panic.store(false, Ordering::Release);
-        self.output.shared().release();
+        self.brake().release();
     }
 
     /// Go to another gain over 20 ms, from the next tick on; false where too much is asked at once.
@@ -422,10 +429,9 @@ impl Performance {
         commands.push(command).is_ok()
     }
 
-    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
+    /// See [`Brake::stop`].
     pub fn stop(&self) {
-        self.desk.stop.store(true, Ordering::Release);
-        self.output.shared().panic();
+        self.brake().stop();
     }
 
     /// Whether the last frame has been computed.
@@ -456,6 +462,34 @@ impl Performance {
         closed?;
         recorded.transpose()?;
         Ok(())
+    }
+}
+
+/// What stops a performance from any thread, at once: it takes no lock and waits for nothing.
+#[derive(Clone)]
+pub struct Brake {
+    desk: Arc<Desk>,
+    sound: Arc<audio::Shared>,
+}
+
+impl Brake {
+    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Brake::release`].
+    pub fn panic(&self) {
+        self.desk.panic.store(true, Ordering::Release);
+        self.sound.panic();
+    }
+
+    /// Sound and force again, after a panic and after [`stop::Stop::Forces`].
+    pub fn release(&self) {
+        stop::release();
+        self.desk.panic.store(false, Ordering::Release);
+        self.sound.release();
+    }
+
+    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
+    pub fn stop(&self) {
+        self.desk.stop.store(true, Ordering::Release);
+        self.sound.panic();
     }
 }
 
