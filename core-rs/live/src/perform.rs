@@ -36,7 +36,7 @@ use crate::audio::{self, AudioError, Output};
 use crate::device::DeviceError;
 use crate::realtime::{self, Granted};
 use crate::recording::{Header, Recorder, RecorderHandle, RecordingError};
-use crate::safety::Guarded;
+use crate::safety::{self, Guarded};
 use crate::stop;
 use player::Player;
 
@@ -197,6 +197,8 @@ impl Performance {
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
     pub fn start(stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
         let (mut this, mut player) = Self::prepare(stage, boards, how)?;
+        // Without a hand too: what sounds ends by a signal as soon.
+        safety::watch_ends();
         let own = this.desk.clone();
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())

@@ -1,13 +1,13 @@
 //! Zero forces from where nothing else can run: a panic, a signal, a fault.
 
 #[cfg(not(unix))]
-pub use elsewhere::watch;
-#[cfg(not(unix))]
 pub(super) use elsewhere::{Armed, arm};
-#[cfg(unix)]
-pub use unix::watch;
+#[cfg(not(unix))]
+pub use elsewhere::{watch, watch_ends};
 #[cfg(unix)]
 pub(super) use unix::{Armed, arm};
+#[cfg(unix)]
+pub use unix::{watch, watch_ends};
 
 /// Where there are no file descriptors, a device's own watchdog is the last resort.
 #[cfg(not(unix))]
@@ -23,6 +23,9 @@ mod elsewhere {
 
     /// Signals are not watched here.
     pub fn watch(_: i32, _: Stop) {}
+
+    /// Signals are not watched here.
+    pub fn watch_ends() {}
 }
 
 #[cfg(unix)]
@@ -104,9 +107,7 @@ mod unix {
                 watch_fault(signal, before);
             }
         });
-        for signal in ENDS {
-            watch_end(signal);
-        }
+        watch_ends();
         let claim = |slot: &Slot| {
             let taken = slot
                 .fd
@@ -233,6 +234,11 @@ mod unix {
             WATCHED[index].stops.store(stops as u8, Ordering::SeqCst);
             watch_end(signal);
         }
+    }
+
+    /// Have every signal that ends programs stop what it is to stop, by default everything.
+    pub fn watch_ends() {
+        ENDS.into_iter().for_each(watch_end);
     }
 
     /// Put our handler before the one that is there.
