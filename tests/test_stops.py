@@ -125,20 +125,27 @@ def test_a_stop_waits_for_no_line(tmp_path: Path, way: str):
         assert process.poll() is None  # it is still at work
 
 
+@contextmanager
+def terminal(folder: Path, board: Simulated, *options: str) -> Iterator[Terminal]:
+    """A session in a terminal that pushes; a line may be stuck in it in the end."""
+    with Terminal(command(folder, board, *options), cwd=folder) as at:
+        try:
+            until(lambda: at.look(0) and pushes(board), "a force")
+            yield at
+        finally:
+            at.child.kill(signal.SIGKILL)
+            at.child.wait()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("key", [F12, CTRL_C, "panic" + ENTER, "quit" + ENTER, "SIGINT"])
 @pytest.mark.parametrize("options", [(), ("--plain",)])
 def test_a_terminal_stops_while_a_line_is_at_work(
     tmp_path: Path, options: tuple[str, ...], key: str
 ):
-    with (
-        played(tmp_path) as board,
-        Terminal(command(tmp_path, board, *options), cwd=tmp_path) as at,
-    ):
-        until(lambda: at.look(0) and pushes(board), "a force")
+    with played(tmp_path) as board, terminal(tmp_path, board, *options) as at:
         at.type(LINE.rstrip() + ENTER)
         at.sees("create_string_buffer")
-        until(lambda: at.look(0.2) and (tmp_path / "session.jsonl").exists(), "the line")
         if key == "SIGINT":
             at.child.kill(signal.SIGINT)
         else:  # a terminal that draws nothing gives F12 with the line
@@ -147,8 +154,7 @@ def test_a_terminal_stops_while_a_line_is_at_work(
 
 
 def test_an_idle_terminal_clears_a_line_by_ctrl_c_and_goes_on_pushing(tmp_path: Path):
-    with played(tmp_path) as board, Terminal(command(tmp_path, board), cwd=tmp_path) as at:
-        until(lambda: at.look(0) and pushes(board), "a force")
+    with played(tmp_path) as board, terminal(tmp_path, board) as at:
         at.type("half a line")
         at.sees("half a line")
         at.type(CTRL_C)
