@@ -204,6 +204,7 @@ impl Performance {
             .name("ergon physics".into())
             .spawn(move || {
                 let _done = Done(own.clone());
+                safety::leave_signals();
                 own.grant(realtime::ask(realtime::PHYSICS));
                 player.run();
                 // Given back to be freed where time does not count.

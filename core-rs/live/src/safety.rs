@@ -21,7 +21,7 @@ use std::time::Instant;
 use crate::device::{Device, Gone, Sample, Spec};
 use crate::stop;
 use last_resort::Armed;
-pub use last_resort::{watch, watch_ends};
+pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};
 use pipeline::Pipeline;
 
 /// How often zero forces are sent when all is over: one packet may be lost.

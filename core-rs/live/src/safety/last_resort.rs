@@ -3,11 +3,11 @@
 #[cfg(not(unix))]
 pub(super) use elsewhere::{Armed, arm};
 #[cfg(not(unix))]
-pub use elsewhere::{watch, watch_ends};
+pub use elsewhere::{leave_signals, look_for_signals, watch, watch_ends};
 #[cfg(unix)]
 pub(super) use unix::{Armed, arm};
 #[cfg(unix)]
-pub use unix::{watch, watch_ends};
+pub use unix::{leave_signals, look_for_signals, watch, watch_ends};
 
 /// Where there are no file descriptors, a device's own watchdog is the last resort.
 #[cfg(not(unix))]
@@ -26,6 +26,12 @@ mod elsewhere {
 
     /// Signals are not watched here.
     pub fn watch_ends() {}
+
+    /// Signals are not watched here.
+    pub fn leave_signals() {}
+
+    /// Signals are not watched here.
+    pub fn look_for_signals() {}
 }
 
 #[cfg(unix)]
@@ -233,6 +239,42 @@ mod unix {
         if let Some(index) = ENDS.iter().position(|&known| known == signal) {
             WATCHED[index].stops.store(stops as u8, Ordering::SeqCst);
             watch_end(signal);
+        }
+    }
+
+    fn ends() -> libc::sigset_t {
+        // SAFETY: the calls fill the local set.
+        unsafe {
+            let mut set: libc::sigset_t = std::mem::zeroed();
+            libc::sigemptyset(&raw mut set);
+            for signal in ENDS {
+                libc::sigaddset(&raw mut set, signal);
+            }
+            set
+        }
+    }
+
+    /// Leave signals that end programs to other threads than this one, which can then look for them.
+    pub fn leave_signals() {
+        let set = ends();
+        // SAFETY: the set is valid; the mask before is not asked for.
+        unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) };
+    }
+
+    /// Stop what a signal stops that was sent and not handled yet: the thread that is to handle it may be kept
+    /// waiting for a processor, or handle none for a while. For a thread that leaves them to others.
+    pub fn look_for_signals() {
+        // SAFETY: the calls fill a local set and look at it.
+        unsafe {
+            let mut set: libc::sigset_t = std::mem::zeroed();
+            if libc::sigpending(&raw mut set) != 0 {
+                return;
+            }
+            for (signal, own) in ENDS.into_iter().zip(&WATCHED) {
+                if libc::sigismember(&raw const set, signal) == 1 {
+                    stop::stop(Stop::of(own.stops.load(Ordering::SeqCst)));
+                }
+            }
         }
     }
 
