@@ -135,6 +135,7 @@ class Plain:
     def _terminal(self) -> Iterator[None]:
         """A hand's terminal in which Ctrl-C clears the line and Ctrl-S freezes nothing."""
         if not self._by_hand:
+            self._watch([signal.SIGINT], ends=True)
             yield
             return
         with handled(self._interrupted, signal.SIGINT), _unfrozen(self._source.fileno()):
