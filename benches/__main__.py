@@ -1,6 +1,6 @@
 """`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md.
 
-`--minutes 10`: how long the duet is; a minute otherwise.
+`--minutes 10`: how long the duet is; a minute otherwise. `--runs 20`: how often each stop is done.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from benches.mesh import mesh
 from benches.native import Loops, compiler
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
+from benches.stops import stops
 from benches.string import string
 
 
@@ -32,6 +33,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser("python -m benches")
     parser.add_argument("scenes", nargs="*")
     parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--runs", type=int, default=5)
     asked = parser.parse_args(arguments)
     wanted: list[str] = asked.scenes
     loops = Loops() if compiler() is not None else None
@@ -46,6 +48,7 @@ def main(arguments: list[str]) -> int:
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
         "haply": haply,
+        "stops": partial(stops, asked.runs),
     }
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)

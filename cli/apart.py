@@ -71,7 +71,7 @@ def _place(wishes: Wishes) -> Path:
 
 
 def _serve(console: Console, path: str | None, wishes: Wishes, here: Path) -> None:
-    from ergon._core import __version__
+    from ergon._core import __version__, stop_on_signals
     from ergon.repl.wire.place import Door
     from ergon.repl.wire.serve import Served
 
@@ -86,7 +86,7 @@ def _serve(console: Console, path: str | None, wishes: Wishes, here: Path) -> No
         "score": os.path.abspath(session.commits.head.texts.path),
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
-    Served(session, door, about).run()
+    Served(session, door, about, stop_on_signals).run()
 
 
 # --- the prompt's process ------------------------------------------------------------------------

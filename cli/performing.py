@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import signal
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 # What a change takes from the session to the physics thread: its tick, and a busy machine [s].
 _MARGIN = 0.006
+_SWITCH = 0.0005  # [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,18 +69,25 @@ class Wishes:
 
 def perform(console: Console, path: str | None, wishes: Wishes) -> None:
     """Serve a session until somebody leaves."""
+    from ergon._core import stop_on_signals
     from ergon.repl.prompt.run import history_of_user, run
-    from ergon.repl.prompt.signals import left_to_me
 
-    with left_to_me():  # not to the physics, nor to who looks after it
-        session = begun(console, path, wishes)
-    if run(session, plain=wishes.plain, strict=wishes.strict, history=history_of_user()):
+    session = begun(console, path, wishes)
+    if run(
+        session,
+        plain=wishes.plain,
+        strict=wishes.strict,
+        history=history_of_user(),
+        watch=stop_on_signals,
+    ):
         raise Findings
 
 
 def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     """A session that sounds; whoever has it closes it."""
+    from ergon import _core
     from ergon.exchange.plan_store import of_user
+    from ergon.repl.prompt.signals import left_to_me
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
 
@@ -120,7 +130,12 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
     gc.freeze()
-    session.run()
+    # A line at work hands the interpreter over so soon to whoever stops a hand.
+    sys.setswitchinterval(_SWITCH)
+    # A notebook's Ctrl-C ends a call, not the session: hands are let go, until `release`.
+    _core.stop_on_signals([signal.SIGINT], ends=False)
+    with left_to_me():
+        session.run()
     return session
 
 
@@ -189,12 +204,14 @@ def _engine(
     console: Console, version: Version, clock: Clock, order: Order
 ) -> tuple[Callable[[Stage], Engine], Callable[[int], Opening]]:
     from ergon import _core
+    from ergon.repl.prompt.signals import left_to_me
     from ergon.repl.session.live import Live
     from ergon.repl.session.recorded import Opening
 
     def make(stage: Stage) -> Engine:
         try:
-            engine = Live(stage, order)
+            with left_to_me():  # not to the physics, nor to who looks after it
+                engine = Live(stage, order)
         except _core.EngineError as error:
             raise DeviceMissing(str(error)) from None
         console.say(engine.performance.output())

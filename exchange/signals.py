@@ -37,6 +37,8 @@ def signals_as_exceptions() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    if (core := sys.modules.get("ergon._core")) is not None:  # this process has outlived a signal
+        core.begin_again()
     handlers: dict[int, Handler] = {signal.SIGINT: interrupt, signal.SIGTERM: terminate}
     if hasattr(signal, "SIGHUP"):
         handlers[signal.SIGHUP] = terminate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -38,6 +39,7 @@ class State:
     quant: str = "bar"
     recording: float | None = None
     panicked: bool = False
+    let_go: bool = False  # no force on any hand, though the sound goes on
 
     @property
     def where(self) -> str:
@@ -68,8 +70,12 @@ class Face(Protocol):
     they may take no time.
     """
 
-    def submit(self, text: str) -> Reply:
-        """Do a line, or a block of lines as one version. Raises nothing; may take a while."""
+    def submit(self, text: str, *, releases: bool = True) -> Reply:
+        """Do a line, or a block of lines as one version. Raises nothing; may take a while.
+
+        A line after which a stop was entered `releases` nothing: no sound and no force that the
+        stop has ended.
+        """
 
     def state(self) -> State:
         """Where it is and what is heard."""
@@ -78,7 +84,13 @@ class Face(Protocol):
         """What happened since the last call, a sentence each."""
 
     def panic(self) -> None:
-        """Silence at once."""
+        """Silence and no force, at once, also while a line is at work."""
+
+    def let_go(self) -> None:
+        """No force on any hand, at once, until `release`; the sound goes on."""
+
+    def input_ends(self) -> None:
+        """Nobody can enter a stop here any more: where the session ends with this, let go."""
 
     def cancel(self) -> bool:
         """Drop the line that is being computed; whether there is one. From any thread."""
@@ -94,3 +106,14 @@ class Face(Protocol):
 
     def is_whole(self, text: str) -> bool:
         """Whether Enter ends it; a line that ends in a backslash goes on."""
+
+
+# By the first word, or its beginning as far as the language knows it. A name that is defined is no
+# stop; whatever else stands behind the word, zero force is the answer to a doubt.
+_STOP = re.compile(r"[ \t]*(?:(?P<panic>pa|pan|pani|panic)|(?P<quit>qui|quit))(?![^\s#])(?!\s*=)")
+
+
+def stop_of(text: str) -> str | None:
+    """Which stop a line, or one line of a block, asks for: "panic", "quit" or None."""
+    found = {match.lastgroup for line in text.split("\n") if (match := _STOP.match(line))}
+    return "panic" if "panic" in found else "quit" if found else None

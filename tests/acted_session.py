@@ -38,8 +38,8 @@ class Acted:
         self._log.write(json.dumps({"what": what, **fields}) + "\n")
         self._log.flush()
 
-    def submit(self, text: str) -> Reply:
-        self._note("submit", text=text)
+    def submit(self, text: str, *, releases: bool = True) -> Reply:
+        self._note("submit", text=text, **({} if releases else {"releases": False}))
         verb, _, rest = text.partition(" ")
         done = getattr(self, f"_{verb}", None)
         if done is None:
@@ -102,6 +102,12 @@ class Acted:
     def cancel(self) -> bool:
         self._note("cancel")
         return False
+
+    def let_go(self) -> None:
+        self._note("let go")
+
+    def input_ends(self) -> None:
+        self._note("input ends")
 
     def close(self) -> None:
         self._note("close")

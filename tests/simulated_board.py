@@ -192,7 +192,9 @@ def serve(board: Board, log: Path | None) -> None:
             for name, value in json.loads(line).items():
                 assert hasattr(board.ways, name), name
                 setattr(board.ways, name, value)
-            print(json.dumps({"changed": line.strip(), "packets": len(board.log)}), flush=True)
+            asked = board.log[-1][1] if board.log else 0.0
+            said = {"changed": line.strip(), "packets": len(board.log), "asked": asked}
+            print(json.dumps(said), flush=True)
     if log is not None:
         np.save(log, np.array(board.log, dtype=LOG))
 
@@ -211,6 +213,14 @@ class Simulated:
         assert self.process.stdout is not None
         print(json.dumps(ways), file=self.process.stdin, flush=True)
         assert json.loads(self.process.stdout.readline())["changed"]
+
+    def look(self) -> tuple[int, float]:
+        """How many packets have come, and the force that the last one asked for [N]."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        print("{}", file=self.process.stdin, flush=True)
+        said = json.loads(self.process.stdout.readline())
+        return said["packets"], said["asked"]
 
     def log(self) -> np.ndarray:
         """End it; every packet that bore a force, as LOG says."""

@@ -32,7 +32,7 @@ class Acted:
         self.slow = threading.Event()
         self.closed = False
 
-    def submit(self, text: str) -> Reply:
+    def submit(self, text: str, *, releases: bool = True) -> Reply:
         self.lines.append(text)
         if text == "slow":
             self.slow.set()
@@ -56,6 +56,12 @@ class Acted:
     def cancel(self) -> bool:
         self.cancelled = True
         return True
+
+    def let_go(self) -> None:
+        self.happened.append("let go")
+
+    def input_ends(self) -> None:
+        self.happened.append("input ends")
 
     def close(self) -> None:
         self.closed = True

@@ -55,7 +55,10 @@ class Terminal:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.child.close(force=True)
+        try:
+            self.child.close(force=True)
+        except pexpect.ExceptionPexpect:  # killed; where the machine is busy that takes a while
+            self.child.wait()
 
     def type(self, text: str | bytes) -> None:
         """Keys; what is shown meanwhile is read, as a terminal does, so that neither waits."""

@@ -33,8 +33,8 @@ MAY = {
         "repl.language",
         "_core",
     },
-    "repl.prompt": {"repl.face"},
-    "repl.wire": {"repl.face"},
+    "repl.prompt": {"repl.face", "repl.turns"},
+    "repl.wire": {"repl.face", "repl.turns"},
     "cli": {"scores", "instruments", "exchange", "lab", "live", "repl", "view", "_core"},
 }
 

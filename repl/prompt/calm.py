@@ -19,10 +19,10 @@ class Calm:
         self._mistakes: list[str] = []
         self._state = State(bar=1, beat=1.0, tempo=60.0)
 
-    def submit(self, text: str) -> Reply:
+    def submit(self, text: str, *, releases: bool = True) -> Reply:
         """Do a line."""
         try:
-            return self._face.submit(text)
+            return self._face.submit(text, releases=releases)
         except BaseException as error:
             if not _is_mistake(error):
                 raise
@@ -47,6 +47,14 @@ class Calm:
     def cancel(self) -> bool:
         """Drop the line that is being computed."""
         return self._try(self._face.cancel, False)
+
+    def let_go(self) -> None:
+        """No force at once."""
+        self._try(self._face.let_go, None)
+
+    def input_ends(self) -> None:
+        """Nobody enters anything more."""
+        self._try(self._face.input_ends, None)
 
     def close(self) -> None:
         """Hush, and let go."""

@@ -13,11 +13,14 @@ from types import FrameType
 from typing import TextIO
 
 from ergon.common.terminal import clean
+from ergon.repl.face import Reply
+from ergon.repl.turns import Turn, Turns
 
+from .ahead import Ahead
 from .calm import Calm
 from .folded import Folded
-from .signals import Ended, handled, left_to_me
-from .words import F12, echo, lines_of, typed
+from .signals import Ended, Watch, at_work, handled, left_to_me
+from .words import echo, lines_of
 
 _LISTENED = 0.1  # s between two looks at what happened
 
@@ -25,19 +28,20 @@ _LISTENED = 0.1  # s between two looks at what happened
 class Plain:
     """A session by lines that come in and lines that go out."""
 
-    def __init__(self, face: Calm, source: TextIO, sink: TextIO) -> None:
+    def __init__(self, face: Calm, source: TextIO, sink: TextIO, watch: Watch) -> None:
         """Over a face; what a file or a pipe says is repeated, so that a log tells it too."""
         self._face = face
-        self._source, self._sink = source, sink
+        self._source, self._sink, self._watch = source, sink, watch
         self._by_hand = source.isatty()
         self._folded = Folded()
         self._over = threading.Event()
         self._writing = threading.Lock()
         self._prompt = ""  # that waits in the last line
         self._reading = False
-        for stream in (source, sink):  # no byte and no locale is an error here
-            if isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(errors="replace")
+        self._turns: Turns[None] = Turns(face)
+        self._ahead = Ahead(source, self._turns)
+        if isinstance(sink, io.TextIOWrapper):  # no byte and no locale is an error here
+            sink.reconfigure(errors="replace")
 
     def run(self) -> int:
         """Serve until the end of input, or somebody leaves; the number of lines refused."""
@@ -45,20 +49,19 @@ class Plain:
         listener = threading.Thread(target=self._listen, name="ergon-messages", daemon=True)
         with left_to_me():
             listener.start()
+            self._ahead.start()
         try:
             with self._terminal():
-                while (text := self._whole_line()) is not None:
-                    if F12 in text:  # a terminal gives it with the line
-                        self._face.panic()
-                        text = text.replace(F12, "")
-                    if not text.strip():
+                while (turn := self._whole_line()) is not None:
+                    if not turn.text.strip():
                         continue
-                    reply = self._face.submit(text)
+                    reply = self._done(turn)
                     refusals += not reply.taken
                     self._print(lines_of(reply, plain=True))
                     if reply.leaves:
                         break
         finally:
+            self._ahead.stop()
             self._over.set()
             listener.join()
         self._print([clean(line) for line in self._folded.rest()])
@@ -68,9 +71,15 @@ class Plain:
         """Leave at once, from a signal's handler."""
         raise Ended
 
-    def _whole_line(self) -> str | None:
+    def _done(self, turn: Turn[None]) -> Reply:
+        if not self._by_hand:
+            return self._face.submit(turn.text, releases=turn.releases)
+        with at_work(self._watch):
+            return self._face.submit(turn.text, releases=turn.releases)
+
+    def _whole_line(self) -> Turn[None] | None:
         """A line with those that go on from it; None at the end of input."""
-        lines: list[str] = []
+        lines: list[Turn[None]] = []
         while True:
             try:
                 line = self._line()
@@ -79,30 +88,32 @@ class Plain:
                     raise
                 lines.clear()
                 continue
-            if not line:
-                return "\n".join(lines) or None
-            lines.append(typed(line).rstrip("\r\n"))
-            text = "\n".join(lines)
-            if self._face.is_whole(text):
-                return text
+            if line is not None:
+                lines.append(line)
+            text = "\n".join(line.text for line in lines)
+            if line is None and not text:
+                return None
+            if line is None or self._face.is_whole(text):
+                return Turn(None, text, all(line.releases for line in lines))
 
-    def _line(self) -> str:
-        """One line with its end; empty at the end of input."""
+    def _line(self) -> Turn[None] | None:
+        """The next line; None at the end of input."""
         where = f"{self._face.state().where} > "
-        line = ""
+        turn = None
         try:
             self._reading = True  # before anybody sees that it does
             with self._writing:
                 self._prompt = where
                 self._write(where)
-            line = self._source.readline()
+            turn = self._turns.next()
+            self._ahead.taken()
         finally:
             self._reading = False
             with self._writing:
                 self._prompt = ""
-                if not (self._by_hand and line):  # a terminal shows by itself what is typed
-                    self._write(echo("", typed(line).rstrip()) + "\n")
-        return line
+                if not (self._by_hand and turn):  # a terminal shows by itself what is typed
+                    self._write(echo("", turn.text.rstrip() if turn else "") + "\n")
+        return turn
 
     def _print(self, lines: Sequence[str]) -> None:
         if lines:
@@ -125,16 +136,22 @@ class Plain:
     def _terminal(self) -> Iterator[None]:
         """A hand's terminal in which Ctrl-C clears the line and Ctrl-S freezes nothing."""
         if not self._by_hand:
+            self._watch([signal.SIGINT], ends=True)
             yield
             return
         with handled(self._interrupted, signal.SIGINT), _unfrozen(self._source.fileno()):
+            self._watch([signal.SIGINT], ends=None)
             yield
+        self._watch([signal.SIGINT], ends=True)
 
     def _interrupted(self, number: int, frame: FrameType | None) -> None:
-        if self._reading:
-            _forget(self._source.fileno())
-            raise KeyboardInterrupt
-        self._face.cancel()  # a line is dropped as a whole, never in the middle of what it does
+        if not self._reading:
+            self._face.let_go()
+            self._face.cancel()  # a line is dropped as a whole, never in the middle of what it does
+            return
+        _forget(self._source.fileno())
+        self._ahead.forget()
+        raise KeyboardInterrupt
 
 
 def _forget(terminal: int) -> None:

@@ -13,7 +13,7 @@ from ergon.repl.face import Face
 
 from .calm import Calm
 from .plain import Plain
-from .signals import put_off, unstopped
+from .signals import Watch, put_off, unstopped, unwatched
 
 if TYPE_CHECKING:
     from .screen import Screen
@@ -21,17 +21,26 @@ if TYPE_CHECKING:
 REFUSED = 1  # the exit code under `strict` when a line was not taken
 
 
-def run(face: Face, *, plain: bool = False, strict: bool = False, history: Path | None) -> int:
+def run(
+    face: Face,
+    *,
+    plain: bool = False,
+    strict: bool = False,
+    history: Path | None,
+    watch: Watch = unwatched,
+) -> int:
     """Serve a session until somebody leaves, and close it; the exit code.
 
     `plain` draws nothing and prints lines, as it does where there is no terminal, or a dumb one.
     `history` is the file of lines typed before (`history_of_user()`), None for none. SIGTERM,
-    SIGHUP and, in a script, Ctrl-C close the session and then act as they would have.
+    SIGHUP and, in a script, Ctrl-C close the session and then act as they would have; `watch` has
+    them end forces and sound before that. In a terminal Ctrl-C clears what is typed; while a line
+    is at work it lets go of every hand.
     """
     refused = 0
     calm = Calm(face)
-    server = _server(calm, plain or not drawable(), history)
-    with put_off(server.end), unstopped():
+    server = _server(calm, plain or not drawable(), history, watch)
+    with put_off(server.end, watch), unstopped(watch):
         try:
             refused = server.run()
         finally:
@@ -41,12 +50,12 @@ def run(face: Face, *, plain: bool = False, strict: bool = False, history: Path 
     return REFUSED if strict and refused else 0
 
 
-def _server(face: Calm, plain: bool, history: Path | None) -> Plain | Screen:
+def _server(face: Calm, plain: bool, history: Path | None, watch: Watch) -> Plain | Screen:
     if plain:
-        return Plain(face, sys.stdin, sys.stdout)
+        return Plain(face, sys.stdin, sys.stdout, watch)
     from .screen import Screen
 
-    return Screen(face, history)
+    return Screen(face, history, watch)
 
 
 def drawable() -> bool:

@@ -14,7 +14,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 from prompt_toolkit import PromptSession
@@ -25,12 +24,14 @@ from prompt_toolkit.patch_stdout import StdoutProxy
 
 from ergon.common.terminal import clean
 from ergon.repl.face import Reply
+from ergon.repl.turns import Turns
 
 from .assist import STYLE, Colours, Completions
 from .calm import Calm
 from .folded import Folded
 from .keyboard import TEXT_MAX, bindings, keyboard
 from .past import Past
+from .signals import Watch, at_work
 from .status import status
 from .words import INDENT, continuation, echo, lines_of, typed
 
@@ -43,10 +44,12 @@ _BUNDLED = 0.005  # s in which what is printed is printed at once: each time the
 class Screen:
     """A session in a terminal."""
 
-    def __init__(self, face: Calm, history: Path | None) -> None:
+    def __init__(self, face: Calm, history: Path | None, watch: Watch) -> None:
         """Over a face, with the lines of earlier sessions from a file."""
         self._face = face
-        self._lines: SimpleQueue[str | None] = SimpleQueue()
+        self._watch = watch
+        self._turns: Turns[None] = Turns(face)
+        self._at_work = False
         self._folded = Folded()
         self._refused = ("", "")  # the line, and what to type instead
         self._refusals = 0
@@ -121,11 +124,12 @@ class Screen:
 
     def panic(self) -> None:
         """Silence at once."""
-        self._face.panic()
+        self._turns.panic()
 
     def clear(self) -> None:
-        """Forget what is typed; where nothing is, drop the line that is being computed."""
-        if not self._buffer.text:
+        """Forget what is typed; while a line is at work, drop it, and let go of every hand."""
+        if self._at_work:
+            self._face.let_go()
             self._face.cancel()
         self._buffer.reset()
 
@@ -134,7 +138,7 @@ class Screen:
         if self._leaving:
             self._go()
         self._leaving = True
-        self._lines.put(None)
+        self._turns.end()
 
     def enter(self) -> None:
         """A whole line is done; another one goes on."""
@@ -175,15 +179,18 @@ class Screen:
         text = typed(buffer.text)
         print(echo(f"{self._face.state().where} > ", text))
         if text.strip():
-            self._lines.put(text)
+            self._turns.enter(text, None)
         return False  # the buffer is emptied
 
     def _work(self, loop: asyncio.AbstractEventLoop) -> None:
         """A thread of its own: a line may take a while, and typing goes on."""
         with contextlib.suppress(RuntimeError):  # somebody left at once: the loop is closed
-            while (text := self._lines.get()) is not None:
-                reply = self._face.submit(text)
-                loop.call_soon_threadsafe(self._answer, text, reply)
+            while (turn := self._turns.next()) is not None:
+                self._at_work = True
+                with at_work(self._watch):
+                    reply = self._face.submit(turn.text, releases=turn.releases)
+                self._at_work = False
+                loop.call_soon_threadsafe(self._answer, turn.text, reply)
                 if reply.leaves:
                     return
             loop.call_soon_threadsafe(self._go)

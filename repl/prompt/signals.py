@@ -5,13 +5,38 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
+from typing import Protocol
 
 # By name: not every system has all of them.
 _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _STOPPING = [getattr(signal, name) for name in ("SIGTSTP", "SIGQUIT") if hasattr(signal, name)]
 Handler = Callable[[int, FrameType | None], object]
+
+
+class Watch(Protocol):
+    """Has signals stop forces before Python knows of them, as `_core.stop_on_signals` does.
+
+    It is to be asked whenever a handler was set, for that takes the signal over.
+    """
+
+    def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
+        """Every force and sound where the program `ends`, else every force; None: nothing."""
+
+
+def unwatched(signals: Sequence[int], *, ends: bool | None) -> None:
+    """Nothing here has a force."""
+
+
+@contextlib.contextmanager
+def at_work(watch: Watch) -> Iterator[None]:
+    """A line is at work: Ctrl-C, which clears a line that is typed, lets go of every hand."""
+    watch([signal.SIGINT], ends=False)
+    try:
+        yield
+    finally:
+        watch([signal.SIGINT], ends=None)
 
 
 @contextlib.contextmanager
@@ -46,11 +71,13 @@ def left_to_me() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def unstopped() -> Iterator[None]:
+def unstopped(watch: Watch) -> Iterator[None]:
     r"""Ctrl-Z and Ctrl-\ stop nothing, also where the terminal makes signals of them."""
     # A handler rather than SIG_IGN, which programs that are started from here would inherit.
     with handled(lambda number, frame: None, *_STOPPING):
+        watch(_STOPPING, ends=None)
         yield
+    watch(_STOPPING, ends=True)
 
 
 class Ended(BaseException):
@@ -58,10 +85,11 @@ class Ended(BaseException):
 
 
 @contextlib.contextmanager
-def put_off(end: Callable[[], None]) -> Iterator[None]:
+def put_off(end: Callable[[], None], watch: Watch) -> Iterator[None]:
     """SIGTERM and SIGHUP call `end`, which may raise Ended; after the block they act as ever.
 
-    So the block has cleaned up by then; a second one does not wait for that.
+    So the block has cleaned up by then; a second one does not wait for that. Forces and sound end
+    at once, whatever Python does meanwhile.
     """
     came: list[int] = []
 
@@ -75,6 +103,8 @@ def put_off(end: Callable[[], None]) -> Iterator[None]:
     # A signal that the caller ignores (nohup) stays ignored.
     ending = [number for number in _ENDING if signal.getsignal(number) is not signal.SIG_IGN]
     with handled(handler, *ending), contextlib.suppress(Ended):
+        watch(ending, ends=True)
         yield
+    watch(ending, ends=True)
     for number in came:
         signal.raise_signal(number)

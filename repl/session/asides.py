@@ -28,8 +28,10 @@ def _play(session: Session, command: c.Play) -> Reply:
     clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
     if command.start is None and clock.goes:
         raise NotTakenError("it plays already; `play from 1|1` begins again")
-    if session.panicked:
+    if session.stops.is_stopped and session.stops.may_release:
         session.release()
+    if session.stops.panicked:
+        raise NotTakenError("a panic came after this line; `release`, then `play`")
     beat = clock.at
     if command.start is not None:
         try:
@@ -49,13 +51,15 @@ def _stop(session: Session, command: c.Stop) -> Reply:
 
 
 def _panic(session: Session, command: c.Panic) -> Reply:
-    session.panic()
+    session.stops.panic_in_turn()
     return Reply(True, "")
 
 
 def _release(session: Session, command: c.Release) -> Reply:
-    if not session.panicked:
+    if not session.stops.is_stopped:
         raise NotTakenError("nothing was panicked")
+    if not session.stops.may_release:
+        raise NotTakenError("a stop came after this line")
     session.release()
     return Reply(True, "ok")
 

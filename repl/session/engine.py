@@ -52,6 +52,7 @@ class Look:
     late: int = 0
     peaks: Sequence[float] = ()
     away: frozenset[str] = frozenset()
+    let_go: bool = False  # no force is sent, by `let_go` or by a signal
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +93,9 @@ class Engine(Protocol):
 
     def panic(self) -> None:
         """Silence within 5 ms, no force."""
+
+    def let_go(self) -> None:
+        """No force."""
 
     def release(self) -> None:
         """Sound and force again."""
@@ -184,6 +188,9 @@ class Steps:
 
     def panic(self) -> None:
         """Nothing sounds here that could hurt."""
+
+    def let_go(self) -> None:
+        """No hand is here."""
 
     def release(self) -> None:
         """Nothing was silenced."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ergon._core import has_let_go, let_go
 from ergon.live.display import told as said
 from ergon.live.perform import Order, bars, every, perform
 from ergon.repl.session.engine import Change, Led, Look, Told
@@ -85,7 +86,8 @@ class Live:
         away = frozenset(
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
-        return Look(status.load, status.late, status.peaks[: self._n_channels], away)
+        peaks = status.peaks[: self._n_channels]
+        return Look(status.load, status.late, peaks, away, bool(self._real) and has_let_go())
 
     def told(self) -> Sequence[Told]:
         """What happened since the last call."""
@@ -109,6 +111,10 @@ class Live:
     def panic(self) -> None:
         """Silence within 5 ms, no force."""
         self._performance.panic()
+
+    def let_go(self) -> None:
+        """No force."""
+        let_go()
 
     def release(self) -> None:
         """Sound and force again."""

@@ -30,6 +30,7 @@ from ergon.repl.session.journal import Journal
 from ergon.repl.session.leads import Leads, allow
 from ergon.repl.session.recorded import said
 from ergon.repl.session.running import Running, begin
+from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, Past, Version
 from ergon.scores.clock.positions import Length
 from ergon.scores.staging.stage import StageError
@@ -90,22 +91,24 @@ class Session:
         self.leads = Leads(self.commits)
         self.computing = computing.Computing()
         self.watch = files.Watch(version.texts) if watches else None
-        self.panicked = False
+        self.stops = Stops(self)
         self.taps: list[float] = []
         self.disk = disk or Disk.of(version.texts)
-        self._number = 0
+        self.number = 0
         self._scope = names(version.piece)
         self._scope_of = version.piece
         self._messages: deque[str] = deque(maxlen=1000)
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
     # --- what the keyboard sees ------------------------------------------------------------------
 
-    def submit(self, text: str) -> Reply:
+    def submit(self, text: str, *, releases: bool = True) -> Reply:
         """Do a line, or a block of lines as one version; whatever it is, the music goes on."""
-        with self._lock:
+        count = self.stops.count
+        with self.lock:
+            self.stops.begins(releases, count)
             try:
                 self.pump()
                 reply = self._submitted(text)
@@ -145,7 +148,8 @@ class Session:
             level=20.0 * math.log10(peak) if peak > 0 else -math.inf,
             quant=self.quant_text,
             recording=None if capture is None else capture.seconds(frame, running.stage.rate),
-            panicked=self.panicked,
+            panicked=self.stops.panicked,
+            let_go=look.let_go,
         )
 
     def messages(self) -> Sequence[str]:
@@ -156,22 +160,29 @@ class Session:
         return found
 
     def panic(self) -> None:
-        """Silence at once; a line that is being computed is dropped."""
-        self.commits.engine.panic()
-        self.panicked = True
-        self.computing.cancel()
-        self._messages.append("panic: silent, no force; `release`, then `play`")
-        threading.Thread(target=self._reset, daemon=True).start()
+        """Silence and no force, at once; a line that is being computed is dropped."""
+        self.stops.panic()
+
+    def let_go(self) -> None:
+        """No force on any hand, at once, until `release`; the sound goes on."""
+        self.stops.let_go()
+
+    def input_ends(self) -> None:
+        """The session ends after the lines that wait, and nobody is there to stop a force."""
+        self.stops.let_go()
 
     def cancel(self) -> bool:
         """Drop the line that is being computed, from any thread; whether there is one."""
         return self.computing.cancel()
 
     def release(self) -> None:
-        """Sound and force again, after a panic."""
-        self.commits.engine.release()
-        self.panicked = False
+        """Sound and force again, after a panic and after `let_go`."""
+        self.stops.release()
         self._tell("release", frame=self.commits.engine.frame)
+
+    def say(self, message: str) -> None:
+        """Tell something with the next messages."""
+        self._messages.append(message)
 
     def close(self) -> None:
         """Hush, and let go of everything."""
@@ -180,7 +191,7 @@ class Session:
         self._over.set()
         if self._thread is not None:
             self._thread.join()
-        with self._lock:
+        with self.lock:
             self._tell("end", frame=self.commits.engine.frame)
             self.commits.engine.close()
             self._hear()
@@ -246,8 +257,8 @@ class Session:
         journal as it was. Raises StoppedError where a line that `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
-        self._number += 1
-        number = self._number
+        self.number += 1
+        number = self.number
 
         def numbered(version: Version, at: float) -> Version:
             made = deed(version, at)
@@ -296,7 +307,7 @@ class Session:
 
     def pump(self) -> None:
         """Hand over what is due, and hear what the engine tells."""
-        with self._lock:
+        with self.lock:
             self._hear()
             self._late(self.commits.tick())
             while self.commits.lost:
@@ -359,24 +370,13 @@ class Session:
             try:
                 self.pump()
                 if (led := self.leads.due()) is not None:
-                    with self._lock:
+                    with self.lock:
                         self.leads.hand(*led)
                 if next(looks) % _WATCH == 0 and self.watch and self.watch.has_changed():
                     reply = self.submit("reload")
                     self._messages.append(reply.text if reply.taken else f"not taken: {reply.text}")
             except BaseException as error:  # whatever it was, the next look may succeed
                 self._messages.append(f"{type(error).__name__}: {error}")
-
-    def _reset(self) -> None:
-        """After a panic: nothing waits, nothing plays, every mass is where it begins."""
-        with self._lock:
-            self.commits.waiting.clear()
-            self.commits.head = self.commits.running.version
-            try:
-                hushed = deeds.hushed
-                self.queue("panic", hushed, NOW, goes=False, resets=True, is_limited=False)
-            except REFUSALS as error:
-                self._messages.append(f"what played is not forgotten: {error}")
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece

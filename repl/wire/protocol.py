@@ -44,6 +44,7 @@ REQUESTS: dict[str, dict[str, type]] = {
     "state": {},  # as below
     "messages": {},  # sentences since the last call, for this prompt
     "panic": {},  # true, and silence
+    "let_go": {},  # true, and no force
     "cancel": {},  # whether a line of this prompt was being computed, which is dropped
     "complete": {"line": str, "cursor": int},  # [text, start, hint] each
     "tokens": {"line": str},  # [start, end, kind] each
@@ -51,6 +52,9 @@ REQUESTS: dict[str, dict[str, type]] = {
     "leave": {},  # true; this prompt goes, the session goes on
     "end": {},  # true; the session ends, for all
 }
+
+# Fields that may be left out, and what they are then.
+UNSAID: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +108,10 @@ def asked(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
         if isinstance(value, str) and len(value) > MAX_TEXT:
             raise ProtocolError(too_long(value))
         given[name] = value
+    for name, unsaid in UNSAID.get(do, {}).items():
+        given[name] = fields.get(name, unsaid)
+        if type(given[name]) is not bool:
+            raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: bool")
     return do, given
 
 
@@ -145,6 +153,7 @@ def state_out(state: State) -> dict[str, Any]:
         "quant": state.quant,
         "recording": state.recording,
         "panicked": state.panicked,
+        **({"let_go": True} if state.let_go else {}),
     }
 
 
@@ -162,6 +171,7 @@ def state_in(said: Any) -> State:
             quant=str(said["quant"]),
             recording=None if said["recording"] is None else float(said["recording"]),
             panicked=bool(said["panicked"]),
+            let_go=bool(said.get("let_go")),
         )
-    except (KeyError, TypeError, ValueError, OverflowError):
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         raise ProtocolError("this is no state") from None

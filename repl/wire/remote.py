@@ -51,7 +51,7 @@ class Remote:
 
     # --- what the keyboard sees ------------------------------------------------------------------
 
-    def submit(self, text: str) -> Reply:
+    def submit(self, text: str, *, releases: bool = True) -> Reply:
         """Do a line; waits until it is done or the session is gone."""
         if len(text) > MAX_TEXT:
             return Reply(False, too_long(text))
@@ -60,7 +60,7 @@ class Remote:
         if self._link.gone:
             return Reply(False, f"no session answers at {self._path}; it is looked for")
         try:
-            reply = reply_in(self._link.ask("submit", text=text).result())
+            reply = reply_in(self._link.ask("submit", text=text, releases=releases).result())
             if reply.leaves:
                 self._ended = text
             return reply
@@ -95,6 +95,14 @@ class Remote:
             return False
         self._link.ask("cancel")
         return True
+
+    def let_go(self) -> None:
+        """No force on any hand, at once."""
+        if not self._link.gone:
+            self._link.ask("let_go")
+
+    def input_ends(self) -> None:
+        """The session goes on, with other prompts or with none."""
 
     def close(self) -> None:
         """Leave; the session goes on."""

@@ -7,11 +7,11 @@ import contextlib
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from queue import SimpleQueue
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Protocol
 
 from ergon.repl.face import Face, Reply
+from ergon.repl.turns import Turns
 
 from . import place
 from .protocol import (
@@ -66,17 +66,27 @@ class Prompt:
             self._writer.transport.abort()
 
 
+class Watch(Protocol):
+    """Has signals stop forces before Python knows of them, as `_core.stop_on_signals` does."""
+
+    def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
+        """Every force and sound where the program `ends`."""
+
+
 class Served:
     """A session served; `about` is told to each prompt as it comes."""
 
-    def __init__(self, face: Face, door: place.Door, about: Mapping[str, str]) -> None:
-        """Over a face that nobody else submits lines to."""
+    def __init__(
+        self, face: Face, door: place.Door, about: Mapping[str, str], watch: Watch | None = None
+    ) -> None:
+        """Over a face that nobody else submits lines to; `watch` for signals that end it."""
         self._face = face
+        self._watch = watch
         self._door = door
         self._about = dict(about)
         self._prompts: dict[int, Prompt] = {}
         self._came = 0
-        self._lines: SimpleQueue[tuple[Prompt, Any, str] | None] = SimpleQueue()
+        self._turns: Turns[tuple[Prompt, Any, bool]] = Turns(face)
         self._why = ""  # it ended
         self._now: Prompt | None = None  # whose line is being done
         self._over = asyncio.Event()
@@ -86,6 +96,7 @@ class Served:
             "messages": _taken,
             "panic": lambda prompt: self._panic(prompt),
             "cancel": self._cancel,
+            "let_go": lambda prompt: self._let_go(),
             "complete": self._complete,
             "tokens": lambda prompt, line: [list(one) for one in self._face.tokens(line)],
             "is_whole": lambda prompt, text: bool(self._face.is_whole(text)),
@@ -111,7 +122,7 @@ class Served:
 
     async def _run(self) -> None:
         self._loop = asyncio.get_running_loop()
-        with _ended_by_signals(self._loop, self._ends):
+        with _ended_by_signals(self._loop, self._ends, self._watch):
             self._door.listen()
             server = await asyncio.start_unix_server(
                 self._met, sock=self._door.socket, limit=MAX_LINE
@@ -128,7 +139,7 @@ class Served:
             for prompt in self._prompts.values():
                 prompt.send(ended=self._why)
             await asyncio.gather(*(prompt.close() for prompt in self._prompts.values()))
-            self._lines.put(None)
+            self._turns.end()
 
     def _ends(self, why: str) -> bool:
         self._why = self._why or why
@@ -214,8 +225,12 @@ class Served:
         cursor = max(0, min(cursor, len(line)))
         return [[one.text, one.start, one.hint] for one in self._face.complete(line, cursor)]
 
+    def _let_go(self) -> bool:
+        self._turns.let_go()
+        return True
+
     def _panic(self, prompt: Prompt) -> bool:
-        self._face.panic()
+        self._turns.panic()
         self._tell(f"panic, by prompt {prompt.number}", but=prompt)
         return True
 
@@ -225,18 +240,18 @@ class Served:
 
     # --- lines ------------------------------------------------------------------------------------
 
-    def _wait(self, prompt: Prompt, number: Any, text: str) -> None:
+    def _wait(self, prompt: Prompt, number: Any, text: str, releases: bool) -> None:
         if prompt.waiting >= _LINES:
             raise ProtocolError(f"{_LINES} of your lines wait already")
         prompt.waiting += 1
-        self._lines.put((prompt, number, text))
+        self._turns.enter(text, (prompt, number, releases))
 
     def _work(self) -> None:
         """A thread of its own: a line may take a while, and everything else goes on."""
-        while (one := self._lines.get()) is not None:
-            prompt, number, text = one
+        while (turn := self._turns.next()) is not None:
+            (prompt, number, releases), text = turn.who, turn.text
             self._now = prompt
-            reply = self._submitted(text)
+            reply = self._submitted(text, releases and turn.releases)
             self._now = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
@@ -244,9 +259,9 @@ class Served:
             if reply.leaves:
                 return
 
-    def _submitted(self, text: str) -> Reply:
+    def _submitted(self, text: str, releases: bool) -> Reply:
         try:
-            return self._face.submit(text)
+            return self._face.submit(text, releases=releases)
         except BaseException as error:  # a face raises nothing; if one does, the others go on
             return Reply(False, f"internal error: {type(error).__name__}: {error}")
 
@@ -270,7 +285,7 @@ def _taken(prompt: Prompt) -> list[str]:
 
 @contextlib.contextmanager
 def _ended_by_signals(
-    loop: asyncio.AbstractEventLoop, end: Callable[[str], object]
+    loop: asyncio.AbstractEventLoop, end: Callable[[str], object], watch: Watch | None
 ) -> Iterator[None]:
     """SIGTERM and Ctrl-C end the session well; the end of whoever started it does not."""
     if threading.current_thread() is not threading.main_thread():
@@ -280,6 +295,8 @@ def _ended_by_signals(
     ending = (signal.SIGTERM, signal.SIGINT)
     for number in ending:
         loop.add_signal_handler(number, end, f"ended by {number.name}")
+    if watch is not None:
+        watch(ending, ends=True)
     try:
         yield
     finally:

@@ -21,6 +21,7 @@ mod perform;
 mod plan;
 mod recording;
 mod simulation;
+mod stop;
 mod take;
 mod timeline;
 mod words;
@@ -65,6 +66,8 @@ mod _core {
     use super::recording::{Recording, read_recording};
     #[pymodule_export]
     use super::simulation::{Energy, Report, Simulation, Snapshot};
+    #[pymodule_export]
+    use super::stop::{begin_again, has_let_go, let_go, stop_on_signals};
     #[pymodule_export]
     use super::take::Take;
     #[pymodule_export]

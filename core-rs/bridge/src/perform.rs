@@ -45,7 +45,11 @@ type StemOf = (PathBuf, u64, u64, Vec<usize>);
 
 /// A piece that is being played.
 #[pyclass(frozen, module = "ergon._core")]
-pub(crate) struct Performance(Mutex<Option<perform::Performance>>);
+pub(crate) struct Performance {
+    own: Mutex<Option<perform::Performance>>,
+    /// Beside the lock: a stop waits for nobody.
+    brake: perform::Brake,
+}
 
 #[pymethods]
 impl Performance {
@@ -113,7 +117,10 @@ impl Performance {
                 .collect::<PyResult<_>>()?;
             perform::Performance::start(stage, boards, how).map_err(said)
         })
-        .map(|own| Self(Mutex::new(Some(own))))
+        .map(|own| Self {
+            brake: own.brake(),
+            own: Mutex::new(Some(own)),
+        })
     }
 
     /// How it goes now.
@@ -149,13 +156,13 @@ impl Performance {
     }
 
     /// Silence within 5 ms and zero force at the next tick.
-    fn panic(&self) -> PyResult<()> {
-        self.with(|own| own.panic())
+    fn panic(&self) {
+        self.brake.panic();
     }
 
-    /// After a panic: sound and force again.
-    fn release(&self) -> PyResult<()> {
-        self.with(|own| own.release())
+    /// Sound and force again, after a panic or after `let_go`.
+    fn release(&self) {
+        self.brake.release();
     }
 
     /// Another gain, from the next tick on.
@@ -220,8 +227,8 @@ impl Performance {
     }
 
     /// Play nothing more.
-    fn stop(&self) -> PyResult<()> {
-        self.with(|own| own.stop())
+    fn stop(&self) {
+        self.brake.stop();
     }
 
     /// Wait until the last frame is computed; False when `seconds` came first.
@@ -254,7 +261,7 @@ type Told = (u64, &'static str, f64);
 
 impl Performance {
     fn own(&self) -> MutexGuard<'_, Option<perform::Performance>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.own.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn with<T>(&self, ask: impl FnOnce(&mut perform::Performance) -> T) -> PyResult<T> {

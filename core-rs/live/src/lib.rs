@@ -11,3 +11,4 @@ pub mod perform;
 pub mod realtime;
 pub mod recording;
 pub mod safety;
+pub mod stop;

@@ -36,7 +36,8 @@ use crate::audio::{self, AudioError, Output};
 use crate::device::DeviceError;
 use crate::realtime::{self, Granted};
 use crate::recording::{Header, Recorder, RecorderHandle, RecordingError};
-use crate::safety::Guarded;
+use crate::safety::{self, Guarded};
+use crate::stop;
 use player::Player;
 
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
@@ -196,11 +197,14 @@ impl Performance {
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
     pub fn start(stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
         let (mut this, mut player) = Self::prepare(stage, boards, how)?;
+        // Without a hand too: what sounds ends by a signal as soon.
+        safety::watch_ends();
         let own = this.desk.clone();
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())
             .spawn(move || {
                 let _done = Done(own.clone());
+                safety::leave_signals();
                 own.grant(realtime::ask(realtime::PHYSICS));
                 player.run();
                 // Given back to be freed where time does not count.
@@ -347,16 +351,22 @@ impl Performance {
         self.desk.granted()
     }
 
-    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Performance::release`].
-    pub fn panic(&self) {
-        self.desk.panic.store(true, Ordering::Release);
-        self.output.shared().panic();
+    /// What stops it from any thread.
+    pub fn brake(&self) -> Brake {
+        Brake {
+            desk: self.desk.clone(),
+            sound: self.output.shared().clone(),
+        }
     }
 
-    /// After a panic: sound and force again.
+    /// See [`Brake::panic`].
+    pub fn panic(&self) {
+        self.brake().panic();
+    }
+
+    /// See [`Brake::release`].
     pub fn release(&self) {
-        self.desk.panic.store(false, Ordering::Release);
-        self.output.shared().release();
+        self.brake().release();
     }
 
     /// Go to another gain over 20 ms, from the next tick on; false where too much is asked at once.
@@ -422,10 +432,9 @@ impl Performance {
         commands.push(command).is_ok()
     }
 
-    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
+    /// See [`Brake::stop`].
     pub fn stop(&self) {
-        self.desk.stop.store(true, Ordering::Release);
-        self.output.shared().panic();
+        self.brake().stop();
     }
 
     /// Whether the last frame has been computed.
@@ -456,6 +465,34 @@ impl Performance {
         closed?;
         recorded.transpose()?;
         Ok(())
+    }
+}
+
+/// What stops a performance from any thread, at once: it takes no lock and waits for nothing.
+#[derive(Clone)]
+pub struct Brake {
+    desk: Arc<Desk>,
+    sound: Arc<audio::Shared>,
+}
+
+impl Brake {
+    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Brake::release`].
+    pub fn panic(&self) {
+        self.desk.panic.store(true, Ordering::Release);
+        self.sound.panic();
+    }
+
+    /// Sound and force again, after a panic and after [`stop::Stop::Forces`].
+    pub fn release(&self) {
+        stop::release();
+        self.desk.panic.store(false, Ordering::Release);
+        self.sound.release();
+    }
+
+    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
+    pub fn stop(&self) {
+        self.desk.stop.store(true, Ordering::Release);
+        self.sound.panic();
     }
 }
 

@@ -19,7 +19,9 @@ pub use limits::Limits;
 use std::time::Instant;
 
 use crate::device::{Device, Gone, Sample, Spec};
+use crate::stop;
 use last_resort::Armed;
+pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};
 use pipeline::Pipeline;
 
 /// How often zero forces are sent when all is over: one packet may be lost.
@@ -30,6 +32,9 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     // Disarmed before the device closes its port.
     _armed: Option<Armed>,
     pipeline: Pipeline,
+    /// By [`Guarded::stop`]; and whether the pipeline is, by that or by the stop of the process.
+    stopped: bool,
+    held: bool,
     device: D,
 }
 
@@ -39,6 +44,8 @@ impl<D: Device> Guarded<D> {
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
             pipeline: Pipeline::new(device.spec(), limits, period),
+            stopped: false,
+            held: false,
             device,
         }
     }
@@ -63,11 +70,8 @@ impl<D: Device> Guarded<D> {
     /// # Errors
     /// [`Gone`] when there is nobody to send it to.
     pub fn send(&mut self, forces: &[f64]) -> Result<SafeForce, Gone> {
-        let safe = if last_resort::is_over() {
-            SafeForce::zero(self.spec().dof)
-        } else {
-            self.pipeline.pass(forces)
-        };
+        self.hold();
+        let safe = self.pipeline.pass(forces);
         self.device.send(&safe)?;
         Ok(safe)
     }
@@ -92,9 +96,18 @@ impl<D: Device> Guarded<D> {
 
     /// No more forces, until `stop(false)`; then they come back as at the start.
     pub fn stop(&mut self, stopped: bool) {
-        self.pipeline.stop(stopped);
+        self.stopped = stopped;
+        self.hold();
         if stopped {
             self.device.zero();
+        }
+    }
+
+    fn hold(&mut self) {
+        let held = self.stopped || stop::has_let_go();
+        if held != self.held {
+            self.held = held;
+            self.pipeline.stop(held);
         }
     }
 

@@ -828,7 +828,7 @@ class Performance:
     def panic(self) -> None:
         """Silence within 5 ms and zero force at the next tick."""
     def release(self) -> None:
-        """After a panic: sound and force again."""
+        """Sound and force again, after a panic or after `let_go`."""
     def gain(self, gain: float) -> bool:
         """Go to another gain in 20 ms; False where too much is asked at once."""
     def part_gain(self, group: int, gain: float) -> bool:
@@ -863,6 +863,20 @@ class Performance:
         """Wait until everything was heard, put everything away; the events that are left."""
 
 # --- devices ------------------------------------------------------------------------------------
+
+def stop_on_signals(signals: Sequence[int], *, ends: bool | None) -> None:
+    """Have signals stop something at once, below Python, before their handlers run: where the
+    program `ends` every force and sound, else every force; None: nothing. Ask again whenever a
+    handler was set: that takes the signal over."""
+
+def let_go() -> None:
+    """No force on any hand, until a performance is released."""
+
+def has_let_go() -> bool:
+    """Whether every hand is let go, by `let_go` or by a signal."""
+
+def begin_again() -> None:
+    """Nothing is stopped: for a process that outlives what a signal ended."""
 
 def emulate(
     protocol: Literal["firefader", "frame", "haply"],

@@ -3,6 +3,8 @@
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicI64, AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::stop;
+
 /// No frame has gone to the card yet.
 const NEVER: i64 = i64::MIN;
 
@@ -78,7 +80,7 @@ impl Shared {
     /// Whether silence was asked for.
     #[must_use]
     pub fn panicked(&self) -> bool {
-        self.panic.load(Ordering::Acquire)
+        self.panic.load(Ordering::Acquire) || stop::is_over()
     }
 
     /// Whether a card (or a file, or the silent clock that was asked for) takes the frames. False before `open`,

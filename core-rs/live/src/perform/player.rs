@@ -16,6 +16,7 @@ use super::status::{Event, HANDS_MAX, Status, What};
 use super::{Command, Desk, Hand, Slot, Stage};
 use crate::audio::{Feed, Shared};
 use crate::recording::{self, RowSink, flag};
+use crate::safety;
 
 /// The load is averaged over this time [s].
 const AVERAGE: f64 = 1.0;
@@ -181,6 +182,7 @@ impl Player {
         let beat = self.clock.tick(self.links.feed.filled(), playing);
         let began = Instant::now();
         self.count(beat.late, beat.lost);
+        safety::look_for_signals();
         self.commands();
         self.changes();
         self.leads.iter_mut().for_each(|lead| lead.tick(self.tick));

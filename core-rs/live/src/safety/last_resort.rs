@@ -1,14 +1,19 @@
 //! Zero forces from where nothing else can run: a panic, a signal, a fault.
 
 #[cfg(not(unix))]
-pub(super) use elsewhere::{Armed, arm, is_over};
+pub(super) use elsewhere::{Armed, arm};
+#[cfg(not(unix))]
+pub use elsewhere::{leave_signals, look_for_signals, watch, watch_ends};
 #[cfg(unix)]
-pub(super) use unix::{Armed, arm, is_over};
+pub(super) use unix::{Armed, arm};
+#[cfg(unix)]
+pub use unix::{leave_signals, look_for_signals, watch, watch_ends};
 
 /// Where there are no file descriptors, a device's own watchdog is the last resort.
 #[cfg(not(unix))]
 mod elsewhere {
     use crate::device::LastResort;
+    use crate::stop::Stop;
 
     pub(in crate::safety) struct Armed;
 
@@ -16,29 +21,34 @@ mod elsewhere {
         None
     }
 
-    pub(in crate::safety) fn is_over() -> bool {
-        false
-    }
+    /// Signals are not watched here.
+    pub fn watch(_: i32, _: Stop) {}
+
+    /// Signals are not watched here.
+    pub fn watch_ends() {}
+
+    /// Signals are not watched here.
+    pub fn leave_signals() {}
+
+    /// Signals are not watched here.
+    pub fn look_for_signals() {}
 }
 
 #[cfg(unix)]
 mod unix {
     use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicUsize, Ordering};
-    use std::sync::{Once, OnceLock};
+    use std::sync::{Mutex, Once, OnceLock, PoisonError};
 
     use super::super::FAREWELLS;
     use crate::device::LastResort;
+    use crate::stop::{self, Stop};
 
     /// Devices open at once, at most, that are zeroed.
     const SLOTS: usize = 16;
     /// Ends of a program that it may survive.
     const ENDS: [i32; 4] = [libc::SIGINT, libc::SIGTERM, libc::SIGHUP, libc::SIGQUIT];
-    /// Those, and faults. What each did before it does after us.
-    const SIGNALS: [i32; 9] = [
-        libc::SIGINT,
-        libc::SIGTERM,
-        libc::SIGHUP,
-        libc::SIGQUIT,
+    /// What it does not survive; what each did before it does after us.
+    const FAULTS: [i32; 5] = [
         libc::SIGABRT,
         libc::SIGSEGV,
         libc::SIGBUS,
@@ -63,16 +73,23 @@ mod unix {
         }
     }; SLOTS];
 
-    static BEFORE: [OnceLock<libc::sigaction>; SIGNALS.len()] =
-        [const { OnceLock::new() }; SIGNALS.len()];
+    static BEFORE: [OnceLock<libc::sigaction>; FAULTS.len()] =
+        [const { OnceLock::new() }; FAULTS.len()];
 
-    /// Set while a signal is handled: its handler runs in any thread, and another may be about to send a force.
-    static OVER: AtomicBool = AtomicBool::new(false);
-
-    /// Whether the program is being ended, and nothing but zero may be sent.
-    pub(in crate::safety) fn is_over() -> bool {
-        OVER.load(Ordering::SeqCst)
+    /// A signal that may end the program: what it stops, and who had it before us.
+    struct End {
+        stops: AtomicU8,
+        handler: AtomicUsize,
+        has_info: AtomicBool,
     }
+
+    static WATCHED: [End; ENDS.len()] = [const {
+        End {
+            stops: AtomicU8::new(Stop::All as u8),
+            handler: AtomicUsize::new(libc::SIG_DFL),
+            has_info: AtomicBool::new(false),
+        }
+    }; ENDS.len()];
 
     /// A device that is zeroed, as long as this lives.
     pub(in crate::safety) struct Armed(usize);
@@ -92,10 +109,11 @@ mod unix {
                 zero_all();
                 before(info);
             }));
-            for (signal, before) in SIGNALS.into_iter().zip(&BEFORE) {
-                watch(signal, before);
+            for (signal, before) in FAULTS.into_iter().zip(&BEFORE) {
+                watch_fault(signal, before);
             }
         });
+        watch_ends();
         let claim = |slot: &Slot| {
             let taken = slot
                 .fd
@@ -156,24 +174,12 @@ mod unix {
         std::ptr::null_mut()
     }
 
-    extern "C" fn on_signal(signal: i32) {
-        let errno = errno();
-        // SAFETY: not null, it is this thread's own. What was interrupted must find it as it was.
-        let before = (!errno.is_null()).then(|| unsafe { *errno });
-        OVER.store(true, Ordering::SeqCst);
+    extern "C" fn on_fault(signal: i32) {
+        stop::stop(Stop::All);
         zero_all();
-        if let Some(number) = before {
-            // SAFETY: as above.
-            unsafe { *errno = number };
-        }
-        let known = SIGNALS.iter().position(|&known| known == signal);
+        let known = FAULTS.iter().position(|&known| known == signal);
         if let Some(before) = known.and_then(|index| BEFORE[index].get()) {
-            // Where somebody else handles it (Python's Ctrl-C), the program goes on and may push again. No fault does.
-            let is_fault = !ENDS.contains(&signal);
-            let is_handled =
-                !is_fault && ![libc::SIG_DFL, libc::SIG_IGN].contains(&before.sa_sigaction);
-            OVER.store(!is_handled, Ordering::SeqCst);
-            // A fault happens again when we return, another signal is raised again: then the former handler has it.
+            // It happens again when we return: then the former handler has it.
             // SAFETY: `before` is what sigaction gave; both calls are allowed in a handler.
             unsafe {
                 libc::sigaction(signal, before, std::ptr::null_mut());
@@ -182,7 +188,129 @@ mod unix {
         }
     }
 
-    fn watch(signal: i32, before: &OnceLock<libc::sigaction>) {
+    /// Stop what the signal stops, and let who had it before us have it: Python only notes it, and acts when its
+    /// interpreter gets the time.
+    extern "C" fn on_end(signal: i32, info: *mut libc::siginfo_t, context: *mut libc::c_void) {
+        let Some(index) = ENDS.iter().position(|&known| known == signal) else {
+            return;
+        };
+        let own = &WATCHED[index];
+        let stops = Stop::of(own.stops.load(Ordering::SeqCst));
+        if stops != Stop::Nothing {
+            let errno = errno();
+            // SAFETY: not null, it is this thread's own. What was interrupted must find it as it was.
+            let before = (!errno.is_null()).then(|| unsafe { *errno });
+            stop::stop(stops);
+            zero_all();
+            if let Some(number) = before {
+                // SAFETY: as above.
+                unsafe { *errno = number };
+            }
+        }
+        let handler = own.handler.load(Ordering::SeqCst);
+        match handler {
+            libc::SIG_IGN => {}
+            libc::SIG_DFL => {
+                // SAFETY: zero is the default action; both calls are allowed in a handler.
+                unsafe {
+                    let default: libc::sigaction = std::mem::zeroed();
+                    libc::sigaction(signal, &raw const default, std::ptr::null_mut());
+                    libc::raise(signal);
+                }
+            }
+            _ if own.has_info.load(Ordering::SeqCst) => {
+                type WithInfo = extern "C" fn(i32, *mut libc::siginfo_t, *mut libc::c_void);
+                // SAFETY: sigaction gave this address for a handler of three arguments.
+                let handler = unsafe { std::mem::transmute::<usize, WithInfo>(handler) };
+                handler(signal, info, context);
+            }
+            _ => {
+                // SAFETY: sigaction gave this address for a handler of one argument.
+                let handler = unsafe { std::mem::transmute::<usize, extern "C" fn(i32)>(handler) };
+                handler(signal);
+            }
+        }
+    }
+
+    /// Have a signal stop something before its handler runs; whoever sets another handler ends that.
+    ///
+    /// Signals that do not end programs, and those that are ignored, are left alone.
+    pub fn watch(signal: i32, stops: Stop) {
+        if let Some(index) = ENDS.iter().position(|&known| known == signal) {
+            WATCHED[index].stops.store(stops as u8, Ordering::SeqCst);
+            watch_end(signal);
+        }
+    }
+
+    fn ends() -> libc::sigset_t {
+        // SAFETY: the calls fill the local set.
+        unsafe {
+            let mut set: libc::sigset_t = std::mem::zeroed();
+            libc::sigemptyset(&raw mut set);
+            for signal in ENDS {
+                libc::sigaddset(&raw mut set, signal);
+            }
+            set
+        }
+    }
+
+    /// Leave signals that end programs to other threads than this one, which can then look for them.
+    pub fn leave_signals() {
+        let set = ends();
+        // SAFETY: the set is valid; the mask before is not asked for.
+        unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const set, std::ptr::null_mut()) };
+    }
+
+    /// Stop what a signal stops that was sent and not handled yet: the thread that is to handle it may be kept
+    /// waiting for a processor, or handle none for a while. For a thread that leaves them to others.
+    pub fn look_for_signals() {
+        // SAFETY: the calls fill a local set and look at it.
+        unsafe {
+            let mut set: libc::sigset_t = std::mem::zeroed();
+            if libc::sigpending(&raw mut set) != 0 {
+                return;
+            }
+            for (signal, own) in ENDS.into_iter().zip(&WATCHED) {
+                if libc::sigismember(&raw const set, signal) == 1 {
+                    stop::stop(Stop::of(own.stops.load(Ordering::SeqCst)));
+                }
+            }
+        }
+    }
+
+    /// Have every signal that ends programs stop what it is to stop, by default everything.
+    pub fn watch_ends() {
+        ENDS.into_iter().for_each(watch_end);
+    }
+
+    /// Put our handler before the one that is there.
+    fn watch_end(signal: i32) {
+        static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+        let _one = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(index) = ENDS.iter().position(|&known| known == signal) else {
+            return;
+        };
+        // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
+        unsafe {
+            let mut old: libc::sigaction = std::mem::zeroed();
+            libc::sigaction(signal, std::ptr::null(), &raw mut old);
+            let ours = on_end as *const () as usize;
+            if [ours, libc::SIG_IGN].contains(&old.sa_sigaction) {
+                return;
+            }
+            let own = &WATCHED[index];
+            own.has_info
+                .store(old.sa_flags & libc::SA_SIGINFO != 0, Ordering::SeqCst);
+            own.handler.store(old.sa_sigaction, Ordering::SeqCst);
+            let mut new = old;
+            new.sa_sigaction = ours;
+            // Whether calls that it interrupts go on is for the handler before us to say.
+            new.sa_flags = old.sa_flags & libc::SA_RESTART | libc::SA_ONSTACK | libc::SA_SIGINFO;
+            libc::sigaction(signal, &raw const new, std::ptr::null_mut());
+        }
+    }
+
+    fn watch_fault(signal: i32, before: &OnceLock<libc::sigaction>) {
         // SAFETY: zero is a valid sigaction, the calls write into locals, the handler does only what handlers may.
         unsafe {
             let mut old: libc::sigaction = std::mem::zeroed();
@@ -192,7 +320,7 @@ mod unix {
             }
             let _ = before.set(old);
             let mut new: libc::sigaction = std::mem::zeroed();
-            new.sa_sigaction = on_signal as *const () as usize;
+            new.sa_sigaction = on_fault as *const () as usize;
             libc::sigemptyset(&raw mut new.sa_mask);
             new.sa_flags = libc::SA_ONSTACK;
             libc::sigaction(signal, &raw const new, std::ptr::null_mut());

@@ -1,0 +1,195 @@
+"""How soon the force on a hand is zero: every way to stop, idle and while a line is at work.
+
+A simulated board notes each packet by CLOCK_MONOTONIC. What is told is the time from the signal, or
+from the write of a key or a line, to the first packet after which no force was given any more.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from benches.measure import Row
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from simulated_board import Simulated, simulated
+from terminals import CTRL_D, ENTER, F12, Terminal
+
+_ERGON = [sys.executable, "-m", "ergon.cli"]
+_FORCE = 0.01  # [N]; less is none
+_AFTER = 0.3  # [s] that the board is watched after a stop
+_AT_WORK = 1.0  # [s] after which a slow line is surely at work
+_PATIENCE = 60.0  # [s] for a force to be there
+_SLOW = "slow = 0@0 throw 12@125ms throw 0@1800s"
+_SCORE = """\
+ergon: 1
+keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}, k2: {like: k1}}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 20g, f: 110Hz, t60: 1s}}
+      b: {BUT: {between: [k2, m], K: 300N/m, Z: 0.1Ns/m, gap: 0mm}}
+    out: {SOX: m}
+gestures: {knock: 0mm@0 smooth 6mm@60ms 0mm@160ms}
+players: {ada: {key: k1}, remi: {hand: live, key: k2}}
+"""
+WAYS = ("TERM", "INT", "HUP", "panic", "quit", "end", "F12")
+# Written down to do something else: docs/repl.md, docs/socket.md.
+LEFT_OUT = {
+    ("terminal", "idle", "INT"): "clears the line",
+    ("socket", "idle", "HUP"): "the engine outlives its terminal",
+    ("socket", "slow", "HUP"): "the engine outlives its terminal",
+    ("socket", "idle", "end"): "the prompt leaves, the session goes on",
+    ("socket", "slow", "end"): "the prompt leaves, the session goes on",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Prompt:
+    """One that runs: what a line, a key and the end of input are there, and who gets signals."""
+
+    enter: Callable[[str], None]
+    key: Callable[[str], None]
+    end: Callable[[], None]
+    process: int
+
+    def stop(self, way: str) -> None:
+        """Stop the force."""
+        if way in ("TERM", "INT", "HUP"):
+            os.kill(self.process, getattr(signal, f"SIG{way}"))
+        elif way == "F12":
+            self.key(F12)
+        elif way == "end":
+            self.end()
+        else:
+            self.enter(way)
+
+
+def stops(runs: int = 5) -> list[Row]:
+    """Every way, so many times each."""
+    rows = []
+    for where in _PROMPTS:
+        for state in ("idle", "slow"):
+            found = {}
+            for way in WAYS:
+                if (where, state, way) not in LEFT_OUT:
+                    found[way] = [_stopped(where, state, way) for _ in range(runs)]
+                    print(f"  {where:8} {state:4} {way:5} {_told(found[way])}", flush=True)
+            told = "; ".join(f"{way} {_told(times)}" for way, times in found.items())
+            rows.append(
+                Row(
+                    f"zero force after a stop, {where}, {state}, {runs} runs each",
+                    told,
+                    "target: 10 ms; F12 in a terminal 70 ms",
+                    None,
+                    "",
+                    {f"{way} median": median(times) for way, times in found.items()}
+                    | {f"{way} most": max(times) for way, times in found.items()},
+                )
+            )
+    return rows
+
+
+def _told(times: list[float]) -> str:
+    return f"median {1e3 * median(times):.1f} ms, most {1e3 * max(times):.1f} ms"
+
+
+def _stopped(where: str, state: str, way: str) -> float:
+    """One run [s]."""
+    with tempfile.TemporaryDirectory(prefix="ergon-") as name, ExitStack() as stack:
+        folder = Path(name)
+        (folder / "score.yaml").write_text(_SCORE, encoding="utf-8")
+        # Its hand is still, its watchdog asleep: only the host takes the force away.
+        board = stack.enter_context(simulated(folder / "log.npy", hand=0.004, watchdog=1e6))
+        live = ["--live", f"remi={board.url}", "--unchecked", "--gain", "0dB"]
+        command = [*_ERGON, "repl", "score.yaml", *live, "--audio", "null"]
+        prompt = stack.enter_context(_PROMPTS[where](command, folder))
+        _until(board, lambda force: abs(force) > 0.3)
+        if state == "slow":
+            prompt.enter(_SLOW)
+            time.sleep(_AT_WORK)
+        began = time.monotonic()
+        prompt.stop(way)
+        time.sleep(_AFTER)
+        return _after(board, began)
+
+
+def _until(board: Simulated, true: Callable[[float], bool]) -> None:
+    end = time.monotonic() + _PATIENCE
+    while not true(board.look()[1]):
+        assert time.monotonic() < end, "no force came"
+        time.sleep(0.02)
+
+
+def _after(board: Simulated, began: float) -> float:
+    """When the last force was taken away, after an instant; as long as it was watched, if never."""
+    log = board.log()
+    after = log[log["t"] >= began]
+    pushed = abs(after["force"]) >= _FORCE
+    if not pushed.any():
+        return float(after["t"][0] - began) if len(after) else 0.0
+    last = int(pushed.nonzero()[0][-1])
+    return float(after["t"][last + 1] - began) if last + 1 < len(after) else _AFTER
+
+
+@contextmanager
+def _plain(command: list[str], folder: Path) -> Iterator[Prompt]:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([*command, "--plain"], cwd=folder, bufsize=0, **pipes) as process:
+        assert process.stdin is not None
+        write = process.stdin.write
+        try:
+            yield Prompt(
+                lambda line: write(f"{line}\n".encode()) and None,
+                lambda key: write(key.encode()) and None,
+                process.stdin.close,
+                process.pid,
+            )
+        finally:
+            process.kill()
+
+
+@contextmanager
+def _terminal(command: list[str], folder: Path) -> Iterator[Prompt]:
+    with Terminal(command, cwd=folder) as at:
+        at.sees("quant bar")
+
+        def write(text: str) -> None:
+            os.write(at.child.child_fd, text.encode())
+
+        yield Prompt(lambda line: write(line + ENTER), write, lambda: write(CTRL_D), at.child.pid)
+
+
+@contextmanager
+def _socket(command: list[str], folder: Path) -> Iterator[Prompt]:
+    """A terminal at an engine, which gets the signals."""
+    place = folder / "s"
+    with Terminal([*command, "--socket", str(place)], cwd=folder) as at:
+        at.sees("quant bar")
+        engine = int(at.text.partition("the engine is process ")[2].partition(";")[0])
+
+        def write(text: str) -> None:
+            os.write(at.child.child_fd, text.encode())
+
+        try:
+            yield Prompt(lambda line: write(line + ENTER), write, lambda: write(CTRL_D), engine)
+        finally:
+            os.kill(engine, signal.SIGKILL)
+
+
+_PROMPTS = {"plain": _plain, "terminal": _terminal, "socket": _socket}
+
+
+if __name__ == "__main__":
+    print(json.dumps([row.values for row in stops(int((sys.argv[1:] or ["20"])[0]))], indent=1))

@@ -1,0 +1,141 @@
+//! The stop of the whole process. It is one for all tests, so this binary has one test.
+#![cfg(unix)]
+
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Instant;
+
+use ergon_live::device::{Device, Gone, Sample, Spec, Unit};
+use ergon_live::safety::{Guarded, Limits, SafeForce, leave_signals, look_for_signals, watch};
+use ergon_live::stop::{self, Stop};
+
+struct Still(Spec);
+
+impl Device for Still {
+    fn spec(&self) -> &Spec {
+        &self.0
+    }
+    fn send(&mut self, _: &SafeForce) -> Result<(), Gone> {
+        Ok(())
+    }
+    fn receive(&mut self, _: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        Ok(true)
+    }
+    fn in_lockstep(&self) -> bool {
+        true
+    }
+    fn zero(&mut self) {}
+}
+
+fn still() -> Still {
+    Still(Spec {
+        dof: 1,
+        unit: Unit::Metre,
+        pos_lsb: 1e-6,
+        pos_range: [-0.05, 0.05],
+        force_max_continuous: 1.0,
+        force_max_peak: 2.0,
+        force_lsb: 0.0,
+        rate_nominal: None,
+        loop_delay_s: None,
+        inertia: None,
+        damping: None,
+        touch_gated: false,
+        can_lockstep: true,
+        can_wide: true,
+    })
+}
+
+/// The force that goes out when 1 N is asked for.
+fn sent(guarded: &mut Guarded<Still>) -> f64 {
+    let mut sample = Sample::default();
+    guarded.receive(&mut sample, Instant::now()).unwrap();
+    guarded.send(&[1.0]).unwrap().newtons()[0]
+}
+
+static HEARD: AtomicU32 = AtomicU32::new(0);
+
+extern "C" fn heard(_: i32) {
+    HEARD.fetch_add(1, Ordering::SeqCst);
+}
+
+fn handle(signal: i32) {
+    // SAFETY: the handler only counts.
+    unsafe { libc::signal(signal, heard as *const () as usize) };
+}
+
+fn raise(signal: i32) {
+    // SAFETY: a handler is there.
+    unsafe { libc::raise(signal) };
+}
+
+#[test]
+fn a_stop_holds_every_hand_until_it_is_taken_back() {
+    let device = still();
+    let ramp = 0.1;
+    let limits = Limits {
+        ramp,
+        ..Limits::of(&device.0)
+    };
+    let mut guarded = Guarded::new(device, limits, 1e-3);
+    let ticks =
+        |guarded: &mut Guarded<Still>, n: usize| (0..n).map(|_| sent(guarded)).last().unwrap();
+    let whole = ticks(&mut guarded, 300);
+    assert_eq!(whole, 1.0);
+    // Let go, and back as at the start.
+    stop::stop(Stop::Forces);
+    assert_eq!(ticks(&mut guarded, 1), 0.0);
+    assert_eq!(ticks(&mut guarded, 300), 0.0);
+    assert!(!stop::is_over());
+    stop::release();
+    let first = ticks(&mut guarded, 1);
+    assert!(0.0 < first && first <= 1.5e-3 / ramp, "{first}");
+    assert_eq!(ticks(&mut guarded, 300), 1.0);
+    // A panic of one device holds it beyond the stop of all.
+    stop::stop(Stop::Forces);
+    guarded.stop(true);
+    stop::release();
+    assert_eq!(ticks(&mut guarded, 10), 0.0);
+    guarded.stop(false);
+    assert_eq!(ticks(&mut guarded, 300), 1.0);
+    // A signal stops first and is handled then, each time that it comes.
+    handle(libc::SIGTERM);
+    watch(libc::SIGTERM, Stop::Forces);
+    for times in 1..=2 {
+        raise(libc::SIGTERM);
+        assert_eq!(HEARD.load(Ordering::SeqCst), times);
+        assert_eq!(ticks(&mut guarded, 1), 0.0);
+        stop::release();
+        assert_eq!(ticks(&mut guarded, 300), 1.0);
+    }
+    // Whoever sets a handler takes it over, until it is asked again.
+    handle(libc::SIGTERM);
+    raise(libc::SIGTERM);
+    assert!(!stop::has_let_go());
+    watch(libc::SIGTERM, Stop::Nothing);
+    raise(libc::SIGTERM);
+    assert!(!stop::has_let_go());
+    assert_eq!(HEARD.load(Ordering::SeqCst), 4);
+    // Where the program ends nothing comes back, whoever releases.
+    watch(libc::SIGTERM, Stop::All);
+    raise(libc::SIGTERM);
+    stop::release();
+    assert!(stop::is_over());
+    assert_eq!(ticks(&mut guarded, 300), 0.0);
+    stop::begin_again();
+    assert_eq!(ticks(&mut guarded, 300), 1.0);
+    // One that nobody has handled yet is seen by whoever leaves it to others.
+    watch(libc::SIGTERM, Stop::Forces);
+    leave_signals();
+    raise(libc::SIGTERM);
+    assert!(!stop::has_let_go());
+    look_for_signals();
+    assert!(stop::has_let_go());
+    assert_eq!(ticks(&mut guarded, 1), 0.0);
+    stop::begin_again();
+    // Without a handler of its own an ignored signal is left alone.
+    // SAFETY: it only ignores.
+    unsafe { libc::signal(libc::SIGHUP, libc::SIG_IGN) };
+    watch(libc::SIGHUP, Stop::All);
+    raise(libc::SIGHUP);
+    assert!(!stop::has_let_go());
+}

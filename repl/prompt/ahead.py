@@ -1,0 +1,104 @@
+"""Lines of a file, a pipe or a terminal, read while a line is at work: a stop waits for none."""
+
+from __future__ import annotations
+
+import codecs
+import io
+import os
+import select
+import stat
+import sys
+import threading
+from typing import TextIO
+
+from ergon.repl.turns import Turns
+
+from .words import F12, typed
+
+_CHUNK = 1 << 16  # bytes
+
+
+class Ahead:
+    """A thread that reads lines and enters them.
+
+    Of a file, which is there as a whole, it reads one line ahead; of what somebody is typing, all.
+    """
+
+    def __init__(self, source: TextIO, turns: Turns[None]) -> None:
+        """Over an open text file; nothing else may read from it any more."""
+        self._turns = turns
+        self._fd = source.fileno()
+        decoder = codecs.getincrementaldecoder(source.encoding or "utf-8")("replace")
+        self._decoder = io.IncrementalNewlineDecoder(decoder, translate=True)
+        is_file = stat.S_ISREG(os.fstat(self._fd).st_mode)
+        self._room = threading.Semaphore(1) if is_file else None
+        self._part = ""  # of a line whose end is not there yet
+        self._over = False
+        self._wake, self._woken = os.pipe() if sys.platform != "win32" else (-1, -1)
+        self._thread = threading.Thread(target=self._read, name="ergon-input", daemon=True)
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._thread.start()
+
+    def taken(self) -> None:
+        """A line's turn has come."""
+        if self._room is not None:
+            self._room.release()
+
+    def forget(self) -> None:
+        """What is typed and not yet entered is gone."""
+        self._part = ""
+
+    def stop(self) -> None:
+        """Read no more."""
+        self._over = True
+        self.taken()
+        if self._woken >= 0:
+            os.write(self._woken, b"x")
+            self._thread.join()
+            os.close(self._wake)
+            os.close(self._woken)
+
+    def _read(self) -> None:
+        try:
+            while data := self._bytes():
+                self._came(self._decoder.decode(data))
+            self._came(self._decoder.decode(b"", final=True))
+        except OSError:  # a terminal that was closed ends as well
+            pass
+        if self._part:
+            self._enter(self._part)
+        if self._has_room():
+            self._turns.end()
+
+    def _bytes(self) -> bytes:
+        """What is there, or comes next; nothing at the end."""
+        if self._wake >= 0:
+            ready, _, _ = select.select([self._fd, self._wake], [], [])
+            if self._wake in ready:
+                return b""
+        return os.read(self._fd, _CHUNK)
+
+    def _came(self, text: str) -> None:
+        *lines, part = (self._part + text).split("\n")
+        self._part = part if self._room else self._heard(part)
+        for line in lines:
+            self._enter(line)
+
+    def _enter(self, line: str) -> None:
+        if self._has_room():
+            self._turns.enter(typed(self._heard(line)), None)
+
+    def _has_room(self) -> bool:
+        """Wait until a line may be read; False when none may be any more."""
+        if self._room is not None:
+            self._room.acquire()
+        return not self._over
+
+    def _heard(self, text: str) -> str:
+        """The text without F12, which is a panic at once."""
+        if F12 not in text:
+            return text
+        self._turns.panic()
+        return text.replace(F12, "")

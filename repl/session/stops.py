@@ -1,0 +1,110 @@
+"""What ends sound and force at once, and what brings them back."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+from ergon.repl.language.commands import NOW
+from ergon.repl.session import deeds
+from ergon.repl.session.commits import REFUSALS
+
+if TYPE_CHECKING:
+    from ergon.repl.session.session import Session
+
+PANIC = "panic: silent, no force; `release`, then `play`"
+LET_GO = "no force on any hand; `release` brings it back"
+
+
+class Stops:
+    """The stops of a session. `panic` and `let_go` wait for no lock, so for no line at work."""
+
+    def __init__(self, session: Session) -> None:
+        """Nothing is stopped."""
+        self._session = session
+        self._count = 0
+        self._panics = self._forgotten = 0  # panics, and those after which all was forgotten
+        self._hushed: int | None = None  # lines at that time, while nothing came after it
+        # Of the line at work: whether it may release, and the stops before it.
+        self._line = (True, 0)
+        self._told = False  # that hands are let go
+        self.panicked = False
+
+    @property
+    def count(self) -> int:
+        """Stops so far."""
+        return self._count
+
+    def begins(self, releases: bool, count: int) -> None:
+        """A line is at work that was entered after so many stops."""
+        self._line = releases, count
+
+    @property
+    def let_go_is_on(self) -> bool:
+        """Whether no force is sent, by `let_go` or by a signal."""
+        return self._session.commits.engine.look().let_go
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether sound or force waits for `release`."""
+        return self.panicked or self.let_go_is_on
+
+    @property
+    def may_release(self) -> bool:
+        """Whether no stop was entered after the line at work."""
+        releases, count = self._line
+        return releases and count == self._count
+
+    def panic(self) -> None:
+        """Silence and no force; all that waits and plays is forgotten soon after."""
+        self._session.commits.engine.panic()
+        self._session.computing.cancel()
+        self._count += 1
+        self._panics += 1
+        self._say_panic()
+        threading.Thread(target=self.forget, daemon=True).start()
+
+    def panic_in_turn(self) -> None:
+        """The line `panic` itself: lines before it, begun after the stop, are forgotten too."""
+        self._session.commits.engine.panic()
+        self._panics += 1
+        self._say_panic()
+        self.forget()
+
+    def _say_panic(self) -> None:
+        if not self.panicked:
+            self.panicked = True
+            self._session.say(PANIC)
+
+    def let_go(self) -> None:
+        """No force on any hand, until `release`; the sound goes on."""
+        self._session.commits.engine.let_go()
+        self._count += 1
+        if self._session.commits.real and not self._told:
+            self._told = True
+            self._session.say(LET_GO)
+
+    def release(self) -> None:
+        """Sound and force again."""
+        self.forget()
+        self._hushed = None
+        self._session.commits.engine.release()
+        self.panicked = self._told = False
+
+    def forget(self) -> None:
+        """After a panic: nothing waits, nothing plays, every mass is where it begins."""
+        session = self._session
+        with session.lock:
+            if self._forgotten == self._panics:
+                return
+            self._forgotten = self._panics
+            if self._hushed == session.number:
+                return
+            commits = session.commits
+            commits.waiting.clear()
+            commits.head = commits.running.version
+            try:
+                session.queue("panic", deeds.hushed, NOW, goes=False, resets=True, is_limited=False)
+            except REFUSALS as error:
+                session.say(f"what played is not forgotten: {error}")
+            self._hushed = session.number
