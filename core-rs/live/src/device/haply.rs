@@ -277,6 +277,7 @@ impl Device for Haply {
         into.position[..3].copy_from_slice(&answer.position);
         into.fresh |= std::mem::take(&mut self.new);
         (into.touch, into.force_enabled) = ([true; MAX_AXES], [true; MAX_AXES]);
+        (into.hot, into.let_go) = (false, false); // it does not say
         into.seq = answer.seq;
         Ok(into.fresh)
     }
