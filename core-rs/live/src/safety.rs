@@ -46,6 +46,11 @@ pub struct Memory {
 }
 
 impl Memory {
+    /// Heat of each motor: the mean of (force / continuous force)²   (16,)
+    pub fn heat(&self) -> &[f64; MAX_AXES] {
+        &self.heat
+    }
+
     fn new(at: Duration) -> Self {
         Self {
             heat: [0.0; MAX_AXES],

@@ -4,9 +4,9 @@ use crate::device::Spec;
 
 /// Work that no device does on a hand at once [J]: 10 N over 100 mm. A partner who leads a hand by 15 mm to and fro three
 /// times a second does a fifth of a watt.
-pub const ENERGY: f64 = 1.0;
+const ENERGY: f64 = 1.0;
 /// Power that no device gives to a hand for long [W].
-pub const POWER: f64 = 0.5;
+const POWER: f64 = 0.5;
 
 /// Limits of each axis; those of a [`Spec`] hold besides.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +37,7 @@ pub struct Limits {
 
 impl Limits {
     /// Limits for a device: all its force, within 5 ms; and work to push a hand with it over the range twice, and twice in
-    /// every second after that, but no more than [`ENERGY`] and [`POWER`]. A partner who moves a hand stays below; a loop
+    /// every second after that, but no more than 1 J and 0.5 W. A partner who moves a hand stays below; a loop
     /// that swings ever further does not.
     pub fn of(spec: &Spec) -> Self {
         let full = spec.force_max_peak;

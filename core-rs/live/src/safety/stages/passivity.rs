@@ -4,7 +4,8 @@
 //! The observer adds up the work of the motor on the key, f·Δx (their eq. 5). A partner may move a hand, so the work
 //! may be positive: there is an allowance, and a power that fills it up. The delay of a force is known to some ticks at
 //! best, and a wrong pairing of force and motion hides work. So the work is added up for every delay that can be, and
-//! the greatest sum counts.
+//! the greatest sum counts. A position is off by half a step of its sensor at most, which hides the work Σ f·Δe, by parts
+//! Σ e·Δf: half a step times every change of force, at most. So much is added.
 //!
 //! Their controller is a damper that takes back what was too much, one tick later. Here forces are under way for some
 //! ticks: a damper α that is so late is unstable by itself from α = π·m/(2·delay) on, and the velocity of a coarse sensor
@@ -129,8 +130,12 @@ impl Passivity {
             axis.positions[at] = x;
             for (delay, work) in axis.work[..=self.delay].iter_mut().enumerate() {
                 let newest = self.sent.wrapping_sub(delay as u64);
-                let acted = (1..=ticks).map(|ago| axis.forces[slot(newest.wrapping_sub(ago))]);
-                let done = acted.sum::<f64>() / ticks as f64 * (x - before);
+                let force = |ago: u64| axis.forces[slot(newest.wrapping_sub(ago))];
+                let mean = (1..=ticks).map(force).sum::<f64>() / ticks as f64;
+                let changed: f64 = (1..=ticks)
+                    .map(|ago| (force(ago) - force(ago + 1)).abs())
+                    .sum();
+                let done = mean * (x - before) + 0.5 * self.step * changed;
                 *work = filled_up(*work + done, self.power * since, self.energy);
             }
             if time > 0.0 {

@@ -62,8 +62,7 @@ impl Ages {
         [period, fade]: [f64; 2],
         counts: &mut Counts,
     ) -> bool {
-        self.is_stale =
-            self.seen.is_none() || self.is_old(self.seen, now) || self.was_stopped(now);
+        self.is_stale = self.seen.is_none() || self.is_old(self.seen, now) || self.was_stopped(now);
         self.look(now, counts);
         if self.is_stale {
             self.restart();
