@@ -22,6 +22,7 @@ from benches.mesh import mesh
 from benches.native import Loops, compiler
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
+from benches.stall import stall
 from benches.string import string
 
 
@@ -42,6 +43,7 @@ def main(arguments: list[str]) -> int:
         "start": reading.start,
         "repl": repl,
         "duet": partial(duet, loops, asked.minutes),
+        "stall": stall,
     }
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)
