@@ -5,14 +5,15 @@ What counts is what the board is sent then: no force from before the stop, and n
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -21,15 +22,16 @@ from benches.measure import Row
 
 _ERGON = [sys.executable, "-m", "ergon.cli"]
 _BOARD = Path(__file__).parent.parent / "tests" / "simulated_board.py"
+# A hand 20 mm away feels 2 N. No damper between the keys: it would feel when the machine is busy.
 _SCORE = """\
 ergon: 1
-keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}, k2: {like: k1}}
+keys: {k1: {M: 400g, K: 400N/m, Z: 8Ns/m}, k2: {like: k1}}
 instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 1s}}}, out: {SOX: m}}}
 players: {ada: {key: k1}, remi: {hand: live, key: k2}}
+duet: [{couple: [k1, k2], REF: {K: 200N/m, Z: 0Ns/m}}]
 render: {tail: 3600s}
 """
-_SPRING = "200N/m"  # leads the key to 0: the hand, 15 mm away, feels 2 N
-_HAND = {"hand": 0.015, "sine": 0.001, "hertz": 1.0}
+_HAND = {"hand": 0.02, "sine": 0.001, "hertz": 1.0}
 _RISE = 3.0  # [s] until the first stop: forces rise for two
 _REST = 0.5  # [s] between stops: a force fades in within a quarter
 _FIRST = 3  # packets that may not bear an old force
@@ -63,7 +65,7 @@ def stall(stops: int = 100, seed: int = 1) -> list[Row]:
     ]
 
 
-@contextmanager
+@contextlib.contextmanager
 def _board(log: Path) -> Iterator[str]:
     """A board with a hand on it; its URL. Its log is there afterwards."""
     ways = [f"--{name}={value}" for name, value in _HAND.items()]
@@ -71,6 +73,9 @@ def _board(log: Path) -> Iterator[str]:
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen(command, **pipes, text=True) as process:  # type: ignore[call-overload]
         try:
+            with contextlib.suppress(PermissionError, AttributeError):
+                # A board is not held up by what else the machine does.
+                os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(70))
             yield json.loads(process.stdout.readline())["url"]
             process.stdin.close()
             assert process.wait(timeout=60) == 0
@@ -80,7 +85,7 @@ def _board(log: Path) -> Iterator[str]:
 
 def _stopped(score: Path, url: str, lengths: np.ndarray) -> Iterator[tuple[float, float]]:
     """When each stop began and ended [s]."""
-    live = ("--live", f"remi={url}", "--guide", f"remi={_SPRING}", "--audio", "null")
+    live = ("--live", f"remi={url}", "--audio", "null")
     command = [*_ERGON, "duet", str(score), *live, "--gain", "0dB", "--unchecked", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
@@ -107,6 +112,9 @@ def _after(packets: np.ndarray, began: float, ended: float) -> tuple[float, floa
     before = asked[at < began][-1]
     after = asked[(at >= ended) & (at < ended + _REST)]
     assert len(after) > _FIRST, "it goes on"
-    return abs(before), float(np.abs(after[:_FIRST]).max()), float(np.abs(np.diff(after)).max())
+    # A busy machine may stop host or board once more: that is a fall to zero.
+    is_fall = after[1:] == 0
+    steps = np.abs(np.diff(after))[~is_fall]
+    return float(abs(before)), float(np.abs(after[:_FIRST]).max()), float(steps.max(initial=0.0))
 
 

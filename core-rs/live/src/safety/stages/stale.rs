@@ -18,7 +18,6 @@ pub(in crate::safety) struct Ages {
     seen: Option<Duration>,
     here: Option<Duration>,
     fade: Fade,
-    is_stale: bool,
 }
 
 impl Ages {
@@ -28,7 +27,6 @@ impl Ages {
             seen: None,
             here: None,
             fade: Fade::WHOLE,
-            is_stale: true,
         }
     }
 
@@ -62,14 +60,14 @@ impl Ages {
         [period, fade]: [f64; 2],
         counts: &mut Counts,
     ) -> bool {
-        self.is_stale = self.seen.is_none() || self.is_old(self.seen, now) || self.was_stopped(now);
+        let is_stale = self.seen.is_none() || self.is_old(self.seen, now) || self.was_stopped(now);
         self.look(now, counts);
-        if self.is_stale {
+        if is_stale {
             self.restart();
         } else {
             self.fade.rise(period, fade);
         }
-        self.is_stale
+        is_stale
     }
 
     /// A position came, from a board that had `let_go` before; returns the time since the one before [s].
