@@ -1,4 +1,4 @@
-"""A host that is stopped (SIGSTOP) and goes on (SIGCONT) while a hand holds its key, by the wall clock.
+"""A host that is stopped (SIGSTOP) and goes on (SIGCONT) while a hand holds its key, by the clock.
 
 What counts is what the board is sent then: no force from before the stop, and no jump after it.
 """
@@ -55,7 +55,7 @@ def stall(stops: int = 100, seed: int = 1) -> list[Row]:
     worse = sum(first > _OLD or jump > _STEP for _, first, jump in found)
     return [
         Row(
-            f"a host that is stopped {stops} times for {lengths.min():.2f} s to {lengths.max():.1f} s",
+            f"a host that is stopped {stops} times, {lengths.min():.2f} s to {lengths.max():.1f} s",
             f"{worse} of {stops} felt; at most {old:.3f} N old, steps of {step:.3f} N",
             f"target: {_OLD} N and {_STEP} N; {before:.2f} N before the stop",
             None,
@@ -107,7 +107,7 @@ def _stopped(score: Path, url: str, lengths: np.ndarray) -> Iterator[tuple[float
 
 
 def _after(packets: np.ndarray, began: float, ended: float) -> tuple[float, float, float]:
-    """The force before a stop, the greatest of the first packets after it, and the largest step [N]."""
+    """The force before a stop, the greatest of the first packets after it, the largest step [N]."""
     at, asked = packets["t"], packets["asked"]
     before = asked[at < began][-1]
     after = asked[(at >= ended) & (at < ended + _REST)]
@@ -116,5 +116,3 @@ def _after(packets: np.ndarray, began: float, ended: float) -> tuple[float, floa
     is_fall = after[1:] == 0
     steps = np.abs(np.diff(after))[~is_fall]
     return float(abs(before)), float(np.abs(after[:_FIRST]).max()), float(steps.max(initial=0.0))
-
-
