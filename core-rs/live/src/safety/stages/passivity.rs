@@ -23,8 +23,10 @@ const MORE: usize = 4;
 const LONGEST: usize = 31;
 /// Most ticks between two positions over which forces are averaged.
 const GAP: u64 = (HISTORY - LONGEST - 1) as u64;
-/// Mass of a key that does not tell it: a light key reacts most [kg].
-const LIGHT: f64 = 0.05;
+/// Mass of a key that does not tell it [kg]. A light key reacts most, so this is lighter than any.
+const LIGHT: f64 = 0.01;
+/// Part of a mass that is told which is counted on: a force that brakes a lighter key drives it back.
+const SURE: f64 = 0.5;
 /// A velocity is taken over as many ticks as make one step of the sensor slower than this [m/s].
 const SLOW: f64 = 0.05;
 
@@ -36,7 +38,7 @@ pub(in crate::safety) struct Passivity {
     power: f64,
     /// Of a tick [s].
     period: f64,
-    /// Moving mass [kg].
+    /// Moving mass, the least that it may be [kg].
     mass: f64,
     /// Step of the position sensor [m].
     step: f64,
@@ -85,7 +87,7 @@ impl Passivity {
             energy: limits.energy,
             power: limits.power,
             period,
-            mass: spec.inertia.unwrap_or(LIGHT),
+            mass: spec.inertia.map_or(LIGHT, |told| SURE * told),
             step: spec.pos_lsb,
             span: span as u64,
             delay: delay.min(LONGEST),

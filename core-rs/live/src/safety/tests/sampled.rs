@@ -6,8 +6,8 @@ use std::time::Instant;
 use crate::device::{Device, Gone, Sample, Spec, Unit};
 use crate::safety::SafeForce;
 
-/// Moving mass [kg].
-const MASS: f64 = 0.05;
+/// Moving mass, as the device tells it [kg].
+pub(super) const MASS: f64 = 0.05;
 /// Where it ends on either side [m].
 const END: f64 = 0.05;
 
@@ -16,11 +16,13 @@ const END: f64 = 0.05;
 pub(super) struct Setup {
     /// Of a tick [s].
     pub(super) period: f64,
+    /// Moving mass, truly [kg].
+    pub(super) mass: f64,
     /// Friction of the key [N·s/m].
     pub(super) friction: f64,
     /// Ticks that a force is late, besides the exchange of a device by a clock.
     pub(super) delay: usize,
-    /// Whether the device tells the delay.
+    /// Whether the device tells its delay and its mass.
     pub(super) tells: bool,
     /// Whether a reply shows what its own force did; by a clock it shows what the force before did.
     pub(super) lockstep: bool,
@@ -62,7 +64,7 @@ impl Sampled {
                 force_lsb: 0.0,
                 rate_nominal: None,
                 loop_delay_s: setup.tells.then_some(setup.delay as f64 * setup.period),
-                inertia: Some(MASS),
+                inertia: setup.tells.then_some(MASS),
                 damping: Some(setup.friction),
                 touch_gated: false,
                 can_lockstep: true,
@@ -71,9 +73,9 @@ impl Sampled {
             flow: exp([
                 [0.0, setup.period, 0.0],
                 [
-                    -k / MASS * setup.period,
-                    -b / MASS * setup.period,
-                    setup.period / MASS,
+                    -k / setup.mass * setup.period,
+                    -b / setup.mass * setup.period,
+                    setup.period / setup.mass,
                 ],
                 [0.0; 3],
             ]),
