@@ -25,6 +25,7 @@ test: $(VENV)/dev
 
 test-long: $(VENV)/dev
 	PROPTEST_CASES=4096 cargo test --locked --release
+	cargo test --locked --release -p ergon-live --lib -- --ignored
 	$(BIN)/python -m pytest -q
 
 check: $(VENV)/dev

@@ -24,6 +24,7 @@ from benches.mesh import mesh
 from benches.native import Loops, compiler
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
+from benches.stall import stall
 from benches.stops import stops
 from benches.string import string
 
@@ -48,6 +49,7 @@ def main(arguments: list[str]) -> int:
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
         "haply": haply,
+        "stall": stall,
         "stops": partial(stops, asked.runs),
     }
     if unknown := [name for name in wanted if name not in scenes]:

@@ -60,6 +60,8 @@ class Ways:
     motor: float = 1.0  # -1: wired the other way round
     frozen: bool = False  # the sensor shows the same place for ever
     hot: bool = False
+    continuous: float = FORCE_MAX  # [N] that it bears for long
+    lets_go: bool = False  # every reply says that it had let go
     silent: bool = False  # no replies
 
 
@@ -134,7 +136,7 @@ class Board:
         number, n = struct.unpack_from("<HB", packet, 2)
         if n == 0:
             traits = 12 if self.lockstep else 8
-            numbers = (FORCE_MAX, FORCE_MAX, 1e-5, -RANGE, RANGE, 1000.0, MASS, FRICTION)
+            numbers = (self.ways.continuous, FORCE_MAX, 1e-5, -RANGE, RANGE, 1000.0, MASS, FRICTION)
             body = struct.pack("<HBB8f", number, 1, traits, *numbers)
             return b"\xa5\x5d" + body + crc(body)
         wide, n = n & 0x80, n & 0x7F
@@ -154,7 +156,7 @@ class Board:
             (True, TOUCHED),
             (flags & ENABLE, ENABLED),
             (self.ways.hot, HOT),
-            (had_let_go, LET_GO),
+            (had_let_go or self.ways.lets_go, LET_GO),
         ]
         status = sum(bit for is_so, bit in bits if is_so)
         if not self.ways.frozen:

@@ -89,6 +89,10 @@ pub struct Sample {
     pub touch: [bool; MAX_AXES],
     /// Whether the device lets forces through.
     pub force_enabled: [bool; MAX_AXES],
+    /// Whether the device says that its motors are too hot.
+    pub hot: bool,
+    /// Whether the device says that it had heard nothing for too long and had set its forces to zero.
+    pub let_go: bool,
     /// Counts replies, or echoes the request where the protocol can.
     pub seq: u32,
     /// The device's own clock [µs], wrapping.

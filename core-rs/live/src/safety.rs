@@ -1,25 +1,28 @@
 //! Between what physics asks for and a motor under a finger.
 //!
-//! [`Guarded`] owns a device, and nobody else can make a [`SafeForce`] that is not zero. Time here is counted in
-//! ticks, never read from a clock: the same positions give the same forces, in lockstep too. A host that is itself
-//! late or stopped cannot guard anything; for that a device has its own watchdog.
+//! [`Guarded`] owns a device, and nobody else can make a [`SafeForce`] that is not zero. Time is counted in ticks where
+//! the device is in lockstep: the same positions give the same forces. Elsewhere it is read from a clock, for the device
+//! goes on while the host is stopped. A host that is stopped cannot guard anything; for that a device has its own
+//! watchdog. When the host goes on, it finds by the clock that it was stopped.
 
+mod clock;
 mod counts;
 mod force;
 mod last_resort;
 mod limits;
 mod pipeline;
+mod stages;
 pub mod stiffness;
-pub mod tlm;
 
 pub use counts::Counts;
 pub use force::SafeForce;
 pub use limits::Limits;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use crate::device::{Device, Gone, Sample, Spec};
+use crate::device::{Device, Gone, MAX_AXES, Sample, Spec};
 use crate::stop;
+use clock::Clock;
 use last_resort::Armed;
 pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};
 use pipeline::Pipeline;
@@ -35,17 +38,43 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     /// By [`Guarded::stop`]; and whether the pipeline is, by that or by the stop of the process.
     stopped: bool,
     held: bool,
+    clock: Clock,
     device: D,
+}
+
+/// What the motors of a device, and the hands on them, have borne; for the same device when it is opened again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Memory {
+    heat: [f64; MAX_AXES],
+    work: [f64; MAX_AXES],
+    at: Duration,
+}
+
+impl Memory {
+    /// Heat of each motor: the mean of (force / continuous force)²   (16,)
+    pub fn heat(&self) -> &[f64; MAX_AXES] {
+        &self.heat
+    }
+
+    fn new(at: Duration) -> Self {
+        Self {
+            heat: [0.0; MAX_AXES],
+            work: [0.0; MAX_AXES],
+            at,
+        }
+    }
 }
 
 impl<D: Device> Guarded<D> {
     /// Guard a device that is sent forces once in every `period` [s].
     pub fn new(device: D, limits: Limits, period: f64) -> Self {
+        let in_lockstep = device.in_lockstep();
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
-            pipeline: Pipeline::new(device.spec(), limits, period),
+            pipeline: Pipeline::new(device.spec(), limits, period, in_lockstep),
             stopped: false,
             held: false,
+            clock: Clock::new(in_lockstep, period),
             device,
         }
     }
@@ -67,12 +96,24 @@ impl<D: Device> Guarded<D> {
 
     /// Send forces, one for each axis (missing ones are zero), as far as they are safe; returns what was sent.
     ///
+    /// A host may be stopped at any instruction. Between the last look at the clock and write(2) are some hundred
+    /// nanoseconds; a force that is stopped there goes out when the host goes on. The look after it finds that, and zero
+    /// follows at once; a board that had let go meanwhile has felt the old force for some microseconds.
+    ///
     /// # Errors
     /// [`Gone`] when there is nobody to send it to.
     pub fn send(&mut self, forces: &[f64]) -> Result<SafeForce, Gone> {
         self.hold();
-        let safe = self.pipeline.pass(forces);
+        self.clock.tick();
+        let mut safe = self.pipeline.pass(forces, self.clock.now());
+        if stop::has_let_go() || self.pipeline.was_stopped(self.clock.now()) {
+            safe = self.pipeline.withdraw();
+        }
         self.device.send(&safe)?;
+        if self.pipeline.was_stopped(self.clock.now()) {
+            safe = self.pipeline.withdraw();
+            self.device.zero();
+        }
         Ok(safe)
     }
 
@@ -83,7 +124,7 @@ impl<D: Device> Guarded<D> {
     pub fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
         let fresh = self.device.receive(into, deadline)?;
         if fresh {
-            self.pipeline.observe(&into.position);
+            self.pipeline.observe(into, self.clock.now());
         }
         Ok(fresh)
     }
@@ -119,6 +160,17 @@ impl<D: Device> Guarded<D> {
     /// Whether an axis has tripped and is held at zero.
     pub fn tripped(&self, axis: usize) -> bool {
         self.pipeline.tripped(axis)
+    }
+
+    /// What motors and hands have borne so far.
+    pub fn memory(&self) -> Memory {
+        self.pipeline.memory(clock::wall())
+    }
+
+    /// Motors and hands have borne this already; motors have cooled since then.
+    pub fn recall(&mut self, memory: &Memory) {
+        let elapsed = clock::wall().saturating_sub(memory.at);
+        self.pipeline.recall(memory, elapsed.as_secs_f64());
     }
 
     /// How often each stage did something.

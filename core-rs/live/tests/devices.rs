@@ -243,6 +243,34 @@ fn a_device_that_dies_gets_no_more_force() {
     assert!(device.counts().stale >= 60, "{:?}", device.counts());
 }
 
+/// The reply after a silence says so, and one after it takes it back.
+#[test]
+fn a_device_that_let_go_says_so_once() {
+    let mut options = options(Protocol::Frame, Transport::Udp(0), 1, vec![Hand::Resting]);
+    options.board.lockstep = false;
+    let emulator = Emulator::start(options);
+    let mut device = guard(emulator.open("frame+udp", ""));
+    let mut sample = Sample::default();
+    let mut exchange = |device: &mut Guarded| {
+        device.send(&[1.0]).unwrap();
+        let deadline = Instant::now() + Duration::from_secs(5);
+        assert!(device.receive(&mut sample, deadline).unwrap());
+        sample.let_go
+    };
+    device
+        .receive(&mut Sample::default(), Instant::now())
+        .unwrap();
+    exchange(&mut device);
+    let patience = Duration::from_secs(5);
+    while emulator.events.recv_timeout(patience).unwrap() != Event::LetGo {}
+    assert!(exchange(&mut device));
+    // A machine that is held up makes the board let go again.
+    assert!((0..100).any(|_| !exchange(&mut device)));
+    assert!(device.counts().let_go > 0);
+    drop(device);
+    emulator.end();
+}
+
 #[test]
 fn a_serial_device_that_dies_is_gone() {
     let emulator = Emulator::start(options(Protocol::FireFader, Transport::Terminal, 2, vec![]));

@@ -181,9 +181,7 @@ pub fn direction<D: Device>(
 ) -> Result<f64, Unsure> {
     let limits = Limits {
         force: pulse.force,
-        slew: f64::INFINITY,
         ramp: 0.0,
-        fade: 0.0,
         ..Limits::of(device.spec())
     };
     let step = 3.0 * device.spec().pos_lsb;

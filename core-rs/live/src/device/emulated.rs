@@ -90,6 +90,7 @@ impl Device for Emulated {
             into.touch[axis] = self.keys.touched(axis);
             into.force_enabled[axis] = true;
         }
+        (into.hot, into.let_go) = (false, false);
         into.seq = self.keys.periods() as u32;
         into.t_dev_us = Some(self.keys.t_us());
         Ok(into.fresh)

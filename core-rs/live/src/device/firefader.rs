@@ -169,6 +169,7 @@ impl Device for FireFader {
                 into.force_enabled[axis] = into.touch[axis] && within;
             }
         }
+        (into.hot, into.let_go) = (false, false); // it does not say
         into.seq = self.seq;
         Ok(into.fresh)
     }

@@ -27,6 +27,8 @@ pub(super) struct Frame {
     latest: u16,
     drift: Drift,
     stats: Stats,
+    /// A reply since the last `receive` said so; not only the newest.
+    let_go: bool,
     /// The first position is still to be taken.
     new: bool,
 }
@@ -84,6 +86,7 @@ impl Frame {
             latest: 0,
             drift: Drift::default(),
             stats: Stats::default(),
+            let_go: false,
             new: true,
         };
         // Where it is before the first force: X(0).
@@ -140,6 +143,7 @@ impl Frame {
                 drift,
                 stats,
                 spec,
+                let_go,
                 ..
             } = self;
             inbox.feed(&bytes[..n], wire::Reply::parse, |reply| {
@@ -149,6 +153,7 @@ impl Frame {
                     && last.as_ref().is_none_or(newer)
                 {
                     stats.drift_ppm = drift.add(now, reply.t_us).or(stats.drift_ppm);
+                    *let_go |= reply.status & status::LET_GO != 0;
                     (*last, fresh) = (Some(reply), true);
                 }
             });
@@ -209,10 +214,12 @@ impl Device for Frame {
             into.fresh = self.new || self.take(deadline)?;
         }
         self.new = false;
+        into.let_go = std::mem::take(&mut self.let_go);
         if let Some(reply) = &self.last {
             into.position = reply.position;
             into.touch = [reply.status & status::TOUCHED != 0; MAX_AXES];
             into.force_enabled = [reply.status & status::ENABLED != 0; MAX_AXES];
+            into.hot = reply.status & status::HOT != 0;
             into.seq = u32::from(reply.seq);
             into.t_dev_us = Some(reply.t_us);
         }

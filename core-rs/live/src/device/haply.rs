@@ -184,6 +184,7 @@ impl Device for Haply {
         into.position[..3].copy_from_slice(&self.position);
         into.touch = [true; MAX_AXES];
         into.force_enabled = [!self.let_go; MAX_AXES];
+        (into.hot, into.let_go) = (false, self.let_go); // the service does not say whether it is hot
         into.seq = u32::from(self.answered);
         Ok(into.fresh)
     }

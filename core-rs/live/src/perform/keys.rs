@@ -313,11 +313,14 @@ struct Search {
 impl Search {
     fn run(mut self) {
         let mut next = Instant::now();
+        let mut memory = None;
         while !self.stop.load(Ordering::Acquire) {
             std::thread::park_timeout(LOOK);
             let is_gone = self.gone.load(Ordering::Acquire);
             // What is dead sends its last zeros and closes its port before it is opened again.
-            while self.graves.pop().is_ok() {}
+            while let Ok(dead) = self.graves.pop() {
+                memory = Some(dead.memory());
+            }
             if !is_gone || Instant::now() < next {
                 continue;
             }
@@ -337,6 +340,9 @@ impl Search {
             for &(axis, scale) in &self.scales {
                 guarded.scale(axis, scale);
             }
+            if let Some(memory) = &memory {
+                guarded.recall(memory);
+            }
             self.gone.store(false, Ordering::Release);
             let mut commands = self.commands.lock().unwrap_or_else(PoisonError::into_inner);
             // Where the ring is full nobody plays any more.
@@ -355,3 +361,6 @@ impl Drop for Seeker {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,6 @@
 //! How often each stage acted.
 
-/// Ticks times axes in which a stage changed a force, in the stages' order.
+/// Ticks times axes in which a stage changed a force, by stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Ticks passed.
@@ -17,23 +17,27 @@ pub struct Counts {
     pub ramped: u64,
     /// Zero while tripped or fading in after it.
     pub tripped: u64,
-    /// Zero because the position was too old, or fading in after it.
+    /// Zero because position or force was too old, or fading in after it.
     pub stale: u64,
-    /// Kept back because more energy had gone into a hand than may.
+    /// Less than asked because more work would be done on a hand than may be.
     pub energy: u64,
     /// Scaled because the coupling would have been too stiff.
     pub stiff: u64,
     /// Zero by the player's wish.
     pub stopped: u64,
-    /// How often an axis tripped by a force that is no number.
+    /// How often an axis tripped by a force or a position that is no number.
     pub trips_not_finite: u64,
     /// How often one tripped by its speed.
     pub trips_speed: u64,
+    /// How often the host had been stopped.
+    pub stalls: u64,
+    /// How often the device said that it had let go.
+    pub let_go: u64,
 }
 
 impl Counts {
     /// Name and count of every stage.
-    pub fn named(&self) -> [(&'static str, u64); 13] {
+    pub fn named(&self) -> [(&'static str, u64); 15] {
         [
             ("ticks", self.ticks),
             ("not finite", self.not_finite),
@@ -48,6 +52,8 @@ impl Counts {
             ("stopped", self.stopped),
             ("trips by no number", self.trips_not_finite),
             ("trips by speed", self.trips_speed),
+            ("stops of the host", self.stalls),
+            ("device let go", self.let_go),
         ]
     }
 }

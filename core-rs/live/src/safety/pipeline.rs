@@ -1,187 +1,188 @@
 //! The stages, in their order. Each leaves a force within its limits as it is, to the last bit.
+//!
+//! 1. A force that is no number is zero and trips. 2. The greatest force. 3. The force that a hot motor bears. 4. The
+//! rise at the start. 5. Trips. 6. Stale positions and forces. 7. The part that the stiffness of the loop allows.
+//! 8. Stop. 9. Passivity: a room around zero. 10. The slew limit, within that room. Nothing changes a force after it.
 
+use std::time::Duration;
+
+use super::Memory;
 use super::counts::Counts;
 use super::force::SafeForce;
 use super::limits::Limits;
-use crate::device::{MAX_AXES, Spec};
+use super::stages::fade::{Fade, scaled};
+use super::stages::heat::Heat;
+use super::stages::passivity::Passivity;
+use super::stages::slew::Slew;
+use super::stages::stale::Ages;
+use super::stages::trip::Trip;
+use crate::device::{MAX_AXES, Sample, Spec};
+
+/// A force that has to end now has this room.
+const NONE: [f64; 2] = [0.0, 0.0];
 
 pub(super) struct Pipeline {
     limits: Limits,
-    /// Continuous and peak force of the device [N].
+    /// Continuous and greatest force [N].
     continuous: f64,
-    peak: f64,
+    most: f64,
     /// Of a tick [s].
     period: f64,
     n: usize,
     axes: [Axis; MAX_AXES],
     counts: Counts,
-    /// Since the last position [ticks]; none has come yet.
-    age: Option<u32>,
+    ages: Ages,
+    passivity: Passivity,
+    /// Forces sent since the newest position.
+    unanswered: u32,
+    /// The board says that it is too hot.
+    is_hot: bool,
     stopped: bool,
 }
 
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 struct Axis {
-    gain: f64,
+    /// Positions and their mean velocity, for the trip.
     position: Option<f64>,
     velocity: f64,
-    /// What the slew limiter let through last.
-    slewed: f64,
-    sent: f64,
-    /// Mean of (force / continuous force)².
-    heat: f64,
-    /// Energy that went into the hand beyond what it takes for ever [J].
-    given: f64,
-    /// From the start to full force, 0 to 1.
-    ramp: f64,
-    /// From a trip to full force, 0 to 1.
-    recovered: f64,
-    /// The same after stale positions.
-    fresh: f64,
-    /// How long it is still tripped [s].
-    held: f64,
-}
-
-/// A factor below 1 is a stage that acts; 1 must not even round.
-fn faded(force: f64, factor: f64, count: &mut u64) -> f64 {
-    if factor >= 1.0 {
-        return force;
-    }
-    *count += 1;
-    force * factor
+    heat: Heat,
+    ramp: Fade,
+    trip: Trip,
+    gain: f64,
+    slew: Slew,
 }
 
 impl Pipeline {
-    pub(super) fn new(spec: &Spec, limits: Limits, period: f64) -> Self {
+    pub(super) fn new(spec: &Spec, limits: Limits, period: f64, in_lockstep: bool) -> Self {
         Self {
             limits,
             continuous: spec.force_max_continuous,
-            peak: spec.force_max_peak,
+            most: limits.force.min(spec.force_max_peak),
             period,
             n: spec.dof.min(MAX_AXES),
             axes: [Axis {
+                position: None,
+                velocity: 0.0,
+                heat: Heat::default(),
+                ramp: Fade::ZERO,
+                trip: Trip::NONE,
                 gain: 1.0,
-                recovered: 1.0,
-                fresh: 1.0,
-                ..Axis::default()
+                slew: Slew::default(),
             }; MAX_AXES],
             counts: Counts::default(),
-            age: None,
+            ages: Ages::new(limits.stale),
+            passivity: Passivity::new(spec, &limits, period, in_lockstep),
+            unanswered: 0,
+            is_hot: false,
             stopped: false,
         }
     }
 
-    pub(super) fn pass(&mut self, asked: &[f64]) -> SafeForce {
+    /// The forces that go out `now`, for those that are asked for.
+    pub(super) fn pass(&mut self, asked: &[f64], now: Duration) -> SafeForce {
         self.counts.ticks += 1;
-        self.age = self.age.map(|age| age.saturating_add(1));
-        let old = self.period * f64::from(self.age.unwrap_or(u32::MAX));
-        let stale = self.age.is_none() || old > self.limits.stale;
+        self.unanswered = self.unanswered.saturating_add(1);
+        let times = [self.period, self.limits.fade];
+        let is_stale = self.ages.sending(now, times, &mut self.counts);
         let mut out = [0.0; MAX_AXES];
         for (axis, out) in out[..self.n].iter_mut().enumerate() {
             let asked = asked.get(axis).copied().unwrap_or(0.0);
-            *out = self.stages(axis, asked, stale);
-            self.axes[axis].sent = *out;
+            *out = self.stages(axis, asked, is_stale);
         }
+        self.passivity.send(&out[..self.n]);
         SafeForce::new(out, self.n)
     }
 
-    fn stages(&mut self, axis: usize, asked: f64, stale: bool) -> f64 {
+    fn stages(&mut self, number: usize, asked: f64, is_stale: bool) -> f64 {
         let Self {
             limits,
             counts,
             period,
+            continuous,
             ..
         } = self;
-        let (axis, period) = (&mut self.axes[axis], *period);
+        let (axis, period, continuous) = (&mut self.axes[number], *period, *continuous);
         let mut force = asked;
-        // A force that is no number.
         if !force.is_finite() {
             counts.not_finite += 1;
-            counts.trips_not_finite += u64::from(axis.held <= 0.0);
-            axis.held = limits.hold;
+            axis.trip.start(limits.hold, &mut counts.trips_not_finite);
             force = 0.0;
         }
-        // Too great; where the motor is hot, what it bears for long is the greatest.
-        let most = limits.force.min(self.peak);
-        if force.abs() > most {
+        if force.abs() > self.most {
             counts.clamped += 1;
-            force = most.copysign(force);
+            force = self.most.copysign(force);
         }
-        if axis.heat > 1.0 && force.abs() > self.continuous {
-            counts.hot += 1;
-            force = self.continuous.copysign(force);
-        }
-        // Too sudden.
-        let step = limits.slew * 1e3 * period;
-        if (force - axis.slewed).abs() > step {
-            counts.slewed += 1;
-            force = axis.slewed + step.copysign(force - axis.slewed);
-        }
-        axis.slewed = force;
-        // The start.
-        axis.ramp = risen(axis.ramp, period, limits.ramp);
-        force = faded(force, axis.ramp, &mut counts.ramped);
-        // Too fast.
+        force = axis.heat.pass(force, continuous, self.is_hot, counts);
+        axis.ramp.rise(period, limits.ramp);
+        force = axis.ramp.pass(force, &mut counts.ramped);
         if axis.velocity.abs() > limits.velocity {
-            counts.trips_speed += u64::from(axis.held <= 0.0);
-            axis.held = limits.hold;
+            axis.trip.start(limits.hold, &mut counts.trips_speed);
         }
-        if axis.held > 0.0 {
-            axis.held -= period;
-            axis.recovered = 0.0;
+        let is_held = axis.trip.tick(period, limits.fade);
+        force = axis.trip.pass(force, &mut counts.tripped);
+        force = self.ages.pass(force, &mut counts.stale);
+        force = scaled(force, axis.gain, &mut counts.stiff);
+        let room = if is_held || is_stale || self.stopped {
+            counts.stopped += u64::from(self.stopped);
+            NONE
         } else {
-            axis.recovered = risen(axis.recovered, period, limits.fade);
-        }
-        force = faded(force, axis.recovered, &mut counts.tripped);
-        // Nobody knows where it is.
-        axis.fresh = if stale {
-            0.0
-        } else {
-            risen(axis.fresh, period, limits.fade)
+            self.passivity.room(number)
         };
-        force = faded(force, axis.fresh, &mut counts.stale);
-        // Too much energy went into the hand: only what brakes it passes.
-        if axis.given > limits.energy && force * axis.velocity > 0.0 {
+        if room != NONE && (force < room[0] || force > room[1]) {
             counts.energy += 1;
-            force = 0.0;
         }
-        // Too stiff a coupling.
-        force = faded(force, axis.gain, &mut counts.stiff);
-        // Nobody wants it.
-        if self.stopped {
-            counts.stopped += 1;
-            force = 0.0;
-        }
-        let load = (force / self.continuous) * (force / self.continuous);
-        axis.heat += (load - axis.heat) * (period / limits.heat);
+        let step = limits.slew * 1e3 * period;
+        force = axis.slew.pass(force, room, step, &mut counts.slewed);
+        axis.heat.bear(force, continuous, period, limits.heat);
         force
     }
 
-    /// Where the axes are now, in SI units.
-    pub(super) fn observe(&mut self, position: &[f64; MAX_AXES]) {
-        let since = self.period * f64::from(self.age.unwrap_or(1).max(1));
+    /// What a device said `now`.
+    pub(super) fn observe(&mut self, sample: &Sample, now: Duration) {
+        let elapsed = self.ages.received(now, sample.let_go, &mut self.counts);
+        // Replies may come late and then together; a host that was stopped sends nothing for a while.
+        let since = (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
+        (self.unanswered, self.is_hot) = (0, sample.hot);
         let weight = (since / self.limits.velocity_over).min(1.0);
-        for (axis, &x) in self.axes[..self.n].iter_mut().zip(position) {
-            let moved = x - axis.position.unwrap_or(x);
-            axis.position = Some(x);
-            axis.velocity += (moved / since - axis.velocity) * weight;
-            let given = axis.given + axis.sent * moved - self.limits.power * since;
-            axis.given = given.max(0.0);
+        let mut positions = sample.position;
+        for (axis, x) in self.axes[..self.n].iter_mut().zip(&mut positions) {
+            let before = axis.position.unwrap_or(*x);
+            if !x.is_finite() {
+                let count = &mut self.counts.trips_not_finite;
+                axis.trip.start(self.limits.hold, count);
+                *x = if before.is_finite() { before } else { 0.0 };
+                continue;
+            }
+            axis.position = Some(*x);
+            axis.velocity += ((*x - before) / since - axis.velocity) * weight;
         }
-        self.age = Some(0);
+        self.passivity.receive(&positions[..self.n], since);
     }
 
-    /// The next force starts from zero, as after a pause.
+    /// Whether the host was stopped since it was last here.
+    pub(super) fn was_stopped(&self, now: Duration) -> bool {
+        self.ages.was_stopped(now)
+    }
+
+    /// No force instead of the one that has just passed; what follows fades in from zero.
+    pub(super) fn withdraw(&mut self) -> SafeForce {
+        self.ages.restart();
+        self.passivity.withdraw();
+        self.forget();
+        SafeForce::zero(self.n)
+    }
+
+    /// The force before was zero.
     pub(super) fn forget(&mut self) {
         for axis in &mut self.axes {
-            (axis.slewed, axis.sent) = (0.0, 0.0);
+            axis.slew.forget();
         }
     }
 
     pub(super) fn stop(&mut self, stopped: bool) {
         if self.stopped && !stopped {
             for axis in &mut self.axes {
-                axis.ramp = 0.0;
+                axis.ramp = Fade::ZERO;
             }
         }
         self.stopped = stopped;
@@ -199,19 +200,33 @@ impl Pipeline {
     }
 
     pub(super) fn tripped(&self, axis: usize) -> bool {
-        self.axes.get(axis).is_some_and(|axis| axis.held > 0.0)
+        self.axes.get(axis).is_some_and(|axis| axis.trip.is_held())
     }
 
     pub(super) fn counts(&self) -> &Counts {
         &self.counts
     }
-}
 
-/// A ramp over `whole` [s], one tick on.
-fn risen(ramp: f64, period: f64, whole: f64) -> f64 {
-    if whole > 0.0 {
-        (ramp + period / whole).min(1.0)
-    } else {
-        1.0
+    /// What is to be known of motors and hands when the device is opened again later.
+    pub(super) fn memory(&self, now: Duration) -> Memory {
+        let mut memory = Memory::new(now);
+        for (number, axis) in self.axes[..self.n].iter().enumerate() {
+            memory.heat[number] = axis.heat.level;
+            memory.work[number] = self.passivity.work(number).max(0.0);
+        }
+        memory
+    }
+
+    /// Go on with the same motors and hands, after `elapsed` [s] without force.
+    pub(super) fn recall(&mut self, memory: &Memory, elapsed: f64) {
+        let filled = self.limits.power * elapsed;
+        for (number, axis) in self.axes[..self.n].iter_mut().enumerate() {
+            let heat = Heat {
+                level: memory.heat[number],
+            };
+            axis.heat = heat.cooled(elapsed, self.limits.heat);
+            let work = (memory.work[number] - filled).max(0.0);
+            self.passivity.resume(number, work);
+        }
     }
 }

@@ -1,5 +1,10 @@
 //! Each stage alone, the stages together, and that nothing else reaches a motor.
 
+mod late;
+mod loops;
+mod sampled;
+mod slew;
+
 use std::time::Instant;
 
 use proptest::prelude::*;

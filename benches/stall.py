@@ -1,0 +1,118 @@
+"""A host that is stopped (SIGSTOP) and goes on (SIGCONT) while a hand holds its key, by the clock.
+
+What counts is what the board is sent then: no force from before the stop, and no jump after it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benches.measure import Row
+
+_ERGON = [sys.executable, "-m", "ergon.cli"]
+_BOARD = Path(__file__).parent.parent / "tests" / "simulated_board.py"
+# A hand 20 mm away feels 2 N. No damper between the keys: it would feel when the machine is busy.
+_SCORE = """\
+ergon: 1
+keys: {k1: {M: 400g, K: 400N/m, Z: 8Ns/m}, k2: {like: k1}}
+instruments: {bell: {modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 1s}}}, out: {SOX: m}}}
+players: {ada: {key: k1}, remi: {hand: live, key: k2}}
+duet: [{couple: [k1, k2], REF: {K: 200N/m, Z: 0Ns/m}}]
+render: {tail: 3600s}
+"""
+_HAND = {"hand": 0.02, "sine": 0.001, "hertz": 1.0}
+_RISE = 3.0  # [s] until the first stop: forces rise for two
+_REST = 0.5  # [s] between stops: a force fades in within a quarter
+_FIRST = 3  # packets that may not bear an old force
+_SHORT, _LONG = (0.03, 0.5), (1.0, 10.0)  # [s]
+_OLD, _STEP = 0.05, 0.1  # [N] targets
+
+
+def stall(stops: int = 100, seed: int = 1) -> list[Row]:
+    """Stops of 0.03 s to 10 s, mostly short."""
+    rng = np.random.default_rng(seed)
+    short, long = (np.exp(rng.uniform(*np.log(ends), stops)) for ends in (_SHORT, _LONG))
+    lengths = np.where(rng.random(stops) < 0.95, short, long)
+    with tempfile.TemporaryDirectory() as folder:
+        log, score = Path(folder) / "log.npy", Path(folder) / "stall.yaml"
+        score.write_text(_SCORE)
+        with _board(log) as url:
+            windows = list(_stopped(score, url, lengths))
+        packets = np.load(log)
+    found = [_after(packets, *window) for window in windows]
+    before, old, step = (max(column) for column in zip(*found, strict=True))
+    worse = sum(first > _OLD or jump > _STEP for _, first, jump in found)
+    return [
+        Row(
+            f"a host that is stopped {stops} times, {lengths.min():.2f} s to {lengths.max():.1f} s",
+            f"{worse} of {stops} felt; at most {old:.3f} N old, steps of {step:.3f} N",
+            f"target: {_OLD} N and {_STEP} N; {before:.2f} N before the stop",
+            None,
+            "",
+            {"stops": stops, "felt": worse, "old": old, "step": step, "before": before},
+        )
+    ]
+
+
+@contextlib.contextmanager
+def _board(log: Path) -> Iterator[str]:
+    """A board with a hand on it; its URL. Its log is there afterwards."""
+    ways = [f"--{name}={value}" for name, value in _HAND.items()]
+    command = [sys.executable, str(_BOARD), f"--log={log}", *ways]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes, text=True) as process:  # type: ignore[call-overload]
+        try:
+            with contextlib.suppress(PermissionError, AttributeError):
+                # A board is not held up by what else the machine does.
+                os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(70))
+            yield json.loads(process.stdout.readline())["url"]
+            process.stdin.close()
+            assert process.wait(timeout=60) == 0
+        finally:
+            process.kill()
+
+
+def _stopped(score: Path, url: str, lengths: np.ndarray) -> Iterator[tuple[float, float]]:
+    """When each stop began and ended [s]."""
+    live = ("--live", f"remi={url}", "--audio", "null")
+    command = [*_ERGON, "duet", str(score), *live, "--gain", "0dB", "--unchecked", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            while '"playing"' not in process.stdout.readline():
+                assert process.poll() is None, "the duet ended"
+            time.sleep(_RISE)
+            for length in lengths:
+                began = time.monotonic()
+                process.send_signal(signal.SIGSTOP)
+                time.sleep(length)
+                ended = time.monotonic()
+                process.send_signal(signal.SIGCONT)
+                time.sleep(_REST)
+                assert process.poll() is None, "the duet ended"
+                yield began, ended
+        finally:
+            process.kill()
+
+
+def _after(packets: np.ndarray, began: float, ended: float) -> tuple[float, float, float]:
+    """The force before a stop, the greatest of the first packets after it, the largest step [N]."""
+    at, asked = packets["t"], packets["asked"]
+    before = asked[at < began][-1]
+    after = asked[(at >= ended) & (at < ended + _REST)]
+    assert len(after) > _FIRST, "it goes on"
+    # A busy machine may stop host or board once more: that is a fall to zero.
+    is_fall = after[1:] == 0
+    steps = np.abs(np.diff(after))[~is_fall]
+    return float(abs(before)), float(np.abs(after[:_FIRST]).max()), float(steps.max(initial=0.0))

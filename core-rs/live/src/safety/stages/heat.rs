@@ -1,0 +1,46 @@
+//! What a motor bears for long.
+
+use super::super::counts::Counts;
+
+/// The heat of a motor's coil, by a first-order model.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::safety) struct Heat {
+    /// Mean of (force / continuous force)²; above 1 it is too hot.
+    pub(in crate::safety) level: f64,
+}
+
+impl Heat {
+    /// A motor that is too hot, by the model or as its board says (`told`), gets its continuous force at most.
+    pub(in crate::safety) fn pass(
+        self,
+        force: f64,
+        continuous: f64,
+        told: bool,
+        counts: &mut Counts,
+    ) -> f64 {
+        if (told || self.level > 1.0) && force.abs() > continuous {
+            counts.hot += 1;
+            return continuous.copysign(force);
+        }
+        force
+    }
+
+    /// A force acts for a tick of `period`; `constant`: of the coil's time [s].
+    pub(in crate::safety) fn bear(
+        &mut self,
+        force: f64,
+        continuous: f64,
+        period: f64,
+        constant: f64,
+    ) {
+        let load = (force / continuous) * (force / continuous);
+        self.level += (load - self.level) * (period / constant);
+    }
+
+    /// What is left of a heat after so long without force [s].
+    pub(in crate::safety) fn cooled(self, elapsed: f64, constant: f64) -> Self {
+        Self {
+            level: self.level * ergon_engine::maths::exp(-elapsed / constant),
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! Ages: of the position that a force was computed from, and of the force itself.
+//!
+//! Three things make a force stale. No position came for too long. The host itself was stopped, so that its force is
+//! as old as the stop: it finds that out by the time between two of its own calls. Or the board had heard nothing for
+//! too long and let go, as its reply says. The force is then zero, and fades in from zero.
+
+use std::time::Duration;
+
+use super::super::counts::Counts;
+use super::fade::Fade;
+
+/// How old things are.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::safety) struct Ages {
+    /// What is older is stale.
+    limit: Duration,
+    /// When the newest position came, and when the host was last here.
+    seen: Option<Duration>,
+    here: Option<Duration>,
+    fade: Fade,
+}
+
+impl Ages {
+    pub(in crate::safety) fn new(limit: f64) -> Self {
+        Self {
+            limit: Duration::try_from_secs_f64(limit).unwrap_or(Duration::MAX),
+            seen: None,
+            here: None,
+            fade: Fade::WHOLE,
+        }
+    }
+
+    /// Whether the host was stopped since it was last here.
+    pub(in crate::safety) fn was_stopped(&self, now: Duration) -> bool {
+        self.is_old(self.here, now)
+    }
+
+    fn is_old(&self, then: Option<Duration>, now: Duration) -> bool {
+        then.is_some_and(|then| now.saturating_sub(then) > self.limit)
+    }
+
+    /// What follows fades in from zero.
+    pub(in crate::safety) fn restart(&mut self) {
+        self.fade = Fade::ZERO;
+    }
+
+    /// The host looks, with or without finding a position.
+    fn look(&mut self, now: Duration, counts: &mut Counts) {
+        if self.was_stopped(now) {
+            counts.stalls += 1;
+            self.restart();
+        }
+        self.here = Some(now);
+    }
+
+    /// A force is about to go out; fades in over `fade` [s] by ticks of `period`. Says whether it is stale.
+    pub(in crate::safety) fn sending(
+        &mut self,
+        now: Duration,
+        [period, fade]: [f64; 2],
+        counts: &mut Counts,
+    ) -> bool {
+        let is_stale = self.seen.is_none() || self.is_old(self.seen, now) || self.was_stopped(now);
+        self.look(now, counts);
+        if is_stale {
+            self.restart();
+        } else {
+            self.fade.rise(period, fade);
+        }
+        is_stale
+    }
+
+    /// A position came, from a board that had `let_go` before; returns the time since the one before [s].
+    pub(in crate::safety) fn received(
+        &mut self,
+        now: Duration,
+        let_go: bool,
+        counts: &mut Counts,
+    ) -> Option<f64> {
+        self.look(now, counts);
+        if let_go {
+            counts.let_go += 1;
+            self.restart();
+        }
+        let before = self.seen.replace(now);
+        before.map(|before| now.saturating_sub(before).as_secs_f64())
+    }
+
+    pub(in crate::safety) fn pass(&self, force: f64, count: &mut u64) -> f64 {
+        self.fade.pass(force, count)
+    }
+}

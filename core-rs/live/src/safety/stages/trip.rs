@@ -1,0 +1,44 @@
+//! An axis that is held at zero for a while.
+
+use super::fade::Fade;
+
+/// Whether an axis has tripped.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::safety) struct Trip {
+    /// How long it is still held [s].
+    left: f64,
+    fade: Fade,
+}
+
+impl Trip {
+    pub(in crate::safety) const NONE: Self = Self {
+        left: 0.0,
+        fade: Fade::WHOLE,
+    };
+
+    /// Hold the axis at zero for `hold` [s] from now on; counts how often that begins.
+    pub(in crate::safety) fn start(&mut self, hold: f64, count: &mut u64) {
+        *count += u64::from(!self.is_held());
+        self.left = hold;
+    }
+
+    pub(in crate::safety) fn is_held(&self) -> bool {
+        self.left > 0.0
+    }
+
+    /// One tick of `period` on; held, or fading in afterwards over `fade` [s]. Says whether it is held in this tick.
+    pub(in crate::safety) fn tick(&mut self, period: f64, fade: f64) -> bool {
+        let is_held = self.is_held();
+        if is_held {
+            self.left -= period;
+            self.fade = Fade::ZERO;
+        } else {
+            self.fade.rise(period, fade);
+        }
+        is_held
+    }
+
+    pub(in crate::safety) fn pass(&self, force: f64, count: &mut u64) -> f64 {
+        self.fade.pass(force, count)
+    }
+}

@@ -1,0 +1,321 @@
+//! A host that is stopped, a board that lets go, a motor that is hot: by a clock that the test sets.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use super::{Bench, PERIOD, open};
+use crate::device::{Device, Gone, Sample, Spec};
+use crate::safety::clock::Clock;
+use crate::safety::{Guarded, Limits, SafeForce};
+
+/// A board of 20 N by a clock of its own: it lets go after 50 ms of silence.
+struct Board {
+    spec: Spec,
+    /// [ns]
+    time: Arc<AtomicU64>,
+    heard: u64,
+    /// Whether it says what it can say of itself.
+    says: bool,
+    /// The host is stopped for so long [ns] right before its next write.
+    stop: u64,
+    sample: Sample,
+    answers: bool,
+    /// What the motor gave, packet by packet [N].
+    felt: Vec<f64>,
+}
+
+const WATCHDOG: u64 = 50_000_000;
+
+impl Board {
+    fn new() -> Self {
+        Self {
+            spec: Spec {
+                force_max_continuous: 4.0,
+                force_max_peak: 20.0,
+                can_lockstep: false,
+                ..Bench::new().spec
+            },
+            time: Arc::default(),
+            heard: 0,
+            says: true,
+            stop: 0,
+            sample: Sample::default(),
+            answers: true,
+            felt: Vec::new(),
+        }
+    }
+
+    fn hear(&mut self, force: f64) {
+        let now = self.time.load(Ordering::Relaxed);
+        self.sample.let_go = self.says && now - self.heard > WATCHDOG;
+        self.heard = now;
+        self.felt.push(force);
+    }
+}
+
+impl Device for Board {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        self.time
+            .fetch_add(std::mem::take(&mut self.stop), Ordering::Relaxed);
+        self.hear(force.newtons()[0]);
+        Ok(())
+    }
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        *into = self.sample;
+        Ok(self.answers)
+    }
+    fn in_lockstep(&self) -> bool {
+        false
+    }
+    fn zero(&mut self) {
+        self.hear(0.0);
+    }
+}
+
+fn limits(board: &Board) -> Limits {
+    Limits {
+        ramp: 0.0,
+        ..Limits::of(&board.spec)
+    }
+}
+
+/// A host on the board, after a second of a force.
+struct Host {
+    guarded: Guarded<Board>,
+    time: Arc<AtomicU64>,
+    sample: Sample,
+}
+
+impl Host {
+    fn new(board: Board, force: f64) -> Self {
+        let time = Arc::clone(&board.time);
+        let limits = limits(&board);
+        let mut guarded = Guarded::new(board, limits, PERIOD);
+        guarded.clock = Clock::Set(Arc::clone(&time));
+        let mut this = Self {
+            guarded,
+            time,
+            sample: Sample::default(),
+        };
+        this.look();
+        (0..1000).for_each(|_| this.tick(force));
+        assert_eq!(this.last(), force);
+        this
+    }
+
+    fn wait(&self, seconds: f64) {
+        let ns = Duration::from_secs_f64(seconds).as_nanos() as u64;
+        self.time.fetch_add(ns, Ordering::Relaxed);
+    }
+
+    fn put(&mut self, force: f64) {
+        self.guarded.send(&[force]).unwrap();
+    }
+
+    fn look(&mut self) {
+        self.guarded
+            .receive(&mut self.sample, Instant::now())
+            .unwrap();
+    }
+
+    fn tick(&mut self, force: f64) {
+        self.wait(PERIOD);
+        self.put(force);
+        self.look();
+    }
+
+    fn felt(&self) -> &[f64] {
+        &self.guarded.device().felt
+    }
+
+    fn last(&self) -> f64 {
+        *self.felt().last().unwrap()
+    }
+
+    /// From a packet on the force begins at zero and comes back by small steps.
+    fn fades_in(&mut self, from: usize, force: f64) {
+        (0..400).for_each(|_| self.tick(force));
+        let felt = &self.felt()[from..];
+        assert!(felt[0].abs() <= 0.05, "{:?}", &felt[..5]);
+        let steps = felt.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        let greatest = steps.fold(0.0, f64::max);
+        assert!(greatest <= 0.1, "{greatest}");
+        assert_eq!(self.last(), force, "it comes back");
+    }
+}
+
+const STOPS: [f64; 5] = [0.03, 0.06, 0.3, 2.0, 10.0];
+const FORCES: [f64; 2] = [2.03, -4.0];
+
+#[test]
+fn a_host_that_was_stopped_between_ticks_fades_in() {
+    for stop in STOPS {
+        for force in FORCES {
+            let mut host = Host::new(Board::new(), force);
+            host.wait(stop);
+            let from = host.felt().len();
+            host.fades_in(from, force);
+            assert_eq!(host.felt()[from], 0.0);
+            assert_eq!(host.guarded.counts().stalls, 1);
+        }
+    }
+}
+
+/// The reply that is read then was sent before the stop.
+#[test]
+fn a_host_that_was_stopped_before_the_reply_fades_in() {
+    for stop in STOPS {
+        for force in FORCES {
+            let mut host = Host::new(Board::new(), force);
+            host.wait(PERIOD);
+            host.put(force);
+            host.wait(stop);
+            host.look();
+            let from = host.felt().len();
+            host.fades_in(from, force);
+            assert_eq!(host.guarded.counts().stalls, 1);
+        }
+    }
+}
+
+/// The one place where nothing can be done beforehand: zero follows at once.
+#[test]
+fn a_force_that_was_stopped_at_the_write_is_taken_back_at_once() {
+    for stop in STOPS {
+        let mut host = Host::new(Board::new(), 4.0);
+        host.guarded.device.stop = Duration::from_secs_f64(stop).as_nanos() as u64;
+        host.wait(PERIOD);
+        let from = host.felt().len() + 1;
+        host.put(4.0);
+        assert_eq!(host.felt()[from..], [0.0], "in the same call");
+        host.look();
+        host.fades_in(from, 4.0);
+    }
+}
+
+#[test]
+fn a_host_that_is_a_little_late_changes_nothing() {
+    let mut host = Host::new(Board::new(), 4.0);
+    host.wait(0.015);
+    (0..50).for_each(|_| host.tick(4.0));
+    assert!(host.felt()[1000..].iter().all(|force| *force == 4.0));
+}
+
+#[test]
+fn a_position_grows_old_by_the_clock() {
+    let mut host = Host::new(Board::new(), 4.0);
+    host.guarded.device.answers = false;
+    // Ticks of 10 ms: two of them are not too old, three are.
+    let felt: Vec<f64> = (0..4)
+        .map(|_| {
+            host.wait(0.009);
+            host.tick(4.0);
+            host.last()
+        })
+        .collect();
+    assert_eq!(felt, [4.0, 4.0, 0.0, 0.0]);
+    host.guarded.device.answers = true;
+    host.tick(4.0);
+    let from = host.felt().len() - 1;
+    host.fades_in(from, 4.0);
+}
+
+/// A board lets go for reasons of its own too: its host was never late.
+#[test]
+fn a_board_that_let_go_is_faded_in() {
+    let mut host = Host::new(Board::new(), 4.0);
+    host.wait(PERIOD);
+    host.put(4.0);
+    host.guarded.device.sample.let_go = true;
+    host.look();
+    let from = host.felt().len();
+    host.fades_in(from, 4.0);
+    let counts = host.guarded.counts();
+    assert_eq!((counts.let_go, counts.stalls), (1, 0));
+}
+
+#[test]
+fn a_board_that_is_hot_gets_what_it_bears() {
+    let board = Board::new();
+    let mut host = Host::new(board, 10.0);
+    host.guarded.device.sample.hot = true;
+    (0..3).for_each(|_| host.tick(10.0));
+    assert_eq!(host.last(), 4.0);
+    (0..100).for_each(|_| host.tick(-10.0));
+    assert_eq!(host.last(), -4.0, "as long as it says so");
+    host.guarded.device.sample.hot = false;
+    (0..5).for_each(|_| host.tick(-10.0));
+    assert_eq!(host.last(), -10.0);
+}
+
+/// In lockstep the wall clock says nothing: the same run, however long the machine was held up.
+#[test]
+fn in_lockstep_only_ticks_count() {
+    let mut bench = Bench::new();
+    let mut guarded = Guarded::new(&mut bench, open(), PERIOD);
+    assert!(matches!(guarded.clock, Clock::Ticks { .. }));
+    let mut sample = Sample::default();
+    for tick in 0..40 {
+        guarded.receive(&mut sample, Instant::now()).unwrap();
+        if tick == 20 {
+            std::thread::sleep(Duration::from_millis(30));
+        }
+        guarded.send(&[1.0]).unwrap();
+    }
+    drop(guarded);
+    assert_eq!(bench.sent, [1.0; 40]);
+}
+
+#[test]
+fn heat_is_kept_and_cools() {
+    let mut bench = Bench::new();
+    let limits = Limits {
+        heat: 1.0,
+        power: 0.1,
+        ..open()
+    };
+    let mut guarded = Guarded::new(&mut bench, limits, PERIOD);
+    let mut sample = Sample::default();
+    let mut tick = |guarded: &mut Guarded<&mut Bench>| {
+        guarded.receive(&mut sample, Instant::now()).unwrap();
+        guarded.send(&[2.0]).unwrap().newtons()[0]
+    };
+    let sent: Vec<f64> = (0..400).map(|_| tick(&mut guarded)).collect();
+    assert_eq!((sent[0], sent[399]), (2.0, 1.0), "hot");
+    let memory = guarded.memory();
+    drop(guarded);
+    for (elapsed, force) in [(0.0, 1.0), (0.2, 2.0)] {
+        let mut again = Guarded::new(&mut bench, limits, PERIOD);
+        again.pipeline.recall(&memory, elapsed);
+        again.receive(&mut sample, Instant::now()).unwrap();
+        assert_eq!(
+            again.send(&[2.0]).unwrap().newtons(),
+            [force],
+            "{elapsed} s"
+        );
+    }
+}
+
+/// A number that is none would stay in every mean for ever.
+#[test]
+fn a_position_that_is_no_number_trips_and_passes() {
+    let mut host = Host::new(Board::new(), 4.0);
+    host.guarded.device.sample.position[0] = f64::NAN;
+    host.tick(4.0);
+    host.guarded.device.sample.position[0] = 0.0;
+    host.tick(4.0);
+    assert_eq!(host.last(), 0.0);
+    (0..500).for_each(|_| host.tick(4.0));
+    let from = host.felt().len() - 1;
+    host.fades_in(from, 4.0);
+    assert_eq!(host.guarded.counts().trips_not_finite, 1);
+    // Its velocity is a number again: a key that flies trips.
+    host.guarded.device.sample.position[0] = 0.05;
+    (0..2).for_each(|_| host.tick(4.0));
+    assert_eq!(host.last(), 0.0);
+    assert_eq!(host.guarded.counts().trips_speed, 1);
+}

@@ -1,0 +1,171 @@
+//! Loops of a key and a host that swing up by themselves: what the motor does on the hand beyond what is allowed.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use super::sampled::{MASS, Sampled, Setup};
+use crate::device::{Device, Sample};
+use crate::safety::clock::Clock;
+use crate::safety::{Counts, Guarded, Limits};
+
+/// What the host computes from positions now and before, and the tick.
+pub(super) type Scene = fn(x: f64, before: f64, tick: u32) -> f64;
+
+/// Force is asked for without bounds; the stages clamp it.
+pub(super) const SCENES: [(&str, Scene); 10] = [
+    ("spring 300 N/m", |x, _, _| -300.0 * x),
+    ("spring 3 kN/m", |x, _, _| -3e3 * x),
+    ("spring 30 kN/m", |x, _, _| -3e4 * x),
+    ("wall 10 kN/m", |x, _, _| (-1e4 * x).max(0.0)),
+    ("damper 30 N·s/m", |x, before, _| -3e4 * (x - before)),
+    ("spring and damper", |x, before, _| {
+        -2e3 * x - 2e4 * (x - before)
+    }),
+    ("relay", |x, _, _| -20.0 * x.signum()),
+    ("driven by its velocity", |x, before, _| 5e3 * (x - before)),
+    ("pushed where it goes", |x, before, _| {
+        20.0 * (x - before).signum()
+    }),
+    ("pushed at 15 Hz", |_, _, tick| {
+        if tick / 33 % 2 == 0 { 20.0 } else { -20.0 }
+    }),
+];
+
+/// What a run came to.
+pub(super) struct Outcome {
+    /// Most work beyond what is allowed [J].
+    pub(super) beyond: f64,
+    /// Work in all [J], and the greatest deflection [m].
+    pub(super) work: f64,
+    pub(super) widest: f64,
+    pub(super) counts: Counts,
+}
+
+/// Play a loop for so many ticks.
+pub(super) fn play(setup: Setup, scene: Scene, ticks: u32) -> Outcome {
+    let mut key = Sampled::new(setup);
+    let limits = Limits {
+        ramp: 0.0,
+        velocity: f64::INFINITY,
+        ..Limits::of(key.spec())
+    };
+    let time = Arc::new(AtomicU64::new(0));
+    let mut guarded = Guarded::new(&mut key, limits, setup.period);
+    guarded.clock = Clock::Set(Arc::clone(&time));
+    let mut sample = Sample::default();
+    let (mut before, mut beyond, mut widest) = (0.0, 0.0_f64, 0.0_f64);
+    let period = Duration::from_secs_f64(setup.period).as_nanos() as u64;
+    for tick in 0..ticks {
+        time.fetch_add(period, Ordering::Relaxed);
+        let x = sample.position[0];
+        guarded.send(&[scene(x, before, tick)]).unwrap();
+        before = x;
+        guarded.receive(&mut sample, Instant::now()).unwrap();
+        let key = guarded.device();
+        let allowed = limits.energy + limits.power * f64::from(tick + 1) * setup.period;
+        beyond = beyond.max(key.work - allowed);
+        widest = widest.max(key.x.abs());
+    }
+    let counts = *guarded.counts();
+    drop(guarded);
+    Outcome {
+        beyond,
+        work: key.work,
+        widest,
+        counts,
+    }
+}
+
+/// The most work beyond what is allowed [J], and the loops in which the stage acted.
+fn sweep(mass: f64, steps: &[f64], delays: &[usize], seconds: u32) -> (f64, usize) {
+    let (mut worst, mut acted) = (0.0_f64, 0);
+    for (name, scene) in SCENES {
+        for &step in steps {
+            for hand in [None, Some([400.0, 4.0])] {
+                for [tells, lockstep] in
+                    [[true, true], [true, false], [false, true], [false, false]]
+                {
+                    for friction in [0.02, 0.1, 0.3, 1.0, 3.0] {
+                        for &delay in delays {
+                            let setup = Setup {
+                                period: 1e-3,
+                                mass,
+                                friction,
+                                delay,
+                                tells,
+                                lockstep,
+                                hand,
+                                sine: [0.0; 2],
+                                step,
+                            };
+                            let came = play(setup, scene, 1000 * seconds);
+                            assert!(came.beyond <= 0.1, "{name}, {setup:?}: {} J", came.beyond);
+                            worst = worst.max(came.beyond);
+                            acted += usize::from(came.counts.energy > 0);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    (worst, acted)
+}
+
+#[test]
+fn no_loop_does_more_work_than_is_allowed() {
+    let (_, acted) = sweep(MASS, &[1e-5], &[0, 1, 4], 4);
+    assert!(acted > 200, "{acted}: loops that swing up were tried");
+}
+
+#[test]
+#[ignore = "a minute: make test-long"]
+fn no_loop_does_more_work_than_is_allowed_for_long() {
+    // As heavy as the device tells, lighter, and with a hand's mass on it.
+    for mass in [MASS, 0.03, 0.2] {
+        let (worst, acted) = sweep(mass, &[0.0, 1e-5, 0.39e-3], &[0, 1, 2, 3, 4], 10);
+        println!("{mass} kg: at most {worst} J beyond, {acted} loops held back");
+        assert!(acted > 1000, "{acted}");
+    }
+}
+
+/// Springs and walls that a key bears, a partner who leads a hand, by hands that go to and fro.
+#[test]
+fn what_players_do_is_not_held_back() {
+    let scenes: [(&str, Scene); 4] = [
+        ("a spring", |x, _, _| -300.0 * x),
+        (
+            "a wall",
+            |x, _, _| if x > 2e-3 { -500.0 * (x - 2e-3) } else { 0.0 },
+        ),
+        ("a spring and a damper", |x, before, _| {
+            -200.0 * x - 400.0 * (x - before)
+        }),
+        ("a partner", |x, _, tick| {
+            let there = 15e-3 * libm::sin(1.9e-3 * std::f64::consts::TAU * f64::from(tick));
+            200.0 * (there - x)
+        }),
+    ];
+    for (name, scene) in scenes {
+        for step in [0.0, 1e-5, 0.39e-3] {
+            for lockstep in [true, false] {
+                for sine in [[0.0, 0.0], [5e-3, 5.0], [15e-3, 2.0], [10e-3, 4.0]] {
+                    let setup = Setup {
+                        period: 1e-3,
+                        mass: MASS,
+                        friction: 1.0,
+                        delay: 0,
+                        tells: true,
+                        lockstep,
+                        hand: Some([400.0, 4.0]),
+                        sine,
+                        step,
+                    };
+                    let came = play(setup, scene, 20_000);
+                    assert_eq!(came.counts.energy, 0, "{name}, {setup:?}: {} J", came.work);
+                    assert!(came.widest > 1e-3 || sine == [0.0; 2]);
+                }
+            }
+        }
+    }
+}

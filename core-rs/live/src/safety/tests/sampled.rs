@@ -1,0 +1,165 @@
+//! A key that is simulated in this process: exact, with a known delay, and the true work of its motor.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use crate::device::{Device, Gone, Sample, Spec, Unit};
+use crate::safety::SafeForce;
+
+/// Moving mass, as the device tells it [kg].
+pub(super) const MASS: f64 = 0.05;
+/// Where it ends on either side [m].
+const END: f64 = 0.05;
+
+/// What is tried.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Setup {
+    /// Of a tick [s].
+    pub(super) period: f64,
+    /// Moving mass, truly [kg].
+    pub(super) mass: f64,
+    /// Friction of the key [N·s/m].
+    pub(super) friction: f64,
+    /// Ticks that a force is late, besides the exchange of a device by a clock.
+    pub(super) delay: usize,
+    /// Whether the device tells its delay and its mass.
+    pub(super) tells: bool,
+    /// Whether a reply shows what its own force did; by a clock it shows what the force before did.
+    pub(super) lockstep: bool,
+    /// Spring and damper of the hand that holds it [N/m, N·s/m].
+    pub(super) hand: Option<[f64; 2]>,
+    /// How far and how often the hand goes to and fro [m, Hz].
+    pub(super) sine: [f64; 2],
+    /// Step of the position sensor [m].
+    pub(super) step: f64,
+}
+
+pub(super) struct Sampled {
+    setup: Setup,
+    spec: Spec,
+    /// exp(A·period) for position, velocity and a constant force.
+    flow: [[f64; 3]; 3],
+    pub(super) x: f64,
+    pub(super) v: f64,
+    /// Forces that do not act yet.
+    late: VecDeque<f64>,
+    shown: f64,
+    ticks: u32,
+    /// Work of the motor on the key since the beginning [J].
+    pub(super) work: f64,
+}
+
+impl Sampled {
+    pub(super) fn new(setup: Setup) -> Self {
+        let [k, b] = setup.hand.unwrap_or_default();
+        let b = b + setup.friction;
+        Self {
+            spec: Spec {
+                dof: 1,
+                unit: Unit::Metre,
+                pos_lsb: setup.step,
+                pos_range: [-END, END],
+                force_max_continuous: 20.0,
+                force_max_peak: 20.0,
+                force_lsb: 0.0,
+                rate_nominal: None,
+                loop_delay_s: setup.tells.then_some(setup.delay as f64 * setup.period),
+                inertia: setup.tells.then_some(MASS),
+                damping: Some(setup.friction),
+                touch_gated: false,
+                can_lockstep: true,
+                can_wide: true,
+            },
+            flow: exp([
+                [0.0, setup.period, 0.0],
+                [
+                    -k / setup.mass * setup.period,
+                    -b / setup.mass * setup.period,
+                    setup.period / setup.mass,
+                ],
+                [0.0; 3],
+            ]),
+            x: 1e-3,
+            v: 0.0,
+            late: VecDeque::from(vec![0.0; setup.delay]),
+            shown: 0.0,
+            ticks: 0,
+            work: 0.0,
+            setup,
+        }
+    }
+
+    fn show(&mut self) {
+        let step = self.setup.step;
+        self.shown = if step > 0.0 {
+            (self.x / step).round() * step
+        } else {
+            self.x
+        };
+    }
+}
+
+impl Device for Sampled {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        if !self.setup.lockstep {
+            self.show();
+        }
+        self.late.push_back(force.newtons()[0]);
+        let motor = self.late.pop_front().unwrap_or(0.0);
+        let [far, hertz] = self.setup.sine;
+        let at = f64::from(self.ticks) * self.setup.period;
+        let there = far * libm::sin(std::f64::consts::TAU * hertz * at);
+        let pull = self.setup.hand.map_or(0.0, |[k, _]| k * there);
+        self.ticks += 1;
+        let state = [self.x, self.v, motor + pull];
+        let [x, v, _] = self
+            .flow
+            .map(|row| row.iter().zip(state).map(|(a, s)| a * s).sum::<f64>());
+        let is_within = x.abs() <= END;
+        (self.x, self.v) = (x.clamp(-END, END), if is_within { v } else { 0.0 });
+        self.work += motor * (self.x - state[0]);
+        if self.setup.lockstep {
+            self.show();
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        into.position[0] = self.shown;
+        Ok(true)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        self.setup.lockstep
+    }
+
+    fn zero(&mut self) {}
+}
+
+/// Of a matrix, by its series and squaring.
+fn exp(a: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    const SQUARED: u32 = 12;
+    let times = |a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]| -> [[f64; 3]; 3] {
+        std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
+    };
+    let small = a.map(|row| row.map(|x| x / f64::from(1 << SQUARED)));
+    let mut sum: [[f64; 3]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    let mut term = sum;
+    for n in 1..8 {
+        term = times(&term, &small).map(|row| row.map(|x| x / f64::from(n)));
+        for i in 0..3 {
+            for j in 0..3 {
+                sum[i][j] += term[i][j];
+            }
+        }
+    }
+    for _ in 0..SQUARED {
+        sum = times(&sum, &sum);
+    }
+    sum
+}

@@ -1,0 +1,131 @@
+//! Whatever happens, no force rises faster than it may.
+
+use std::time::Instant;
+
+use super::{Bench, PERIOD};
+use crate::device::{Device, Gone, Sample, Spec};
+use crate::safety::{Guarded, Limits, SafeForce};
+
+/// Numbers drawn by xorshift64 (Marsaglia, 2003).
+struct Draw(u64);
+
+impl Draw {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    /// Between -1 and 1.
+    fn even(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    /// Once in `n`.
+    fn once_in(&mut self, n: u64) -> bool {
+        self.next().is_multiple_of(n)
+    }
+}
+
+/// A board that does what boards do when all goes wrong.
+struct Wild {
+    spec: Spec,
+    sample: Sample,
+    answers: bool,
+}
+
+impl Device for Wild {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+    fn send(&mut self, _: &SafeForce) -> Result<(), Gone> {
+        Ok(())
+    }
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        *into = self.sample;
+        Ok(self.answers)
+    }
+    fn in_lockstep(&self) -> bool {
+        true
+    }
+    fn zero(&mut self) {}
+}
+
+/// Ticks in which a force rose, or changed its sign, by more than its limit.
+fn too_fast(ticks: u64, seed: u64) -> u64 {
+    let mut draw = Draw(seed);
+    let mut board = Wild {
+        spec: Spec {
+            force_max_peak: 20.0,
+            force_max_continuous: 10.0,
+            ..Bench::new().spec
+        },
+        sample: Sample::default(),
+        answers: true,
+    };
+    let limits = Limits {
+        hold: 0.02,
+        fade: 0.02,
+        ramp: 0.02,
+        heat: 0.5,
+        ..Limits::of(&board.spec)
+    };
+    let step = limits.slew * 1e3 * PERIOD * (1.0 + 1e-12);
+    let mut guarded = Guarded::new(&mut board, limits, PERIOD);
+    let mut sample = Sample::default();
+    let (mut wish, mut speed, mut last, mut stopped) = (0.0, 0.0, 0.0_f64, false);
+    let mut found = 0;
+    for _ in 0..ticks {
+        if draw.once_in(50) {
+            wish = match draw.next() % 8 {
+                0 => 0.0,
+                1 => f64::NAN,
+                2 => 1e300 * draw.even(),
+                _ => 25.0 * draw.even(),
+            };
+            speed = if draw.once_in(20) { 20.0 } else { 2.0 } * PERIOD * draw.even();
+        }
+        let board = &mut guarded.device;
+        let x = board.sample.position[0] + speed;
+        board.sample.position[0] = if x.abs() < 0.05 { x } else { 0.0 };
+        board.answers = !draw.once_in(10) && (board.answers || draw.once_in(10));
+        board.sample.let_go = draw.once_in(500);
+        board.sample.hot = draw.once_in(30);
+        match draw.next() % 1_000 {
+            0 => {
+                stopped = !stopped;
+                guarded.stop(stopped);
+                last = 0.0;
+            }
+            1 => {
+                guarded.zero();
+                last = 0.0;
+            }
+            2 => guarded.scale(0, draw.even()),
+            _ => {}
+        }
+        guarded.receive(&mut sample, Instant::now()).unwrap();
+        let force = guarded.send(&[wish]).unwrap().newtons()[0];
+        let is_fall = force * last >= 0.0 && force.abs() <= last.abs();
+        found += u64::from(!is_fall && (force - last).abs() > step);
+        last = force;
+    }
+    let counts = guarded.counts();
+    for (name, count) in counts.named() {
+        let by_the_wall = name == "stops of the host";
+        assert!(count > 0 || by_the_wall, "{name}: never in {ticks} ticks");
+    }
+    found
+}
+
+#[test]
+fn no_force_rises_faster_than_it_may() {
+    assert_eq!(too_fast(300_000, 1), 0);
+}
+
+#[test]
+#[ignore = "seconds: make test-long"]
+fn no_force_rises_faster_than_it_may_in_ten_million_ticks() {
+    assert_eq!(too_fast(10_000_000, 2), 0);
+}
