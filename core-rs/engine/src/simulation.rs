@@ -6,6 +6,7 @@
 mod bodies;
 mod carry;
 mod heirs;
+mod response;
 mod take_over;
 
 use std::sync::{Arc, Mutex};

@@ -8,6 +8,7 @@ mod counts;
 mod force;
 mod last_resort;
 mod limits;
+pub mod margin;
 mod pipeline;
 pub mod stiffness;
 pub mod tlm;
