@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ergon.live.guard import LEAST
+
 if TYPE_CHECKING:
     from ergon import _core
+    from ergon.live.guard import Bearing
     from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.stage import Stage
 
@@ -143,6 +146,31 @@ def record(view: View, frame: int) -> dict[str, object]:
             for key in view.keys
         ],
     }
+
+
+def feels(bearing: Bearing) -> str:
+    """What a hand gets of a scene, as words."""
+    last = bearing.last
+    if last.scale >= 1.0:
+        return f"{bearing.player} feels all of it again"
+    return (
+        f"{bearing.player} feels {_percent(last.scale)} of it: {last.met:,.0f} N/m met, "
+        f"{last.limit:,.0f} N/m borne"
+    )
+
+
+def too_stiff(bearing: Bearing) -> str:
+    """Why a scene is kept from a hand, as a sentence."""
+    least = bearing.least
+    return (
+        f"{bearing.player} would meet {least.met:,.0f} N/m, and the key's device bears "
+        f"{least.limit:,.0f} N/m: less than {LEAST:.0%} of the force would be left; a smaller K "
+        "or a larger Z may do"
+    )
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.2g} %" if part < 0.1 else f"{100 * part:.0f} %"
 
 
 def told(event: tuple[int, str, float], players: Sequence[str], boards: Sequence[str]) -> str:

@@ -1,47 +1,265 @@
-"""What a key meets: the force of the scene, tick by tick, against a hand that is moved once."""
+"""What a key meets, and which part of the scene's force its hand may get: now, and in a glide."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from ergon import _core
+from ergon.scores.staging.gliding import Glide
+from ergon.scores.staging.stage import OVER, acting
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from ergon import _core
     from ergon.scores.staging.live import LiveHand
     from ergon.scores.staging.stage import Stage
 
-# Long enough that a loop which grows shows it, short enough to wait for [ticks].
-_TICKS = 400
-# The scene is linear here: any step will do that rounding does not reach [m].
-_STEP = 1e-3
+# A scene's answer is followed at least and at most so long [ticks]: what rings longer than that
+# can make a key swing up by half within some seconds, no faster.
+_TICKS = (400, 4096)
 _ENDLESS = 1e12  # [N/m]
+# A key that gets less of the scene's force than this feels another instrument.
+LEAST = 0.02
+# What needs a calendar lies on this grid [frames]; couplings fade in this time [s].
+_GRID, _FADE = 64, 0.02
+# In a shorter glide no swing grows that its two ends do not have [s].
+_SHORT = 0.05
+# A longer one is looked at wherever a number has changed by this ratio, in so many places at most.
+_RATIO, _PLACES = 1.2, 20
+_KEPT = 64  # answers
+# A force falls so long before a stiffer scene acts [s] (core-rs/live/src/perform/scale.rs).
+FALL = 0.02
+
+# What a key bears of an answer: (part of the force, stiffness met and borne [N/m]); None: no key.
+Bears = Callable[[int, "NDArray[np.float64]"], tuple[float, float, float] | None]
 
 
-def response(stage: Stage, hand: LiveHand) -> NDArray[np.float64]:
-    """Force against the key [N/m] in each tick after it was away for one, (400,).
+@dataclass(frozen=True, slots=True)
+class Borne:
+    """The part of a scene's force that a hand may get (0 to 1); stiffness met and borne [N/m]."""
 
-    All contacts are closed.
+    scale: float
+    met: float
+    limit: float
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether what is left is worth playing."""
+        return self.scale >= LEAST
+
+
+@dataclass(frozen=True, slots=True)
+class Bearing:
+    """What a hand gets of a scene that takes over.
+
+    `bounds`: the greatest part of the force, from so many ticks after the take-over on; `least` and
+    `last` are the smallest and the last of them.
     """
+
+    player: str
+    bounds: tuple[tuple[int, float], ...]
+    least: Borne
+    last: Borne
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """Numbers that glide: (MAT, K, Z, M), (LIA, factor of its force); LIAs that are over."""
+
+    ties: tuple[tuple[int, float, float, float], ...] = ()
+    factors: tuple[tuple[int, float], ...] = ()
+    without: tuple[int, ...] = ()
+
+
+def response(
+    network: _core.Network, hand: LiveHand, rate: float, reach: float, played: Sequence[LiveHand]
+) -> NDArray[np.float64]:
+    """Force against a key [N/m] in each tick after it was away for one, (n_ticks,).
+
+    All contacts are closed; the other hands hold still.
+    """
+    held = [other.mat for other in played]
+    return _answer(network.met(hand.mat, rate, held=held), hand.every, reach)
+
+
+def _answer(met: _core.Met, every: int, reach: float) -> NDArray[np.float64]:
     import numpy as np
 
-    network = stage.network.pressed()
-    timeline = _core.Timeline(network, stage.rate)
-    ticks = np.zeros(_TICKS)
-    ticks[0] = _STEP * hand.reach
-    # A hand comes from where it begins: it begins at rest.
-    path = np.concatenate([[0.0], ticks, [0.0]])
-    index = timeline.hand(hand.mat, hand.every, positions=path)
-    simulation = _core.Simulation(network, timeline, unchecked=True, on_fault="mute")
-    felt = np.zeros(_TICKS)
-    frames = np.zeros((hand.every, simulation.n_out))
-    simulation.process(frames)
-    for tick in range(_TICKS):
-        simulation.process(frames)
-        felt[tick] = simulation.felt(index)
-    if simulation.muted():
+    felt = met.response(every, _TICKS)
+    if felt is None:
         # Closed, the scene runs away by itself: no key bears that.
-        return np.full(_TICKS, _ENDLESS)
-    return -felt * hand.reach / _STEP
+        return np.full(_TICKS[0], _ENDLESS)
+    # Hands that feel each other swing against each other: a spring between two is twice as stiff.
+    return felt * (reach * reach * (1 + met.others))
+
+
+class Guard:
+    """Finds out what real hands get of a scene before it takes over; each scene is played once.
+
+    `reaches` are those of the hands of the engine, `real` which of them have a key.
+    """
+
+    def __init__(self, bears: Bears, reaches: Sequence[float], real: Sequence[int]) -> None:
+        """For the keys that `bears` knows."""
+        self._bears = bears
+        self._reaches = reaches
+        self._real = real
+        self._known: dict[tuple[int, int, bytes], Borne] = {}
+        self.asked = 0  # how often a scene was played against a key
+        self._last: tuple[object, ...] = ()
+        self._found: tuple[Bearing, ...] = ()
+
+    def bearings(
+        self,
+        stage: Stage,
+        start: int,
+        glides: Sequence[Glide] = (),
+        before: Sequence[Bearing] = (),
+    ) -> tuple[Bearing, ...]:
+        """What each real hand gets of a stage from frame `start` on. Raises EngineError.
+
+        `before`: what the hands get of the stage that it takes over from.
+        """
+        if not self._real:
+            return ()
+        moments = _moments(stage, start, glides)
+        on = tuple(before) if len(moments) > 1 else ()
+        if self._last and self._last[0] is stage.network and self._last[1:] == (moments, on):
+            return self._found
+        hands = [hand for hand in stage.live if hand.index in self._real]
+        old = {one.player: one.least for one in before}
+        found = tuple(
+            self._bearing(stage, hand, hands, moments, old.get(hand.player)) for hand in hands
+        )
+        self._last, self._found = (stage.network, moments, on), found
+        return found
+
+    def _bearing(
+        self,
+        stage: Stage,
+        hand: LiveHand,
+        hands: Sequence[LiveHand],
+        moments: Sequence[tuple[int, _Moment, _Moment]],
+        old: Borne | None,
+    ) -> Bearing:
+        start = moments[0][0]
+        bounds: list[tuple[int, float]] = []
+        every: list[Borne] = []
+        for at, (frame, first, last) in enumerate(moments):
+            is_short = len(moments) == 2 and moments[1][0] - start <= _SHORT * stage.rate
+            end = self._borne(stage, hand, hands, last)
+            # A short glide begins where the stage before was.
+            from_old = old if at == 0 and is_short else None
+            begin = from_old or self._borne(stage, hand, hands, first)
+            worst = min(begin, end, key=lambda borne: borne.scale)
+            every.append(worst)
+            is_rise = bool(bounds) and worst.scale > bounds[-1][1]
+            ticks = (frame - start) / hand.every
+            bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
+        least = min(every, key=lambda borne: borne.scale)
+        return Bearing(hand.player, tuple(bounds), least, every[-1])
+
+    def _borne(
+        self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _Moment
+    ) -> Borne:
+        met = stage.network.met(
+            hand.mat,
+            stage.rate,
+            held=[other.mat for other in hands],
+            without=list(moment.without),
+            ties=list(moment.ties),
+            factors=list(moment.factors),
+        )
+        key = hand.index, met.others, met.key()
+        borne = self._known.pop(key, None)
+        if borne is None:
+            self.asked += 1
+            found = self._bears(hand.index, _answer(met, hand.every, self._reaches[hand.index]))
+            assert found is not None  # it is real
+            borne = Borne(*found)
+        self._known[key] = borne  # the latest last
+        if len(self._known) > _KEPT:
+            del self._known[next(iter(self._known))]
+        return borne
+
+
+def _moments(
+    stage: Stage, start: int, glides: Sequence[Glide]
+) -> tuple[tuple[int, _Moment, _Moment], ...]:
+    """Stretches of a scene: the frame of the first, and its numbers at its beginning and end."""
+    couplings = [
+        (link, _end(stage, until))
+        for link, (_, until) in zip(stage.scene.couplings, acting(stage.piece), strict=True)
+    ]
+    moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start]
+    frames = {start, *(_on_grid(stage, glide.stop) for glide in moving)}
+    frames |= {max(start, _on_grid(stage, glide.start)) for glide in moving}
+    frames |= {int(end) for _, end in couplings if start < end < math.inf}
+    for glide in moving:
+        frames |= set(_places(stage, glide, start))
+    rising = sorted(frames)
+    if rising[-1] - start <= _SHORT * stage.rate:
+        rising = sorted({start, rising[-1]})
+
+    def moment(frame: int, since: int) -> _Moment:
+        over = tuple(link for link, end in couplings if end <= since)
+        return _Moment(*_numbers(stage, moving, frame), over)
+
+    stretches = [(a, moment(a, a), moment(b, a)) for a, b in pairwise(rising)]
+    return *stretches, (rising[-1], moment(rising[-1], rising[-1]), moment(rising[-1], rising[-1]))
+
+
+def _end(stage: Stage, until: float | None) -> float:
+    """The frame at which a coupling acts no longer."""
+    if until is None:
+        return math.inf
+    if until == OVER:
+        return OVER
+    return _on_grid(stage, until) + -(-int(_FADE * stage.rate) // _GRID) * _GRID
+
+
+def _on_grid(stage: Stage, instant: float) -> int:
+    return -(-int(instant * stage.rate + 0.5) // _GRID) * _GRID
+
+
+def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
+    """Frames between the ends of a long glide at which its numbers have changed by a ratio."""
+    first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
+    if last - max(first, start) <= _SHORT * stage.rate:
+        return
+    pairs = [(a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0]
+    a, b = max(pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0))
+    n = min(_PLACES, math.ceil(abs(math.log(b / a)) / math.log(_RATIO)))
+    for place in range(1, n):
+        share = ((b / a) ** (place / n) - 1.0) / (b / a - 1.0)
+        frame = first + round(share * (last - first))
+        if frame > start:
+            yield frame
+
+
+def _numbers(
+    stage: Stage, glides: Sequence[Glide], frame: int
+) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
+    """What ties and links have at a frame, as the engine lets them glide."""
+    ties, factors = [], []
+    for glide in glides:
+        first, last = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
+        share = min(1.0, max(0.0, (frame - first) / (last - first)))
+        if share == 1.0:
+            continue
+        where = glide.part, glide.module
+        if len(glide.before) == 3:
+            # Evenly, of what a frame takes of them: all of these are per mass.
+            (k, z, m), (to_k, to_z, to_m) = glide.before, glide.after
+            mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * share)
+            k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
+            ties.append((stage.scene.assembly.mats[where], k, z, mass))
+        else:
+            ratio = glide.before[0] / glide.after[0]
+            factors.append((stage.scene.assembly.links[where], ratio + (1.0 - ratio) * share))
+    return tuple(ties), tuple(factors)

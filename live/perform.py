@@ -67,12 +67,15 @@ def perform(
     _skip(simulation, mixer, stage.n_channels, order, order.start // tick * tick, progress)
     numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in order.boards for _, player in board.axes}
+    mine = [hand for hand in stage.live if hand.player in played]
     hands = [
         (
             hand.standin,
             hand.reach,
             _guide(order, hand.player),
-            response(stage, hand) if hand.player in played else np.zeros(0),
+            response(stage.network, hand, stage.rate, hand.reach, mine)
+            if hand in mine
+            else np.zeros(0),
         )
         for hand in stage.live
     ]

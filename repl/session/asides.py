@@ -107,9 +107,10 @@ def _back_to(session: Session, index: int, line: str, none: str) -> Reply:
         session.at = index
         return Reply(True, f"ok '{left.line}' is taken back before it began")
 
-    where, _ = session.queue(line, target.restored, restores=target.number)
+    where, made = session.queue(line, target.restored, restores=target.number)
     session.at = index
-    return Reply(True, f"ok {where} as after: {target.line or 'the beginning'}")
+    said = "; ".join([f"as after: {target.line or 'the beginning'}", *session.felt(made)])
+    return Reply(True, f"ok {where} {said}")
 
 
 def _history(session: Session, command: c.History) -> Reply:

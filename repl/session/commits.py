@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ergon._core import EngineError, StoppedError
+from ergon.live.guard import FALL
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, started
 from ergon.repl.session.engine import Change
@@ -68,13 +69,20 @@ class Commits:
     engine: Engine
     running: Running
     real: Real
-    margin: int  # frames between asking for a change and the first in which it can be
+    # Frames from asking for a change to the first in which it can be; where hands are real, with
+    # the time in which their forces fall to what a stiffer scene leaves them.
+    margin: int
     head: Version
     waiting: list[Waiting] = field(default_factory=list)
     # By ticket: what was handed over, and on what.
     handed: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
     took: float = 0.0  # what making a version takes [s]
     lost: list[tuple[Waiting, str]] = field(default_factory=list)  # and why
+
+    def __post_init__(self) -> None:
+        """Leave real hands their time."""
+        if self.real and self.margin:
+            self.margin += int(FALL * self.rate)
 
     # --- when ------------------------------------------------------------------------------------
 
@@ -194,6 +202,9 @@ class Commits:
             tempo = version.piece.tempo_map
             clock = started(tempo, enter, seconds + self.lead) if one.goes else Clock(None, leave)
         made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+        # Every version comes by here: none takes over that a real hand's key does not bear.
+        borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
+        made = replace(made, bearings=borne)
         if self.margin:  # else the engine waits
             self.took = max(time.perf_counter() - began, _FORGET * self.took)
         return made
@@ -257,6 +268,7 @@ class Commits:
             any(one.resets for one in group),
             gains=_moved(before, on),
             damp=on.version.damp,
+            bearings=on.bearings,
         )
         self.handed.append((self.engine.change(change), group, before))
         self.running = on

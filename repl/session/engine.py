@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon import _core
+    from ergon.live.guard import Bearing
+    from ergon.scores.staging.gliding import Glide
     from ergon.scores.staging.stage import Stage
 
 
@@ -19,7 +21,8 @@ class Change:
     """What is different from frame `at` on, a multiple of the engine's tick.
 
     `stage` takes over from what plays `before`, or where it `resets` begins anew; `gains` (ratios)
-    are of groups of routes; `damp` [s] is the T60 that all is given besides its own.
+    are of groups of routes; `damp` [s] is the T60 that all is given besides its own; `bearings` are
+    what real hands get of it.
     """
 
     at: int
@@ -28,6 +31,7 @@ class Change:
     resets: bool = False
     gains: Mapping[int, float] = field(default_factory=dict)
     damp: float | None = None
+    bearings: Sequence[Bearing] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +80,11 @@ class Engine(Protocol):
     def frame(self) -> int:
         """Frames computed so far."""
 
+    def bearings(
+        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
+    ) -> Sequence[Bearing]:
+        """What real hands get of a stage that takes over at frame `start`. Raises NotTakenError."""
+
     def change(self, change: Change) -> int:
         """Ask for a change; its ticket."""
 
@@ -121,6 +130,12 @@ class Steps:
         self._coming: list[tuple[int, Change]] = []
         self._told: list[Told] = []
         self._tickets = 0
+
+    def bearings(
+        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
+    ) -> Sequence[Bearing]:
+        """No hand is real here."""
+        return ()
 
     def change(self, change: Change) -> int:
         """Ask for a change; one whose frame has passed is told to be late, and not done."""

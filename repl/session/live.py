@@ -7,13 +7,18 @@ from typing import TYPE_CHECKING
 
 from ergon._core import has_let_go, let_go
 from ergon.live.display import told as said
+from ergon.live.display import too_stiff
+from ergon.live.guard import Guard
 from ergon.live.perform import Order, bars, every, perform
 from ergon.repl.session.engine import Change, Led, Look, Told
+from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from ergon import _core
+    from ergon.live.guard import Bearing
+    from ergon.scores.staging.gliding import Glide
     from ergon.scores.staging.stage import Stage
 
 _BARS = 120.0  # [s] for which bars are told: a hand that comes back waits for the next one
@@ -33,6 +38,9 @@ class Live:
         )
         self._players = [hand.player for hand in stage.live]
         self._real = {player for board in order.boards for _, player in board.axes}
+        numbers = [hand.index for hand in stage.live if hand.player in self._real]
+        reaches = [hand.reach for hand in stage.live]
+        self.guard = Guard(self._performance.bears, reaches, numbers)
         self._boards = [board.url for board in order.boards]
         self._sound = 0
         # Once it is closed: how it was, and what had not been told.
@@ -49,6 +57,16 @@ class Live:
         """Frames computed so far."""
         return self._status().frame
 
+    def bearings(
+        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
+    ) -> Sequence[Bearing]:
+        """What real hands get of a stage that takes over at frame `start`. Raises NotTakenError."""
+        found = self.guard.bearings(stage, start, glides, before)
+        for one in found:
+            if not one.least.is_enough:
+                raise NotTakenError(too_stiff(one))
+        return found
+
     def change(self, change: Change) -> int:
         """Hand a change to the physics thread; its ticket."""
         stage, before = change.stage, change.before
@@ -60,8 +78,13 @@ class Live:
             mixer=stage.mixer(highpass=self._highpass) if is_new else None,
             gains=list(change.gains.items()),
             damp=change.damp or 0.0,
+            bounds=self._bounds(change.bearings),
             bars=bars(stage, change.at + int(_BARS * stage.rate)),
         )
+
+    def _bounds(self, bearings: Sequence[Bearing]) -> list[list[tuple[int, float]]]:
+        by_player = {one.player: one.bounds for one in bearings}
+        return [list(by_player.get(player, ())) for player in self._players]
 
     def lead(self, at: int, leads: Mapping[str, Led]) -> int:
         """Lead hands of players otherwise from a frame on; the ticket."""

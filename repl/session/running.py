@@ -13,6 +13,7 @@ from ergon.scores.staging.hands import Window
 from ergon.scores.staging.stage import Going, Span, stage
 
 if TYPE_CHECKING:
+    from ergon.live.guard import Bearing
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -31,7 +32,7 @@ JOIN = 0.02
 class Running:
     """A version from an engine's frame `start` on, and stretches of those before it.
 
-    Occurrences up to beat `until` are on the timeline.
+    Occurrences up to beat `until` are on the timeline; `bearings` are what real hands get of it.
     """
 
     version: Version
@@ -41,6 +42,7 @@ class Running:
     start: int
     until: float
     glides: tuple[Glide, ...] = ()
+    bearings: Sequence[Bearing] = ()
 
     def beat(self, frame: int) -> float:
         """Where the piece is at a frame."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
+from ergon.live.display import feels
 from ergon.repl.face import Reply, State
 from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.complete import complete
@@ -78,6 +79,8 @@ class Session:
         """
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
+        borne = engine.bearings(running.stage, running.start, (), ())
+        running = replace(running, bearings=borne)
         engine.faders(faders(running))
         self.journal = journal
         self.quant: Length | None = _BAR
@@ -98,6 +101,9 @@ class Session:
         self._scope = names(version.piece)
         self._scope_of = version.piece
         self._messages: deque[str] = deque(maxlen=1000)
+        # Which part of the scene's force each real hand was last said to get.
+        self._felt: dict[str, float] = {}
+        self._messages += self.felt(running)
         self.lock = threading.RLock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
@@ -235,8 +241,14 @@ class Session:
         when: When = next((c.when for c in commands if c.when is not None), None)
         is_read = any(type(command) in deeds.READ for command in commands)
         where, made = self.queue(text, deeds.together(commands), when, is_read=is_read)
-        said = "; ".join(filter(None, (deeds.said(command, made) for command in commands)))
-        return Reply(True, f"ok {where} {said}".rstrip())
+        said = [deeds.said(command, made) for command in commands] + self.felt(made)
+        return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
+
+    def felt(self, made: Running) -> list[str]:
+        """What real hands get of a version, where that is not what they were told last."""
+        told = [one for one in made.bearings if self._felt.get(one.player, 1.0) != one.last.scale]
+        self._felt |= {one.player: one.last.scale for one in told}
+        return [feels(one) for one in told]
 
     def queue(
         self,
@@ -355,6 +367,9 @@ class Session:
                 self._messages.append(f"'{one.line}' came too late; it waits for the next bar")
 
     def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
+        if not self.commits.waiting:  # what a line was made on may have been another version
+            running = self.commits.running
+            self._messages += [f"{self._written(frame)} {said}" for said in self.felt(running)]
         for one in lines:
             if one.number:  # else only the horizon went on
                 self._tell("commit", number=one.number, frame=frame, beat=one.beat)

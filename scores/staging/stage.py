@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Hashable, Mapping, Sequence
+from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
 _WHEN_DIVERGED = "a smaller K or law, a weaker strike or a higher rate keeps it finite"
+OVER = -math.inf
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
@@ -332,7 +333,7 @@ def _play(
     spans: Sequence[Span],
 ) -> float:
     """Put everything virtual that happens on the timeline; returns when the last of it ends [s]."""
-    tempo, timeline = piece.tempo_map, hands.timeline
+    timeline = hands.timeline
     held = {piece.players[name].key for name in real}
     for name, key in piece.keys.items():
         if name not in held:
@@ -356,13 +357,21 @@ def _play(
             source = hands.sources.add(partial(_itself, strikes.place))
             striking = Striking(played, timeline, strikes, mats, source, within)
             ends.append(striking.play(hands.collector))
-    for coupling, link in zip(piece.duet, couplings, strict=True):
-        until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
-        at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        if until is not None and until <= at and isinstance(tempo, Elsewhere):
-            at, until = NEVER, None  # it is over
+    for link, (at, until) in zip(couplings, acting(piece), strict=True):
+        if until == OVER:
+            at, until = NEVER, None
         timeline.couple(link, at, until)
     return max(ends, default=0.0)
+
+
+def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
+    """From when to when [s] each coupling acts; until `OVER` what does so no longer."""
+    tempo = piece.tempo_map
+    for coupling in piece.duet:
+        until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
+        at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
+        is_over = until is not None and until <= at and isinstance(tempo, Elsewhere)
+        yield at, OVER if is_over else until
 
 
 def _within(piece: Piece, window: Window) -> tuple[float, float]:
@@ -438,6 +447,7 @@ __all__ = [
     "Stage",
     "StageError",
     "StagedGesture",
+    "acting",
     "prepare",
     "solo",
     "stage",

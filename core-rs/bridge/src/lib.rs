@@ -55,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use super::mixer::Mixer;
     #[pymodule_export]
-    use super::network::{Certificate, Network};
+    use super::network::{Certificate, Met, Network};
     #[pymodule_export]
     use super::pcm::{pcm, single};
     #[pymodule_export]

@@ -6,8 +6,11 @@ use std::sync::Arc;
 use ergon_engine::generator::{self, BankForm, GeneratorError, Topology};
 use ergon_engine::network::{self, But, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, Word};
+use ergon_engine::units::Rate;
+use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::error::{from_engine, hertz, refused, word};
 use crate::law::{Law, Row, entry, plain};
@@ -44,9 +47,36 @@ impl Network {
         self.0.outputs().len()
     }
 
-    /// A copy at rest with every contact closed and every law a spring.
-    fn pressed(&self) -> Self {
-        Self(self.0.pressed())
+    /// What a hand on a MAT can reach, at rest, with every contact closed and every law a spring: (network, the MAT
+    /// there, other hands that feel it).
+    #[pyo3(signature = (mat, rate, *, held=Vec::new(), without=Vec::new(), ties=Vec::new(), factors=Vec::new(), deep=network::DEEP))]
+    #[allow(clippy::too_many_arguments)]
+    fn met(
+        &self,
+        py: Python<'_>,
+        mat: usize,
+        rate: f64,
+        held: Vec<usize>,
+        without: Vec<usize>,
+        ties: Vec<(usize, f64, f64, f64)>,
+        factors: Vec<(usize, f64)>,
+        deep: f64,
+    ) -> PyResult<Met> {
+        self.there(mat)?;
+        let moment = network::Moment {
+            held,
+            without,
+            ties: ties
+                .into_iter()
+                .map(|(mat, k, z, m)| (mat, [k, z, m]))
+                .collect(),
+            factors,
+        };
+        let rate = hertz(rate)?;
+        Ok(Met {
+            met: py.detach(|| self.0.met(mat, &moment, deep, rate.hertz())),
+            rate,
+        })
     }
 
     /// Start a part: modules added from now on belong to it.
@@ -372,6 +402,44 @@ impl Network {
             &format!("#{index}"),
             format!("there are {} MATs", self.0.n_mat()),
         ))
+    }
+}
+
+/// The part of a scene that a hand can move, pressed.
+#[pyclass(frozen, module = "ergon._core")]
+pub(crate) struct Met {
+    met: network::Met,
+    rate: Rate,
+}
+
+#[pymethods]
+impl Met {
+    /// How many other hands feel it.
+    #[getter]
+    fn others(&self) -> usize {
+        self.met.others
+    }
+
+    /// All that its answer is a function of: the same bytes, the same answer.
+    fn key<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        let mut bytes = self.met.network.numbers();
+        bytes.extend((self.met.mat as u64).to_le_bytes());
+        bytes.extend(self.rate.hertz().to_le_bytes());
+        PyBytes::new(py, &bytes)
+    }
+
+    /// Force against the hand [N/m] in each tick after it was 1 m away for one (n_ticks,), at least and at most so many;
+    /// None where the closed scene diverges by itself.
+    fn response<'py>(
+        &self,
+        py: Python<'py>,
+        every: u32,
+        ticks: [usize; 2],
+    ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let found = py.detach(|| self.met.response(self.rate, every, ticks));
+        Ok(found
+            .map_err(from_engine)?
+            .map(|felt| felt.into_pyarray(py)))
     }
 }
 

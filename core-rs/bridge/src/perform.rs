@@ -9,7 +9,7 @@ use ergon_engine::simulation::Carry;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{
-    self, Guide, Hand, How, Keyboard, Known, Share, Stage, Stem, Step, What,
+    self, Bound, Guide, Hand, How, Keyboard, Known, Share, Stage, Stem, Step, What,
 };
 use ergon_live::recording::{Axis, Header};
 use numpy::PyReadonlyArray1;
@@ -35,6 +35,8 @@ type HandOf<'py> = (
 );
 /// (ticks after the change, share of the stiffness, share of the viscosity)
 type StepOf = (u64, f64, f64);
+/// (ticks after the change, greatest part of the force)
+type BoundOf = (u64, f64);
 /// (url, [(axis, hand)], greatest force, what is known of axes)
 type BoardOf = (String, Vec<(usize, usize)>, Option<f64>, Vec<AxisOf>);
 /// (path, [(player, key)], what else is known as JSON)
@@ -145,6 +147,22 @@ impl Performance {
         self.with(|own| own.borne().iter().map(of).collect())
     }
 
+    /// What the key under a real hand bears of a scene that answers it so [N/m] (n_ticks,): (part, stiffness met [N/m],
+    /// borne [N/m]); None where the hand is not real.
+    fn bears(
+        &self,
+        py: Python<'_>,
+        hand: usize,
+        response: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Option<(f64, f64, f64)>> {
+        let response = response.as_slice()?;
+        let Some(bearer) = self.with(|own| own.bearer(hand))? else {
+            return Ok(None);
+        };
+        let borne = py.detach(|| bearer.borne(response));
+        Ok(Some((borne.scale, borne.stiffness, borne.limit)))
+    }
+
     /// What it plays on, in words.
     fn output(&self) -> PyResult<String> {
         self.with(|own| own.output().info().sentence)
@@ -178,7 +196,7 @@ impl Performance {
     /// Change what plays at frame `at`, the first of a tick; a ticket, that an event "changed" or "late" tells.
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, leads=None, damp=None))]
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, leads=None, bounds=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
@@ -192,6 +210,7 @@ impl Performance {
         bars: Option<Vec<u64>>,
         standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
         leads: Option<Vec<Vec<StepOf>>>,
+        bounds: Option<Vec<Vec<BoundOf>>>,
         damp: Option<f64>,
     ) -> PyResult<u64> {
         if simulation.is_none() && old.is_some() {
@@ -211,6 +230,7 @@ impl Performance {
             bars,
             standins: slices.transpose()?,
             leads: leads.map(|all| all.into_iter().map(steps).collect()),
+            bounds: bounds.map(|all| all.into_iter().map(limits).collect()),
             damp: match damp {
                 Some(0.0) => Some(None),
                 damp => damping(damp)?.map(Some),
@@ -278,6 +298,11 @@ fn steps(all: Vec<StepOf>) -> Vec<Step> {
         share: Share { k, z },
     };
     all.into_iter().map(step).collect()
+}
+
+fn limits(all: Vec<BoundOf>) -> Vec<Bound> {
+    let bound = |(at, scale)| Bound { at, scale };
+    all.into_iter().map(bound).collect()
 }
 
 fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
@@ -383,6 +408,7 @@ pub(crate) struct HandStatus {
     position: f64,
     force: f64,
     sent: f64,
+    scale: f64,
     real: bool,
     touch: bool,
     enabled: bool,
@@ -395,6 +421,7 @@ impl HandStatus {
             position: hand.position,
             force: hand.force,
             sent: hand.sent,
+            scale: hand.scale,
             real: hand.real,
             touch: hand.touch,
             enabled: hand.enabled,

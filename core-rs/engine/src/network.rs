@@ -19,6 +19,7 @@ pub use kinds::{But, Contact, Error, Side, Tie};
 pub use links::LawUse;
 pub use modes::Tone;
 pub use output::{Output, Term};
+pub use pressed::{DEEP, Met, Moment};
 pub(crate) use subset::Subset;
 
 use std::ops::Range;

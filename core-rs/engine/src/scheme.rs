@@ -11,6 +11,7 @@ mod spring;
 
 pub use certify::{Certificate, Means, Word};
 pub(crate) use certify::{Top, top};
+pub(crate) use discretise::magic;
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
 

@@ -6,6 +6,7 @@
 mod bodies;
 mod carry;
 mod heirs;
+mod response;
 mod side;
 mod take_over;
 

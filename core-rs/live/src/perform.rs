@@ -4,6 +4,7 @@
 //! pushes their sound into the ring. Keys have the first say in when a tick begins, the sound card has the last:
 //! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
 
+mod bearer;
 mod change;
 mod clock;
 mod frozen;
@@ -11,13 +12,16 @@ mod hand;
 mod keys;
 mod lead;
 mod player;
+mod scale;
 mod status;
 
+pub use bearer::{Bearer, Borne, LEAST};
 pub use change::Change;
 pub use frozen::Stem;
 pub use hand::Hand;
-pub use keys::{Borne, Keyboard, Known, Slot};
+pub use keys::{Keyboard, Known, Slot};
 pub use lead::{Guide, Share, Step};
+pub use scale::Bound;
 use status::HANDS_MAX;
 pub use status::{Event, HandStatus, Status, What};
 
@@ -43,8 +47,6 @@ use player::Player;
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
 /// real-time machine.
 const AHEAD: usize = 1_024;
-/// A key that gets less of the scene's force than this feels another instrument.
-const LEAST: f64 = 0.02;
 /// Things that may happen before anybody asks what did.
 const EVENTS: usize = 4_096;
 const COMMANDS: usize = 256;
@@ -182,6 +184,7 @@ pub struct Performance {
     recorder: Option<RecorderHandle>,
     reader: Option<frozen::Reader>,
     borne: Vec<Borne>,
+    bearers: Vec<Bearer>,
     garbage: Consumer<Box<change::Due>>,
     tickets: u64,
     /// Frames of a tick, channels, and outputs where prepared parts fill some of them.
@@ -218,7 +221,7 @@ impl Performance {
     /// All but the thread that plays.
     fn prepare(
         mut stage: Stage,
-        mut boards: Vec<Keyboard>,
+        boards: Vec<Keyboard>,
         how: How,
     ) -> Result<(Self, Player), PlayError> {
         let rate = stage.simulation.rate();
@@ -230,8 +233,12 @@ impl Performance {
         if stage.hands.len() > HANDS_MAX {
             return Err(PlayError::Hands(stage.hands.len()));
         }
-        let guard = |board: &mut Keyboard| board.guard(&stage.hands);
-        let borne: Vec<Borne> = boards.iter_mut().flat_map(guard).collect();
+        let bearers: Vec<Bearer> = boards
+            .iter()
+            .flat_map(|board| Bearer::all(board, &stage.hands))
+            .collect();
+        let borne = |bearer: &Bearer| bearer.borne(&stage.hands[bearer.hand].response);
+        let borne: Vec<Borne> = bearers.iter().map(borne).collect();
         if let Some(stiff) = borne.iter().find(|borne| borne.scale < LEAST) {
             return Err(PlayError::Stiff {
                 hand: stiff.hand,
@@ -305,7 +312,7 @@ impl Performance {
         );
         let every = stage.every;
         let frozen = reader.is_some().then(|| stage.simulation.n_out());
-        let player = Player::new(stage, slots, links, clock, info.paced || by_keys);
+        let player = Player::new(stage, slots, links, clock, info.paced || by_keys, &borne);
         let this = Self {
             desk,
             thread: None,
@@ -317,6 +324,7 @@ impl Performance {
             recorder,
             reader,
             borne,
+            bearers,
             garbage,
             tickets: 0,
             every,
@@ -339,6 +347,11 @@ impl Performance {
     /// How much of the scene's force each real hand gets.
     pub fn borne(&self) -> &[Borne] {
         &self.borne
+    }
+
+    /// The key under a hand, to find out beforehand what it bears; `None`: the hand is not real.
+    pub fn bearer(&self, hand: usize) -> Option<Bearer> {
+        self.bearers.iter().find(|own| own.hand == hand).copied()
     }
 
     /// The output that it plays on.

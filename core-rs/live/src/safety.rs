@@ -10,6 +10,7 @@ mod counts;
 mod force;
 mod last_resort;
 mod limits;
+pub mod margin;
 mod pipeline;
 mod stages;
 pub mod stiffness;

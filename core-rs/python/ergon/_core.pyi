@@ -126,6 +126,20 @@ def law_functions() -> list[tuple[str, int]]:
     """Addresses of the core's functions that native code of a law calls."""
 
 @final
+class Met:
+    """The part of a scene that a hand can move, pressed: linear and at rest."""
+
+    @property
+    def others(self) -> int:
+        """How many other hands feel it."""
+    def key(self) -> bytes:
+        """All that its answer is a function of: the same bytes, the same answer."""
+    def response(self, every: int, ticks: tuple[int, int]) -> _Floats | None:
+        """Force against the hand [N/m] in each tick of `every` frames after it was 1 m away for one
+        (n_ticks,), at least and at most so many; None where the closed scene diverges by itself.
+        Raises EngineError."""
+
+@final
 class Network:
     """What is: MATs and LIAs with SI parameters, grouped into named parts.
 
@@ -142,9 +156,21 @@ class Network:
         """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
         Z of the discrete network at that rate, which then is the truth (GENESIS habit). A plan lets
         its own springs pull once `every` so many frames, where it may (E4)."""
-    def pressed(self) -> Network:
-        """A copy at rest with every contact closed and every law the stiffest spring that it is
-        within a millimetre: what a hand meets at worst."""
+    def met(
+        self,
+        mat: int,
+        rate: float,
+        *,
+        held: Sequence[int] = ...,
+        without: Sequence[int] = ...,
+        ties: Sequence[tuple[int, float, float, float]] = ...,
+        factors: Sequence[tuple[int, float]] = ...,
+        deep: float = ...,
+    ) -> Met:
+        """What a hand on a MAT can reach, at rest, with every contact closed and every law the
+        stiffest spring that it is within `deep` [m]. `held`: MATs that other hands hold; `without`:
+        LIAs that do not act; `ties`: (MAT, K, Z, M) and `factors`: (LIA, factor of its force) that
+        differ from the network's own, in a glide. `rate` [Hz]. Raises EngineError."""
     def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int: ...
     def sol(self, name: str, *, X0: float = 0.0) -> int: ...
     def cel(
@@ -748,11 +774,13 @@ def survey_audio() -> list[tuple[str, bool, str]]:
 
 @final
 class HandStatus:
-    """How a real hand does: position [m], force felt and force sent [N]."""
+    """How a real hand does: position [m], force felt and force sent [N], the part of the scene's
+    force that it may get now (0 to 1)."""
 
     position: float
     force: float
     sent: float
+    scale: float
     real: bool
     touch: bool
     enabled: bool
@@ -818,6 +846,9 @@ class Performance:
         """What happened since the last call: (frame, what, number of the hand or board)."""
     def sound_events(self) -> list[tuple[float, str]]:
         """What happened to the sound: (seconds, sentence)."""
+    def bears(self, hand: int, response: _Floats) -> tuple[float, float, float] | None:
+        """What the key under a real hand bears of a scene that answers it so (n_ticks,) [N/m]: part
+        of the force, stiffness met and borne [N/m]; None where the hand is not real."""
     def borne(self) -> list[tuple[int, float, float, float]]:
         """How much of the scene's force each real hand gets: (hand, part of it, stiffness met
         [N/m], stiffness borne [N/m])."""
@@ -845,6 +876,7 @@ class Performance:
         bars: Sequence[int] | None = None,
         standins: Sequence[_Floats] | None = None,
         leads: Sequence[Sequence[tuple[int, float, float]]] | None = None,
+        bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
     ) -> int:
         """Change what is said at frame `at`, the first of a tick. Returns a ticket, which an event
@@ -853,7 +885,8 @@ class Performance:
         by the very Plan that plays until then, at any moment; `mixer` goes on with the gains and filters of the one before;
         `standins`: where each hand stands in at each tick from this one on (n_ticks,) [m], without
         any as before; `leads`: of each hand's loose guide, after how many ticks which shares of its
-        K and Z act (0 to 1); `damp`: as Simulation.damp, 0 for no longer (a take-over ends it too).
+        K and Z act (0 to 1); `bounds`: of each hand, after how many ticks how much of the scene's
+        force it may get (0 to 1), which falls to that beforehand and rises to it afterwards; without any as before; `damp`: as Simulation.damp, 0 for no longer (a take-over ends it too).
         Raises EngineError."""
     def stop(self) -> None:
         """Play nothing more."""

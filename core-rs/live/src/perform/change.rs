@@ -8,6 +8,7 @@ use ergon_engine::simulation::{Carry, Simulation};
 
 use super::lead::Step;
 use super::player::Player;
+use super::scale::Bound;
 use super::status::What;
 
 /// Changes that may wait at once.
@@ -31,6 +32,8 @@ pub struct Change {
     pub standins: Option<Vec<Vec<f64>>>,
     /// How much of each hand's guide acts when, if it is a loose one; without steps as it does now.
     pub leads: Option<Vec<Vec<Step>>>,
+    /// How much of the scene's force each hand may get when; a hand without bounds gets as much as before.
+    pub bounds: Option<Vec<Vec<Bound>>>,
     /// See [`Simulation::damp`].
     pub damp: Option<Option<f64>>,
 }
@@ -135,7 +138,34 @@ impl Player {
                 }
             }
         }
+        if let Some(bounds) = &mut change.bounds {
+            for (scale, bounds) in self.scales.iter_mut().zip(bounds) {
+                if !bounds.is_empty() {
+                    std::mem::swap(&mut scale.bounds, bounds);
+                    scale.begin(self.tick);
+                }
+            }
+        }
         true
+    }
+
+    /// What each hand's force is scaled by in this tick, with an eye to the changes that wait.
+    pub(super) fn scale(&mut self) {
+        let every = self.stage.every as u64;
+        for (hand, scale) in self.scales.iter_mut().enumerate() {
+            let Some((slot, axis)) = self.of[hand] else {
+                continue;
+            };
+            let waiting = self.waiting.iter().flat_map(|due| {
+                let bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
+                bounds.flatten().map(|bound| Bound {
+                    at: bound.at.saturating_add(due.at / every),
+                    ..*bound
+                })
+            });
+            let now = scale.tick(self.tick, waiting);
+            self.slots[slot].scale(axis, now);
+        }
     }
 
     /// To be freed elsewhere; where nobody takes it back it is not freed at all.

@@ -1,6 +1,6 @@
 //! A hand while it plays: the person's, or what stands in for it, and the way from one to the other.
 
-use super::lead::{Guide, Share};
+use super::lead::Guide;
 
 /// A change of hands moves the key by no more than this in a tick [m].
 const STEP: f64 = 5e-5;
@@ -43,17 +43,6 @@ impl Hand {
         let at = usize::try_from(tick.saturating_sub(self.since)).unwrap_or(usize::MAX);
         let last = self.standin.len().saturating_sub(1);
         self.standin.get(at.min(last)).copied().unwrap_or(0.0)
-    }
-
-    /// All that answers it: the scene, and what guides it by `share`, in ticks of `period` [s]; see [`Hand::response`].
-    pub(super) fn met(&self, period: f64, share: Share) -> Vec<f64> {
-        let mut met = self.response.clone();
-        if let (Some(guide), [now, next, ..]) = (self.guide, &mut met[..]) {
-            let z = share.z * guide.z / period;
-            *now += share.k * guide.k + z;
-            *next -= z;
-        }
-        met
     }
 }
 

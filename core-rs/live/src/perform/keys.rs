@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Command, Guide, Hand};
+use super::{Command, bearer};
 use crate::device::calibrate::{self, Axis};
 use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url};
 use crate::safety::{Guarded, Limits, stiffness};
@@ -15,8 +15,6 @@ use crate::safety::{Guarded, Limits, stiffness};
 /// A device that is gone is looked for so often.
 const RETRY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(50);
-/// A device that says nothing of itself is taken for a light one with little friction [kg, N·s/m].
-const LIGHT: (f64, f64) = (0.05, 0.3);
 /// A device that has sent no position for so long is gone, though its port may be open: datagrams never close [s].
 const SILENT: f64 = 0.25;
 /// Beyond its range a key is believed by this part of it: sensors and stops are not exact.
@@ -30,8 +28,6 @@ pub struct Keyboard {
     known: Known,
     /// Device axis and hand of the piece.
     axes: Vec<(usize, usize)>,
-    /// By axis; see [`Keyboard::guard`].
-    scales: Vec<(usize, f64)>,
 }
 
 /// How to open it, now and again.
@@ -45,19 +41,6 @@ pub struct Known {
     pub most: Option<f64>,
     /// Of a tick [s].
     pub period: f64,
-}
-
-/// How much of the scene's force a hand gets.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Borne {
-    /// Which hand.
-    pub hand: usize,
-    /// The part of the force, 0 to 1.
-    pub scale: f64,
-    /// What the key meets at its stiffest [N/m].
-    pub stiffness: f64,
-    /// What it bears [N/m].
-    pub limit: f64,
 }
 
 /// The physics thread's side of it.
@@ -104,42 +87,17 @@ impl Keyboard {
             guarded: known.guard(device),
             known,
             axes,
-            scales: Vec::new(),
         }
     }
 
-    /// Let no axis feel more of the scene than it bears without swinging up.
-    pub(super) fn guard(&mut self, hands: &[Hand]) -> Vec<Borne> {
-        let spec = self.guarded.spec();
-        let own_delay = spec
-            .loop_delay_s
-            .map(|s| (s / self.known.period).ceil() as usize);
-        let key = stiffness::Key {
-            mass: spec.inertia.unwrap_or(LIGHT.0),
-            damping: spec.damping.filter(|b| *b > 0.0).unwrap_or(LIGHT.1),
-            period: self.known.period,
-            // By a clock the force of a tick goes out with the next.
-            delay: own_delay.unwrap_or(0) + usize::from(!self.guarded.in_lockstep()),
-        };
-        let mut found = Vec::new();
-        for &(axis, hand) in &self.axes {
-            let hand_of = &hands[hand];
-            let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
-            for &share in Guide::shares(hand_of.guide) {
-                let response = hand_of.met(self.known.period, share);
-                scale = scale.min(stiffness::bearable(&response, key));
-                stiffest = stiffest.max(stiffness::stiffest(&response));
-            }
-            self.guarded.scale(axis, scale);
-            self.scales.push((axis, scale));
-            found.push(Borne {
-                hand,
-                scale,
-                stiffness: stiffest,
-                limit: scale * stiffest,
-            });
-        }
-        found
+    /// Its keys by themselves.
+    pub(super) fn key(&self) -> stiffness::Key {
+        self.known.key(&self.guarded)
+    }
+
+    /// Device axes and hands of the piece.
+    pub(super) fn axes(&self) -> &[(usize, usize)] {
+        &self.axes
     }
 
     /// What the device is.
@@ -157,11 +115,12 @@ impl Keyboard {
         let (grave, graves) = RingBuffer::new(4);
         let [low, high] = self.guarded.spec().pos_range;
         let over = OVER * (high - low).abs();
+        let key = self.key();
         let slot = Slot {
             range: [low.min(high) - over, low.max(high) + over],
             lockstep: self.guarded.in_lockstep(),
             guarded: Some(self.guarded),
-            axes: self.axes,
+            axes: self.axes.clone(),
             sample: Sample::default(),
             forces: [0.0; MAX_AXES],
             sent: [0.0; MAX_AXES],
@@ -172,8 +131,9 @@ impl Keyboard {
             patience: (SILENT / self.known.period) as u32 + 1,
         };
         let search = Search {
+            key,
+            axes: self.axes,
             known: self.known,
-            scales: self.scales,
             index,
             gone,
             stop: Arc::clone(&stop),
@@ -197,6 +157,10 @@ impl Known {
                 .cannot("it turns, and a key of a score goes by metres"));
         }
         Ok(device)
+    }
+
+    fn key(&self, guarded: &Guarded) -> stiffness::Key {
+        bearer::key(guarded.spec(), guarded.in_lockstep(), self.period)
     }
 
     fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
@@ -226,6 +190,13 @@ impl Slot {
     /// The force that an axis is to get [N].
     pub(super) fn force(&mut self, axis: usize, force: f64) {
         self.forces[axis] = force;
+    }
+
+    /// Which part of its forces an axis gets; a device that comes back gets it in its first tick.
+    pub(super) fn scale(&mut self, axis: usize, scale: f64) {
+        if let Some(guarded) = &mut self.guarded {
+            guarded.scale(axis, scale);
+        }
     }
 
     /// No more forces, or forces again.
@@ -302,7 +273,8 @@ impl Slot {
 
 struct Search {
     known: Known,
-    scales: Vec<(usize, f64)>,
+    key: stiffness::Key,
+    axes: Vec<(usize, usize)>,
     index: usize,
     gone: Arc<AtomicBool>,
     stop: Arc<AtomicBool>,
@@ -328,17 +300,14 @@ impl Search {
             let Ok(device) = self.known.open() else {
                 continue;
             };
-            // Another device may have taken its name.
-            if self
-                .scales
-                .iter()
-                .any(|(axis, _)| *axis >= device.spec().dof)
-            {
+            // Another device may have taken its name: the scales of its hands are those of this key.
+            let n = device.spec().dof;
+            if self.axes.iter().any(|(axis, _)| *axis >= n) {
                 continue;
             }
-            let mut guarded = self.known.guard(device);
-            for &(axis, scale) in &self.scales {
-                guarded.scale(axis, scale);
+            let guarded = self.known.guard(device);
+            if self.known.key(&guarded) != self.key {
+                continue;
             }
             if let Some(memory) = &memory {
                 guarded.recall(memory);

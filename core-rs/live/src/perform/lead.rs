@@ -49,6 +49,20 @@ impl Guide {
     }
 }
 
+impl Guide {
+    /// All that answers a hand: the scene, and what guides the hand by `share`, in ticks of `period` [s]; see
+    /// [`Hand::response`].
+    pub(super) fn met(this: Option<Self>, response: &[f64], period: f64, share: Share) -> Vec<f64> {
+        let mut met = response.to_vec();
+        if let (Some(guide), [now, next, ..]) = (this, &mut met[..]) {
+            let z = share.z * guide.z / period;
+            *now += share.k * guide.k + z;
+            *next -= z;
+        }
+        met
+    }
+}
+
 impl Share {
     const ALL: Self = Self { k: 1.0, z: 1.0 };
 

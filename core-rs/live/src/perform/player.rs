@@ -12,8 +12,9 @@ use super::clock::Clock;
 use super::frozen::Frozen;
 use super::hand::Mover;
 use super::lead::Lead;
+use super::scale::Scale;
 use super::status::{Event, HANDS_MAX, Status, What};
-use super::{Command, Desk, Hand, Slot, Stage};
+use super::{Borne, Command, Desk, Hand, Slot, Stage};
 use crate::audio::{Feed, Shared};
 use crate::recording::{self, RowSink, flag};
 use crate::safety;
@@ -44,7 +45,7 @@ pub(super) struct Links {
 pub(super) struct Player {
     pub(super) stage: Stage,
     pub(super) gain: Glide,
-    slots: Vec<Slot>,
+    pub(super) slots: Vec<Slot>,
     pub(super) links: Links,
     /// Changes that are not due yet, by rising frame.
     #[allow(clippy::vec_box)]
@@ -53,11 +54,12 @@ pub(super) struct Player {
     clock: Clock,
     pub(super) movers: Vec<Mover>,
     pub(super) leads: Vec<Lead>,
+    pub(super) scales: Vec<Scale>,
     /// Where each hand's key was in the tick before: its speed is taken from that.
     before: Vec<f64>,
     felt: Vec<f64>,
     /// Which slot and axis each hand has.
-    of: Vec<Option<(usize, usize)>>,
+    pub(super) of: Vec<Option<(usize, usize)>>,
     /// The tick from which a keyboard that came back plays again.
     waits: Vec<Option<u64>>,
     rows: Vec<recording::Sample>,
@@ -85,11 +87,16 @@ impl Player {
         links: Links,
         clock: Clock,
         paced: bool,
+        borne: &[Borne],
     ) -> Self {
         let n = stage.hands.len();
         let period = stage.every as f64 / stage.simulation.rate();
         let lead = |hand: &Hand| Lead::new(hand.guide, period);
         let leads = stage.hands.iter().map(lead).collect();
+        let mut scales = vec![Scale::new(1.0, period); n];
+        for one in borne {
+            scales[one.hand] = Scale::new(one.scale, period);
+        }
         let mut of = vec![None; n];
         for (slot, own) in slots.iter().enumerate() {
             for &(axis, hand) in &own.axes {
@@ -108,6 +115,7 @@ impl Player {
             gain: Glide::new(stage.simulation.rate(), stage.gain),
             movers: vec![Mover::default(); n],
             leads,
+            scales,
             before: vec![0.0; n],
             felt: vec![0.0; n],
             of,
@@ -185,6 +193,7 @@ impl Player {
         safety::look_for_signals();
         self.commands();
         self.changes();
+        self.scale();
         self.leads.iter_mut().for_each(|lead| lead.tick(self.tick));
         let n = (self.stage.every as u64).min(left) as usize;
         if n > 0 {
@@ -481,6 +490,7 @@ impl Player {
             };
             let slot = &self.slots[slot];
             own.sent = slot.sent[axis];
+            own.scale = self.scales[hand].now();
             own.touch = mover.real && slot.sample.touch[axis];
             own.enabled = mover.real && slot.sample.force_enabled[axis];
             let tripped = slot.tripped(axis);

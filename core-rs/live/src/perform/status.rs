@@ -70,6 +70,8 @@ pub struct HandStatus {
     pub force: f64,
     /// What went to the motor, once it was safe [N].
     pub sent: f64,
+    /// The part of the scene's force that it may get, 0 to 1.
+    pub scale: f64,
     /// A person's, not what stands in for it.
     pub real: bool,
     /// A finger is on it.

@@ -257,7 +257,10 @@ fn a_loose_guide_is_borne() {
             response: vec![0.0; 400],
             ..Hand::default()
         };
-        keyboard(0, 0).guard(&[hand])[0].scale
+        let response = hand.response.clone();
+        Bearer::all(&keyboard(0, 0), &[hand])[0]
+            .borne(&response)
+            .scale
     };
     assert_eq!(scale(None), 1.0);
     assert_eq!(scale(Some((100.0, true))), 1.0);
@@ -386,6 +389,13 @@ fn a_tick_does_not_allocate() {
     let boards = vec![keyboard(0, u32::MAX), keyboard(1, 1_000)];
     let (mut this, mut player) = Performance::prepare(stage(), boards, how).unwrap();
     player.begin();
+    // From here on the second key gets no force: nor does the one that comes back in its place.
+    let none = vec![Bound { at: 0, scale: 0.0 }];
+    let change = Change {
+        bounds: Some(vec![Vec::new(), none]),
+        ..Change::default()
+    };
+    this.change(500 * EVERY as u64, change).unwrap();
     reset_violation_count();
     assert_no_alloc(|| {
         for tick in 0..TICKS {
@@ -405,7 +415,11 @@ fn a_tick_does_not_allocate() {
     let events: Vec<_> = std::iter::from_fn(|| this.event())
         .map(|event| event.what)
         .collect();
-    assert_eq!(events, [What::Gone(1), What::Back(1), What::TookOver(1)]);
+    let changed = What::Changed(1);
+    assert_eq!(
+        events,
+        [changed, What::Gone(1), What::Back(1), What::TookOver(1)]
+    );
     drop(player);
     this.close(Duration::from_secs(10)).unwrap();
     let recording = read(&path, None).unwrap();
@@ -428,4 +442,7 @@ fn a_tick_does_not_allocate() {
     assert!((to + 1) * EVERY % 4_410 < EVERY, "{to}");
     assert!(stood_in[from..=to].iter().all(|stood| *stood != 0));
     assert!(recording.samples.iter().any(|axis| axis.sent.abs() > 1e-3));
+    let second = recording.samples.iter().skip(1).step_by(2);
+    assert!(second.clone().take(480).any(|axis| axis.sent != 0.0));
+    assert!(second.skip(501).all(|axis| axis.sent == 0.0));
 }

@@ -19,8 +19,11 @@ pub fn scale(k: f64, limit: f64) -> f64 {
     if k > limit { limit / k } else { 1.0 }
 }
 
+/// At the border a swing lasts for ever: so much of what it bears a key is given.
+const RESERVE: f64 = 0.8;
+
 /// A key by itself, and how late its forces are.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Key {
     /// Moving mass [kg].
     pub mass: f64,
@@ -32,27 +35,10 @@ pub struct Key {
     pub delay: usize,
 }
 
-/// How often the loop is halved to find the border: to a part in 30,000.
-const HALVINGS: u32 = 15;
-
-/// The greatest part of a scene's force, 0 to 1, that a key bears without swinging up.
-///
-/// `response` (n_ticks,) [N/m]: the force against a hand that is 1 m away for one tick, in that tick and after it.
-/// The loop is played, key and scene, for as many ticks: what grows is too much.
-pub fn bearable(response: &[f64], key: Key) -> f64 {
-    if settles(response, key, 1.0) {
-        return 1.0;
-    }
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        if settles(response, key, middle) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
+/// The part of a force, 0 to 1, that leaves the loop stable by [`RESERVE`] where `borne` times it is the border.
+pub fn part(borne: f64) -> f64 {
+    let part = RESERVE * borne;
+    if part > 0.0 { part.min(1.0) } else { 0.0 }
 }
 
 /// The stiffest that a hand meets, pushed once and held there: the greatest sum of a response [N/m].
@@ -64,88 +50,12 @@ pub fn stiffest(response: &[f64]) -> f64 {
     sums.fold(0.0, f64::max)
 }
 
-/// What grows by this, or falls by it, from one half of a run to the other is decided.
-const DECIDED: f64 = 2.0;
-/// A loop that is undecided after so many ticks hardly moves: it neither swings up nor settles in a hand's time.
-const LONGEST: usize = 1 << 14;
-
-/// Whether a key that was pushed comes to rest against a part of the scene's force: its run is doubled until its swing
-/// has clearly fallen or risen.
-fn settles(response: &[f64], key: Key, part: f64) -> bool {
-    if response.is_empty() {
-        return true; // nobody looked
-    }
-    let mut run = Loop::new(response, key, part);
-    let (mut ticks, mut last) = (256, run.swing(256));
-    while ticks < LONGEST && last.is_finite() {
-        let next = run.swing(ticks);
-        if next >= DECIDED * last {
-            return false;
-        }
-        if DECIDED * next <= last {
-            return true;
-        }
-        (ticks, last) = (2 * ticks, last.max(next));
-    }
-    false
-}
-
-/// Key and scene, tick by tick.
-struct Loop<'a> {
-    response: &'a [f64],
-    key: Key,
-    part: f64,
-    /// Exact for a force that is held over a tick: what is left of the velocity, and how far it slides.
-    decay: f64,
-    slide: f64,
-    v: f64,
-    /// Positions and forces so far.
-    x: Vec<f64>,
-    force: Vec<f64>,
-}
-
-impl<'a> Loop<'a> {
-    fn new(response: &'a [f64], key: Key, part: f64) -> Self {
-        let decay = ergon_engine::maths::exp(-key.damping * key.period / key.mass);
-        Self {
-            response,
-            key,
-            part,
-            decay,
-            slide: (1.0 - decay) * key.mass / key.damping,
-            v: 1.0,
-            x: vec![0.0],
-            force: Vec::new(),
-        }
-    }
-
-    /// Go on, and say how fast it goes at most from tick to tick; infinite where it is lost.
-    fn swing(&mut self, ticks: usize) -> f64 {
-        let mut most: f64 = 0.0;
-        for _ in 0..ticks {
-            let k = self.force.len();
-            let felt = self.response.iter().take(k + 1).enumerate();
-            let scene: f64 = felt.map(|(j, h)| h * self.x[k - j]).sum();
-            self.force.push(-self.part * scene);
-            let late = k.checked_sub(self.key.delay).map_or(0.0, |k| self.force[k]);
-            let b = self.key.damping;
-            let step = self.v * self.slide + late * (self.key.period - self.slide) / b;
-            self.v = self.v * self.decay + late * (1.0 - self.decay) / b;
-            self.x.push(self.x[k] + step);
-            if !self.x[k + 1].is_finite() {
-                return f64::INFINITY;
-            }
-            most = most.max(step.abs());
-        }
-        most
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
+    use crate::safety::margin::Answer;
 
     /// Spectral radius of mass 50 g, damper b and spring k whose position is held over T and late by d ticks.
     fn radius(b: f64, k: f64, period: f64, delay: usize) -> f64 {
@@ -212,7 +122,7 @@ mod tests {
         assert_eq!(scale(400.0, 200.0), 0.5);
     }
 
-    /// A spring alone: the loop that is played fails where its eigenvalues do.
+    /// A spring alone: its border is where the eigenvalues of the loop have it.
     #[test]
     fn a_spring_is_borne_up_to_its_limit() {
         for (damping, delay) in [(0.3, 0), (1.0, 0), (1.0, 1), (3.0, 2)] {
@@ -225,12 +135,10 @@ mod tests {
                 delay,
             };
             for k in [0.05 * border, 0.5 * border, 2.0 * border, 8.0 * border] {
-                let borne = k * bearable(&[k], key);
-                let expected = k.min(border);
-                assert!(
-                    (borne / expected - 1.0).abs() < 0.05,
-                    "{damping} {delay} {k}: {borne} {border}"
-                );
+                let borne = k * Answer::new(&[k]).borne(key, 0.0, 0.0);
+                let text = format!("{damping} {delay} {k}: {borne} {border}");
+                assert!((borne / border - 1.0).abs() < 0.05, "{text}");
+                assert_eq!(part(borne / k), (RESERVE * (borne / k)).min(1.0), "{text}");
             }
         }
     }
@@ -253,7 +161,7 @@ mod tests {
                 delay,
             };
             assert_eq!(
-                bearable(&[0.5 * k, 0.5 * k], key),
+                part(Answer::new(&[0.5 * k, 0.5 * k]).borne(key, 0.0, 0.0)),
                 1.0,
                 "{mass} kg, {k} N/m"
             );

@@ -1,0 +1,231 @@
+//! What a scene answers a hand that is moved once, tick by tick.
+
+use std::sync::Arc;
+
+use super::{OnFault, Options, Simulation};
+use crate::network::{Error, Met};
+use crate::plan::Plan;
+use crate::scheme::Scheme;
+use crate::timeline::{HandWay, Timeline};
+use crate::units::Rate;
+
+/// A pressed scene is linear: any step will do that rounding does not reach [m].
+const STEP: f64 = 1e-3;
+/// An answer is followed until so little of it is left.
+const LEFT: f64 = 1e-4;
+/// Work that is done for that at most [MATs × ticks].
+const WORK: usize = 1 << 17;
+/// Steps of a frame at most, where a closed scene is too stiff for one.
+const FINEST: u32 = 64;
+
+impl Met {
+    /// Force against the hand [N/m] in each tick, of `every` frames, after it was 1 m away for one: for so many ticks as
+    /// `ticks` says at least, and at most as long as it rings.
+    ///
+    /// `None`: closed, the scene diverges by itself at any step.
+    ///
+    /// # Errors
+    /// Where the hand's MAT does not move, or a tick has no such length.
+    pub fn response(
+        &self,
+        rate: Rate,
+        every: u32,
+        ticks: [usize; 2],
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let found = self.answers(rate, every, 1, ticks)?;
+        if found.is_some() || self.is_discrete() {
+            return Ok(found);
+        }
+        // A performance computes such frames finer.
+        match Scheme::new(&self.network, rate)?.certify(&self.network) {
+            Err(Error::Unstable { oversampling, .. }) if oversampling <= FINEST => {
+                self.answers(rate, every, oversampling, ticks)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// Whether the network at its rate is the truth: there are no finer steps.
+    fn is_discrete(&self) -> bool {
+        let parts = self.network.parts();
+        let of = &self.network.mats().part;
+        of.iter().any(|&part| {
+            parts
+                .get(part as usize)
+                .is_some_and(|part| part.ca_rate.is_some())
+        })
+    }
+
+    fn answers(
+        &self,
+        rate: Rate,
+        every: u32,
+        steps: u32,
+        ticks: [usize; 2],
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let refused = |message: String| Error::Refused {
+            module: self.network.mat_name(self.mat),
+            message,
+        };
+        let network = Arc::new(self.network.clone());
+        let rate = Rate::new(rate.hertz() * f64::from(steps))
+            .map_err(|error| refused(error.to_string()))?;
+        let mut timeline = Timeline::new(rate);
+        // A hand comes from where it begins: it begins at rest.
+        let path = [0.0, STEP, 0.0];
+        timeline
+            .hand(&network, self.mat, every * steps, HandWay::Line, &path)
+            .map_err(|error| refused(error.to_string()))?;
+        let options = Options {
+            ledger: false,
+            record: false,
+            on_fault: OnFault::Mute,
+            threads: 1,
+            unchecked: true,
+        };
+        let plan = Plan::plain(network, &timeline, true)?;
+        let mut simulation = Simulation::planned(Arc::new(plan), options)?;
+        let frames = u64::from(every * steps);
+        let [least, most] = ticks;
+        let most = most.min(WORK / self.network.n_mat().max(1)).max(least);
+        let mut felt = Vec::with_capacity(most);
+        // Faults are muted.
+        let _ = simulation.skip(frames);
+        while felt.len() < least || (felt.len() < most && rings(&felt)) {
+            for _ in 0..least.min(most - felt.len()) {
+                let _ = simulation.skip(frames);
+                felt.push(-simulation.felt(0) / STEP);
+            }
+        }
+        let is_whole = simulation.n_muted() == 0 && felt.iter().all(|force| force.is_finite());
+        Ok(is_whole.then_some(felt))
+    }
+}
+
+/// Whether the end of an answer is still to be heard beside what followed its first push.
+fn rings(felt: &[f64]) -> bool {
+    let most = |part: &[f64]| part.iter().fold(0.0, |most, x| f64::max(most, x.abs()));
+    let end = felt.len() - felt.len() / 4;
+    felt.len() > 2 && most(&felt[end..]) > LEFT * most(&felt[2..])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::{Moment, Network, Tie};
+
+    const RATE: f64 = 44_100.0;
+    const KEY: Tie = Tie::Physical { k: 60.0, z: 1.2 };
+
+    /// Two keys that a spring joins, each with a mass behind it, and a mesh that nothing joins with them.
+    fn scene() -> (Network, [usize; 5]) {
+        let mut network = Network::new();
+        network.part("keys", None);
+        let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let far = network.cel("far", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        let b = network.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let m = network.cel("m", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        let n = network.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        network.spring("am", a, m, 300.0, 0.1, 1e-3).unwrap();
+        network.spring("ab", a, b, 500.0, 0.0, 0.0).unwrap();
+        network.spring("bn", b, n, 700.0, 0.1, 0.0).unwrap();
+        (network, [a, far, b, m, n])
+    }
+
+    fn response(network: &Network, mat: usize, moment: &Moment) -> Vec<f64> {
+        let met = network.met(mat, moment, 1e-3, RATE);
+        let rate = Rate::new(RATE).unwrap();
+        met.response(rate, 44, [400, 4_096]).unwrap().unwrap()
+    }
+
+    #[test]
+    fn only_what_a_hand_can_reach_is_met() {
+        let (network, [a, far, b, ..]) = scene();
+        let met = network.met(a, &Moment::default(), 1e-3, RATE);
+        assert_eq!(
+            (met.network.n_mat(), met.network.n_lia(), met.others),
+            (4, 3, 0)
+        );
+        let held = Moment {
+            held: vec![far, b],
+            ..Moment::default()
+        };
+        // A held key ends the scene, and its hand is counted.
+        let met = network.met(a, &held, 1e-3, RATE);
+        assert_eq!(
+            (met.network.n_mat(), met.network.n_lia(), met.others),
+            (3, 2, 1)
+        );
+        let parted = Moment {
+            without: vec![1],
+            ..held
+        };
+        let met = network.met(a, &parted, 1e-3, RATE);
+        assert_eq!(
+            (met.network.n_mat(), met.network.n_lia(), met.others),
+            (2, 1, 0)
+        );
+    }
+
+    /// A moment of a glide is the network with the numbers of that moment.
+    #[test]
+    fn a_moment_answers_as_a_network_with_its_numbers() {
+        let (network, [a, _, _, m, _]) = scene();
+        let moment = Moment {
+            ties: vec![(m, [10.0, 0.3, 0.02])],
+            factors: vec![(1, 3.0)],
+            ..Moment::default()
+        };
+        let mut other = Network::new();
+        other.part("keys", None);
+        let own = other.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let tie = Tie::Physical { k: 10.0, z: 0.3 };
+        let m = other.cel("m", 0.02, tie, 0.0, 0.0, 0.0).unwrap();
+        let b = other.cel("b", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let n = other.cel("n", 0.01, KEY, 0.0, 0.0, 0.0).unwrap();
+        other.spring("am", own, m, 300.0, 0.1, 0.0).unwrap();
+        other.spring("ab", own, b, 1_500.0, 0.0, 0.0).unwrap();
+        other.spring("bn", b, n, 700.0, 0.1, 0.0).unwrap();
+        let (found, expected) = (
+            response(&network, a, &moment),
+            response(&other, own, &Moment::default()),
+        );
+        for (found, expected) in found.iter().zip(&expected) {
+            assert!((found - expected).abs() < 1e-6 * expected.abs() + 1e-9);
+        }
+        assert_ne!(found, response(&network, a, &Moment::default()));
+    }
+
+    /// The same numbers, the same bytes; another number anywhere, others.
+    #[test]
+    fn numbers_tell_scenes_apart() {
+        let (network, [a, _, b, ..]) = scene();
+        let plain = Moment::default();
+        let of = |moment: &Moment| network.met(a, moment, 1e-3, RATE).network.numbers();
+        assert_eq!(of(&plain), of(&plain));
+        let softer = Moment {
+            factors: vec![(2, 0.5)],
+            ..Moment::default()
+        };
+        let held = Moment {
+            held: vec![b],
+            ..Moment::default()
+        };
+        assert_ne!(of(&plain), of(&softer));
+        assert_ne!(of(&plain), of(&held));
+    }
+
+    /// Closed, this scene needs finer steps than its rate has.
+    #[test]
+    fn a_scene_too_stiff_for_a_frame_is_computed_finer() {
+        let mut network = Network::new();
+        network.part("keys", None);
+        let a = network.cel("a", 0.4, KEY, 0.0, 0.0, 0.0).unwrap();
+        let m = network.cel("m", 1e-4, KEY, 0.0, 0.0, 0.0).unwrap();
+        network.spring("am", a, m, 1e6, 0.0, 0.0).unwrap();
+        let felt = response(&network, a, &Moment::default());
+        // In the end the mass moves with the key: what is left is the spring of its tie.
+        let sum: f64 = felt.iter().sum();
+        assert!((sum - 60.0).abs() < 10.0, "{sum}");
+    }
+}

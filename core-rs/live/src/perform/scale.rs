@@ -1,0 +1,153 @@
+//! How much of the scene's force a hand gets, tick by tick: less before a stiffer scene acts, more after it is gone.
+
+/// A scale begins to fall so long before it has to be lower [s].
+pub(super) const FALL: f64 = 0.02;
+/// From no force to all of it [s].
+const RISE: f64 = 0.2;
+
+/// A scale from a tick on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound {
+    /// Ticks after the change that brought it; then of the performance.
+    pub at: u64,
+    /// The greatest part of the force from there on, 0 to 1.
+    pub scale: f64,
+}
+
+/// The scale of a hand. It goes evenly, and is where a bound wants it when the bound begins.
+#[derive(Clone, Debug)]
+pub(super) struct Scale {
+    now: f64,
+    /// Where it may rise to.
+    goal: f64,
+    /// What is to come, by ticks of the performance, rising; the next of them.
+    pub(super) bounds: Vec<Bound>,
+    next: usize,
+    /// Ticks of a fall, and how much of a rise is done in a tick.
+    fall: u64,
+    by: f64,
+}
+
+impl Scale {
+    /// As it is from the start, in ticks of `period` [s].
+    pub(super) fn new(scale: f64, period: f64) -> Self {
+        let scale = sound(scale);
+        Self {
+            now: scale,
+            goal: scale,
+            bounds: Vec::new(),
+            next: 0,
+            fall: (FALL / period).ceil() as u64,
+            by: period / RISE,
+        }
+    }
+
+    /// Other bounds came, by ticks after `tick`.
+    pub(super) fn begin(&mut self, tick: u64) {
+        for bound in &mut self.bounds {
+            bound.at = bound.at.saturating_add(tick);
+        }
+        self.next = 0;
+    }
+
+    /// The scale in this tick; `waiting`: bounds of changes that wait, by ticks of the performance.
+    pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = Bound>) -> f64 {
+        // What was allowed in the tick before may be risen to: its force is the first that goes out now.
+        let goal = self.goal;
+        while let Some(bound) = self.bounds.get(self.next).filter(|bound| bound.at <= tick) {
+            self.goal = sound(bound.scale);
+            self.next += 1;
+        }
+        let risen = (self.now + self.by).min(goal).max(self.now);
+        let mut now = risen.min(self.goal);
+        let coming = self.bounds[self.next..].iter().copied().chain(waiting);
+        for bound in coming.filter(|bound| bound.at <= tick + self.fall) {
+            let (to, left) = (sound(bound.scale), bound.at.saturating_sub(tick) + 1);
+            if to < self.now {
+                now = now.min(self.now + (to - self.now) / left as f64);
+            }
+        }
+        self.now = now;
+        now
+    }
+
+    /// The scale now.
+    pub(super) fn now(&self) -> f64 {
+        self.now
+    }
+}
+
+/// What is no scale lets nothing through.
+fn sound(scale: f64) -> f64 {
+    if scale > 0.0 { scale.min(1.0) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: f64 = 1e-3;
+
+    fn bound(at: u64, scale: f64) -> Bound {
+        Bound { at, scale }
+    }
+
+    /// A change that waits is looked ahead to: no jump, and all of the fall is done when it begins.
+    #[test]
+    fn a_scale_falls_before_a_stiffer_scene_acts() {
+        let mut scale = Scale::new(1.0, PERIOD);
+        let coming = [bound(100, 0.2)];
+        let mut last = 1.0;
+        for tick in 0..=100 {
+            let now = scale.tick(tick, coming.into_iter());
+            assert!(last - now < 0.8 / 20.0, "tick {tick}: {last} {now}");
+            assert!(tick >= 80 || now == 1.0, "tick {tick}");
+            last = now;
+        }
+        assert!((last - 0.2).abs() < 1e-12, "{last}");
+    }
+
+    /// One that comes late falls in the ticks that are left, and one that comes at its tick at once.
+    #[test]
+    fn a_late_bound_holds_from_its_tick_on() {
+        for left in [0, 1, 5] {
+            let mut scale = Scale::new(1.0, PERIOD);
+            for tick in 0..=left {
+                scale.tick(tick, [bound(left, 0.1)].into_iter());
+            }
+            assert!((scale.now() - 0.1).abs() < 1e-12, "{left}");
+        }
+        let mut scale = Scale::new(1.0, PERIOD);
+        scale.bounds = vec![bound(0, 0.1)];
+        scale.begin(7);
+        assert_eq!(scale.tick(7, std::iter::empty()), 0.1);
+    }
+
+    /// It rises when the glide to a softer scene is over, and not before; a change that waits meanwhile holds it down.
+    #[test]
+    fn a_scale_rises_once_the_stiff_scene_is_gone() {
+        let mut scale = Scale::new(0.2, PERIOD);
+        scale.bounds = vec![bound(0, 0.2), bound(300, 1.0)];
+        scale.begin(100);
+        let mut last = 0.2;
+        for tick in 100..1_000 {
+            let now = scale.tick(tick, [bound(1_000, 0.5)].into_iter());
+            assert!(tick > 400 || now == 0.2, "tick {tick}: {now}");
+            assert!((now - last).abs() < 0.5 / 19.0, "tick {tick}");
+            assert!(tick != 900 || now == 1.0);
+            last = now;
+        }
+        assert!((scale.tick(1_000, [bound(1_000, 0.5)].into_iter()) - 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_scale_lets_nothing_through() {
+        for wrong in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+            let mut scale = Scale::new(1.0, PERIOD);
+            scale.bounds = vec![bound(0, wrong)];
+            scale.begin(0);
+            assert_eq!(scale.tick(0, std::iter::empty()), 0.0);
+        }
+        assert_eq!(Scale::new(7.0, PERIOD).now(), 1.0);
+    }
+}

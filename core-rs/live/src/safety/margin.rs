@@ -1,0 +1,300 @@
+//! Which part of a scene's force leaves the loop of key and scene stable, whoever holds the key.
+//!
+//! The loop is linear: the key answers a force that is held over a tick, the scene answers positions tick by tick. It is
+//! opened at the force; where it comes round turned by half a circle, so much of it that it comes round no smaller swings
+//! up (Nyquist 1932; a sampled loop of a key and a virtual scene: Colgate & Schenkel 1997).
+
+use ergon_engine::maths::{cos, exp, sin, sqrt};
+
+use super::stiffness::Key;
+
+/// Frequencies that are looked at from 0 to half the rate of the ticks, for each tick that a response lasts: closer than
+/// the peaks of what rings no longer.
+const CLOSE: usize = 4;
+/// A response is taken to last so long at least [ticks].
+const SHORTEST: usize = 512;
+/// Stiffness and damping of hands that may hold a key [N/m, N·s/m]: none, soft ones, firm ones.
+const HANDS: [(f64, f64); 4] = [(0.0, 0.0), (100.0, 1.0), (400.0, 4.0), (1_500.0, 10.0)];
+
+type Complex = (f64, f64);
+
+/// What a scene answers at frequencies from 0 to half the rate of the ticks, without 0.
+pub struct Answer {
+    /// z of each place, and the force against a hand there [N/m].
+    places: Vec<(Complex, Complex)>,
+    acts: bool,
+}
+
+impl Answer {
+    /// Of a response (n_ticks,) [N/m]: the force against a hand that is 1 m away for one tick, in that tick and after it.
+    pub fn new(response: &[f64]) -> Self {
+        let acts = response.iter().any(|force| *force != 0.0);
+        let lasts = response.len().next_power_of_two().max(SHORTEST);
+        let turns = turns(2 * CLOSE * lasts);
+        let mut met = vec![(0.0, 0.0); turns.len()];
+        for (met, force) in met.iter_mut().zip(response) {
+            met.0 = *force;
+        }
+        if acts {
+            transform(&mut met, &turns);
+        }
+        let half = turns.len() / 2;
+        // 0 is left out: a key that is free drifts.
+        let places = turns.into_iter().zip(met).take(half).skip(1);
+        Self {
+            places: places.collect(),
+            acts,
+        }
+    }
+
+    /// The greatest part of its force, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground besides, that a key
+    /// bears; infinite where it bears any.
+    pub fn borne(&self, key: Key, k: f64, z: f64) -> f64 {
+        if !self.acts && (k, z) == (0.0, 0.0) {
+            return f64::INFINITY;
+        }
+        let parts = HANDS.map(|hand| self.held_by(hand, key, k, z / key.period));
+        parts.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    fn held_by(&self, hand: (f64, f64), key: Key, k: f64, z: f64) -> f64 {
+        let motion = Motion::new(key, hand);
+        let mut least = f64::INFINITY;
+        let mut before: Option<Complex> = None;
+        for &(turned, scene) in &self.places {
+            // A damper is felt by the way since the tick before.
+            let back = (turned.0, -turned.1);
+            let met = (scene.0 + k + z * (1.0 - back.0), scene.1 - z * back.1);
+            let mut round = times(met, motion.answer(turned));
+            for _ in 0..key.delay {
+                round = times(round, back);
+            }
+            if let Some(before) = before
+                && (before.1 < 0.0) != (round.1 < 0.0)
+            {
+                let share = before.1 / (before.1 - round.1);
+                let real = before.0 + (round.0 - before.0) * share;
+                if real < 0.0 {
+                    least = least.min(-1.0 / real);
+                }
+            }
+            before = Some(round);
+        }
+        // At half the rate of the ticks all is real.
+        match before {
+            Some((real, _)) if real < 0.0 => least.min(-1.0 / real),
+            _ => least,
+        }
+    }
+}
+
+/// How a key that is held by a hand answers a force that lasts a tick, exactly: x⁺ = A·x + B·force.
+struct Motion {
+    a: [[f64; 2]; 2],
+    b: [f64; 2],
+}
+
+impl Motion {
+    fn new(key: Key, (k, z): (f64, f64)) -> Self {
+        let (m, t, z) = (key.mass, key.period, key.damping + z);
+        if k == 0.0 {
+            let decay = exp(-z * t / m);
+            let slide = (1.0 - decay) * m / z;
+            let b = [(t - slide) / z, (1.0 - decay) / z];
+            return Self {
+                a: [[1.0, slide], [0.0, decay]],
+                b,
+            };
+        }
+        let fall = 0.5 * z / m;
+        let square = k / m - fall * fall;
+        let w = sqrt(square.abs());
+        let (c, s) = match w * t {
+            small if small < 1e-9 => (1.0, t),
+            turn if square > 0.0 => (cos(turn), sin(turn) / w),
+            turn => {
+                let (up, down) = (exp(turn), exp(-turn));
+                (0.5 * (up + down), 0.5 * (up - down) / w)
+            }
+        };
+        let e = exp(-fall * t);
+        let a = [
+            [e * (c + fall * s), e * s],
+            [-e * s * k / m, e * (c - fall * s)],
+        ];
+        Self {
+            a,
+            b: [(1.0 - a[0][0]) / k, -a[1][0] / k],
+        }
+    }
+
+    /// Position over force at z on the unit circle [m/N].
+    fn answer(&self, (re, im): Complex) -> Complex {
+        let Self { a, b } = self;
+        let over = (b[0] * (re - a[1][1]) + a[0][1] * b[1], b[0] * im);
+        let under = times((re - a[0][0], im), (re - a[1][1], im));
+        let under = (under.0 - a[0][1] * a[1][0], under.1);
+        let size = under.0 * under.0 + under.1 * under.1;
+        let whole = times(over, (under.0, -under.1));
+        (whole.0 / size, whole.1 / size)
+    }
+}
+
+fn times(a: Complex, b: Complex) -> Complex {
+    (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
+}
+
+/// Points of the unit circle (n,), evenly from 1 on.
+fn turns(n: usize) -> Vec<Complex> {
+    let angle = |place: usize| 2.0 * std::f64::consts::PI * place as f64 / n as f64;
+    (0..n)
+        .map(|place| (cos(angle(place)), sin(angle(place))))
+        .collect()
+}
+
+/// Σ x[j]·z⁻ʲ at all of the points, in their order: a transform of a power of two by halves (Cooley & Tukey 1965).
+fn transform(x: &mut [Complex], turns: &[Complex]) {
+    let n = x.len();
+    let bits = n.trailing_zeros();
+    for i in 0..n {
+        let j = i.reverse_bits() >> (usize::BITS - bits);
+        if i < j {
+            x.swap(i, j);
+        }
+    }
+    let mut len = 2;
+    while len <= n {
+        let step = n / len;
+        for block in x.chunks_exact_mut(len) {
+            let (low, high) = block.split_at_mut(len / 2);
+            for (k, (low, high)) in low.iter_mut().zip(high).enumerate() {
+                let (c, s) = turns[k * step];
+                let far = times(*high, (c, -s));
+                *high = (low.0 - far.0, low.1 - far.1);
+                *low = (low.0 + far.0, low.1 + far.1);
+            }
+        }
+        len *= 2;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_transform_is_the_sum() {
+        let turns = turns(16);
+        let x: Vec<f64> = (0..16).map(|i| f64::from(i * i % 7)).collect();
+        let mut met: Vec<Complex> = x.iter().map(|&x| (x, 0.0)).collect();
+        transform(&mut met, &turns);
+        for (place, found) in met.iter().enumerate() {
+            let term = |(j, x): (usize, &f64)| {
+                let (c, s) = turns[place * j % 16];
+                (x * c, -x * s)
+            };
+            let sum = x.iter().enumerate().map(term);
+            let sum = sum.fold((0.0, 0.0), |sum, term| (sum.0 + term.0, sum.1 + term.1));
+            assert!((sum.0 - found.0).abs() + (sum.1 - found.1).abs() < 1e-12);
+        }
+    }
+
+    /// Key and hand as a differential equation, in steps so fine that its order does not matter.
+    #[test]
+    fn a_held_key_goes_as_its_equation() {
+        let key = Key {
+            mass: 0.05,
+            damping: 1.0,
+            period: 1e-3,
+            delay: 0,
+        };
+        // Free, slow, at its border, fast.
+        for hand in [
+            (0.0, 0.0),
+            (100.0, 1.0),
+            (400.0, 4.0),
+            (80.0, 3.0),
+            (5_000.0, 1.0),
+        ] {
+            let Motion { a, b } = Motion::new(key, hand);
+            for (x, v, force) in [(1e-3, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 1.0)] {
+                let (mut p, mut q, steps) = (x, v, 200_000);
+                let dt = key.period / f64::from(steps);
+                for _ in 0..steps {
+                    let pull = force - hand.0 * p - (key.damping + hand.1) * q;
+                    q += dt * pull / key.mass;
+                    p += dt * q;
+                }
+                let found = [
+                    a[0][0] * x + a[0][1] * v + b[0] * force,
+                    a[1][0] * x + a[1][1] * v + b[1] * force,
+                ];
+                assert!(
+                    (found[0] - p).abs() < 1e-8 && (found[1] - q).abs() < 1e-5,
+                    "{hand:?}"
+                );
+            }
+        }
+    }
+
+    /// A scene that rings: the border is where the loop, played for long, neither grows nor falls.
+    #[test]
+    fn the_border_is_where_a_played_loop_begins_to_grow() {
+        let (mass, k, z, period) = (0.02, 800.0, 0.2, 1e-3);
+        // A mass on a spring, pulled by a coupling of 4 kN/m: what it pulls back with, tick by tick.
+        let (coupling, n) = (4e3, 2_048);
+        let (mut x, mut v) = (0.0, 0.0);
+        let fine = 400;
+        let response: Vec<f64> = (0..n)
+            .map(|tick| {
+                let at = if tick == 0 { 1.0 } else { 0.0 };
+                let mut sum = 0.0;
+                for _ in 0..fine {
+                    let dt = period / f64::from(fine);
+                    let force = coupling * (at - x);
+                    v += dt * (force - k * x - z * v) / mass;
+                    x += dt * v;
+                    sum += force;
+                }
+                sum / f64::from(fine)
+            })
+            .collect();
+        for hand in HANDS {
+            for delay in [0, 1] {
+                let key = Key {
+                    mass: 0.05,
+                    damping: 1.0,
+                    period,
+                    delay,
+                };
+                let border = Answer::new(&response).held_by(hand, key, 0.0, 0.0);
+                assert!(
+                    grows(&response, key, hand, 1.1 * border),
+                    "{hand:?} {delay} {border}"
+                );
+                assert!(
+                    !grows(&response, key, hand, 0.9 * border),
+                    "{hand:?} {delay} {border}"
+                );
+            }
+        }
+    }
+
+    /// Whether a part of the scene's force swings a held key up.
+    fn grows(response: &[f64], key: Key, hand: (f64, f64), part: f64) -> bool {
+        let Motion { a, b } = Motion::new(key, hand);
+        let (mut x, mut force, mut v) = (vec![0.0], Vec::new(), 1.0);
+        let mut swing = [0.0_f64; 4];
+        for k in 0..4_096 {
+            let felt = response.iter().take(k + 1).enumerate();
+            let scene: f64 = felt.map(|(j, h)| h * x[k - j]).sum();
+            force.push(-part * scene);
+            let late = k.checked_sub(key.delay).map_or(0.0, |k| force[k]);
+            let next = a[0][0] * x[k] + a[0][1] * v + b[0] * late;
+            v = a[1][0] * x[k] + a[1][1] * v + b[1] * late;
+            x.push(next);
+            swing[k / 1_024] = swing[k / 1_024].max(v.abs());
+        }
+        !swing[3].is_finite() || swing[3] > swing[1]
+    }
+}

@@ -1,0 +1,186 @@
+"""A scene under a simulated key, lines that stiffen it, and what the motor does then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+
+from paced_board import Paced, paced
+
+from ergon.live.boards import Board
+from ergon.live.perform import Order
+from ergon.repl.face import Reply
+from ergon.repl.session.live import Live
+from ergon.repl.session.session import Session
+from ergon.repl.session.texts import Texts
+from ergon.repl.session.version import Version, piece_of
+
+SCORE = """\
+ergon: 1
+tempo: [{{at: 1|1, bpm: 240}}]
+keys:
+  k1: {{M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}}
+  k2: {{M: 50g, K: 0N/m, Z: 1Ns/m, travel: -50mm..50mm}}
+instruments:
+  bell:
+    modules:
+      m: {{CEL: {{M: {mass}, K: {ground}, Z: {loss}}}}}
+      b: {{{link}: {{between: [k2, m], K: {stiffness}, Z: {drag}}}}}
+    out: {{SOX: m}}
+gestures: {{knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2}}
+players:
+  ada: {{key: k1}}
+  remi: {{hand: live, key: k2}}
+parts: {{ada: []}}
+mix: {{route: [{{from: bell, to: 1}}]}}
+"""
+# Stiffness and damping of whoever holds the key [N/m, N·s/m].
+HANDS = {"firm": (400.0, 4.0), "soft": (40.0, 0.4), "none": (0.0, 0.0)}
+TICK = 44  # frames
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A mass on a spring, and what joins it with the key [N/m, kg, N·s/m]."""
+
+    link: str = "REF"
+    stiffness: float = 300.0
+    ground: float = 800.0
+    mass: float = 0.02
+    loss: float = 0.5
+    drag: float = 0.1
+
+    @property
+    def text(self) -> str:
+        """As a score."""
+        return SCORE.format(
+            link=self.link,
+            stiffness=f"{self.stiffness:.6g}N/m",
+            ground=f"{self.ground:.6g}N/m",
+            mass=f"{self.mass:.6g}kg",
+            loss=f"{self.loss:.6g}Ns/m",
+            drag=f"{self.drag:.6g}Ns/m",
+        )
+
+
+@dataclass
+class Rig:
+    """A session on a board whose time is the test's."""
+
+    session: Session
+    board: Paced
+    path: Path
+
+    def run(self, seconds: float) -> None:
+        """Let it play on."""
+        self.board.run(round(1e3 * seconds), self.session.pump)
+
+    def ok(self, line: str) -> Reply:
+        """A line that has to be taken."""
+        reply = self.session.submit(line)
+        assert reply.taken, f"{line}: {reply.text}"
+        return reply
+
+    def kick(self, speed: float = 0.2) -> None:
+        """The key is hit [m/s]."""
+        self.board.board.key.v += speed
+
+    @property
+    def scale(self) -> float:
+        """Which part of the scene's force the hand gets."""
+        return self.engine.performance.status().hands[0].scale
+
+    @property
+    def engine(self) -> Live:
+        """What it plays on."""
+        engine = self.session.commits.engine
+        assert isinstance(engine, Live)
+        return engine
+
+    @property
+    def trips(self) -> int:
+        """How often the key has tripped since the last look."""
+        return sum("tripped" in message for message in self.session.messages())
+
+    def power(self, since: int) -> float:
+        """Mean power of the motor from a period on [W]."""
+        log = self.board.log()[since:]
+        return float(log["work"].sum() / (1e-3 * len(log)))
+
+
+@contextmanager
+def rig(folder: Path, hand: str, text: str, *, watches: bool = False) -> Iterator[Rig]:
+    """A session on a score, whose key a hand holds and moves to and fro."""
+    path = folder / "score.yaml"
+    path.write_text(text, encoding="utf-8")
+    texts = Texts.read(path)
+    version = Version(0, "", texts, piece_of(texts))
+    stiffness, damping = HANDS[hand]
+    with paced(stiffness=stiffness, damping=damping, sine=0.005, hertz=1.0) as board:
+        order = Order(audio="null:fast", boards=[Board(board.url, ((0, "remi"),))])
+        session = Session(
+            version,
+            lambda stage: Live(stage, order),
+            margin=0.006,
+            real={"remi": None},
+            watches=watches,
+        )
+        with closing(session):
+            rig = Rig(session, board, path)
+            rig.run(2.2)  # forces rise in the first two seconds
+            yield rig
+            board.free()
+
+
+def stiffening(random: Random) -> tuple[Scene, list[str], Scene]:
+    """A scene, lines that stiffen it, and the scene as it may be saved: 0.1 to 1,000 kN/m."""
+    k = 10.0 ** random.uniform(2.0, 6.0)
+    z = random.choice([0.0, 10.0 ** random.uniform(-2.0, 2.0)])
+    scene = Scene(
+        link=random.choice(["REF", "BUT"]),
+        ground=10.0 ** random.uniform(1.0, 4.0),
+        mass=10.0 ** random.uniform(-3.0, -1.0),
+        stiffness=100.0,
+        loss=10.0 ** random.uniform(-1.5, 0.0),
+        drag=10.0 ** random.uniform(-2.0, 0.0),
+    )
+    lines = random.choice(
+        [
+            [f"set bell.b.K {k:.6g}N/m now"],
+            [f"set bell.b.K {k:.6g}N/m over 2bar now"],
+            [f"set bell.m.K {k:.6g}N/m now"],
+            [f"couple k1 k2 K={k:.6g}N/m Z={z:.4g}Ns/m now"],
+            [f"couple k1 k2 K={k:.6g}N/m Z={z:.4g}Ns/m now", "undo"],
+            [f"set bell.b.K {k:.6g}N/m now", "set bell.b.K 100N/m over 1bar now", "undo"],
+            ["reload"],
+        ]
+    )
+    return scene, lines, replace(scene, stiffness=k)
+
+
+def measured(folder: Path, hand: str, seed: int) -> tuple[float, int, float, list[str]]:
+    """Power after half a second [W], trips, scale in the end, and what was said to it."""
+    random = Random(seed)
+    scene, lines, saved = stiffening(random)
+    with rig(folder, hand, scene.text) as own:
+        said = []
+        for line in lines:
+            if line == "reload":
+                own.path.write_text(saved.text, encoding="utf-8")
+            reply = own.session.submit(line)
+            said.append(f"{line} -> {reply.text}")
+            own.run(0.1)
+            own.kick()
+            own.run(0.4)
+        powers = []
+        for _ in range(3):
+            since = own.board.periods
+            own.kick()
+            own.run(0.7)
+            powers.append(own.power(since))
+        trips = own.trips
+        scale = own.scale
+    return max(powers), trips, scale, said

@@ -1,0 +1,165 @@
+"""A session cannot shake a hand: each version is held against what the key bears."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from stiffenings import HANDS, Rig, Scene, measured, rig
+
+# A motor gives a hand no more in the long run [W].
+MOST = 0.05
+STIFF = "set bell.b.K 5kN/m now"
+
+
+def settled(own: Rig, line: str) -> float:
+    """Power after half a second of what a line has made [W], the key being hit."""
+    own.ok(line)
+    own.run(0.5)
+    own.kick()
+    since = own.board.periods
+    own.run(1.0)
+    return own.power(since)
+
+
+@pytest.mark.parametrize("hand", HANDS)
+@pytest.mark.parametrize(
+    "line",
+    [STIFF, "set bell.b.K 5kN/m over 2bar now", "couple k1 k2 K=5kN/m Z=3Ns/m now"],
+)
+def test_what_stiffens_a_scene_shakes_no_hand(tmp_path: Path, hand: str, line: str):
+    with rig(tmp_path, hand, Scene().text) as own:
+        assert own.scale == 1.0
+        assert settled(own, line) <= MOST
+        assert 0.02 <= own.scale < 0.9
+        assert own.trips == 0
+
+
+def test_a_scaled_hand_is_told_once_and_gets_all_of_it_back(tmp_path: Path):
+    with rig(tmp_path, "firm", Scene().text) as own:
+        own.run(0.1)
+        said = own.ok(STIFF).text
+        assert "remi feels " in said
+        assert "N/m met" in said
+        own.run(0.4)
+        low = own.scale
+        assert low < 0.9
+        assert "feels" not in own.ok("ada plays knock now").text
+        own.run(0.2)
+        assert "feels" not in own.ok("undo").text  # the knock
+        own.run(0.2)
+        assert own.scale == low
+        assert "remi feels all of it again" in own.ok("undo").text
+        own.run(0.5)
+        assert own.scale == 1.0
+
+
+def test_undo_reload_and_load_take_the_same_road(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    soft, stiff = Scene(), Scene(stiffness=5e3)
+    with rig(tmp_path, "firm", soft.text) as own:
+        assert settled(own, STIFF) <= MOST
+        low = own.scale
+        own.ok("undo")
+        own.run(0.5)
+        assert own.scale == 1.0
+        own.path.write_text(stiff.text, encoding="utf-8")
+        assert settled(own, "reload") <= MOST
+        assert own.scale == pytest.approx(low, rel=1e-3)
+        own.path.with_name("soft.yaml").write_text(soft.text, encoding="utf-8")
+        own.ok("load soft.yaml")
+        own.run(0.5)
+        assert own.scale == 1.0
+        own.path.with_name("stiff.yaml").write_text(stiff.text, encoding="utf-8")
+        assert settled(own, "load stiff.yaml") <= MOST
+        assert own.scale == pytest.approx(low, rel=1e-3)
+        assert own.trips == 0
+
+
+def test_a_scene_that_a_key_cannot_bear_is_refused_and_the_music_goes_on(tmp_path: Path):
+    with rig(tmp_path, "none", Scene().text) as own:
+        own.ok("play")
+        own.ok("ada plays knock every 1/2 now")
+        own.run(0.3)
+        reply = own.session.submit("couple k1 k2 K=800kN/m Z=0Ns/m now")
+        assert not reply.taken
+        assert reply.text.startswith("remi would meet ")
+        assert "\n" not in reply.text
+        own.run(1.0)
+        assert own.scale == 1.0
+        assert ("ada", "knock") in own.session.state().playing
+        assert not own.session.commits.head.piece.duet
+        own.kick()
+        since = own.board.periods
+        own.run(0.5)
+        assert own.power(since) <= MOST
+
+
+def test_a_scale_has_fallen_when_a_stiffer_scene_begins_and_rises_when_it_is_gone(tmp_path: Path):
+    with rig(tmp_path, "firm", Scene().text) as own:
+        own.ok(STIFF)
+        at = own.session.commits.running.start
+        last = own.session.commits.running.bearings[0].last.scale
+        seen = _ticks(own, at + 40 * 44)
+        # The tick whose first frame is that of the change is the first to end behind it.
+        assert next(scale for frame, scale in seen if frame > at) == pytest.approx(last, abs=1e-9)
+        assert np.abs(np.diff([1.0, *(scale for _, scale in seen)])).max() < 0.1  # no step
+        # Softer over a second: nothing is given back before the glide says so.
+        own.ok("set bell.b.K 300N/m over 1bar now")
+        running = own.session.commits.running
+        (bearing,) = running.bearings
+        assert bearing.last.scale == 1.0
+        bounds = [(running.start + 44 * ticks, scale) for ticks, scale in bearing.bounds]
+        for frame, scale in _ticks(own, bounds[-1][0] + 300 * 44):
+            allowed = [bound for begins, bound in bounds if begins < frame]
+            assert scale <= (allowed[-1] if allowed else last) + 1e-9
+        assert own.scale == 1.0
+
+
+def _ticks(own: Rig, until: int) -> list[tuple[int, float]]:
+    """Frame and scale after every period up to a frame."""
+    seen = [(0, 1.0)]
+    while seen[-1][0] < until:
+        own.run(0.001)
+        status = own.engine.performance.status()
+        seen.append((status.frame, status.hands[0].scale))
+    return seen[1:]
+
+
+def test_what_is_far_from_a_hand_costs_nothing(tmp_path: Path):
+    """Counted: how often a scene is played against the key."""
+    with rig(tmp_path, "firm", Scene().text) as own:
+        guard = own.engine.guard
+        lines = "ada plays knock every 1 now", "tempo 200 now", "gain bell -6dB now", "undo"
+        before = guard.asked
+        for line in lines:
+            own.ok(line)
+            own.run(0.1)
+        assert guard.asked == before
+        own.ok(STIFF)
+        assert guard.asked == before + 1  # where it glides to: what it glides from is known
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_stiffenings_shake_no_hand(tmp_path: Path, seed: int):
+    for hand in HANDS:
+        folder = tmp_path / hand
+        folder.mkdir()
+        power, trips, _, said = measured(folder, hand, seed)
+        assert power <= MOST, said
+        assert trips == 0, said
+
+
+@pytest.mark.slow
+def test_two_hundred_random_stiffenings_shake_no_hand(tmp_path: Path):
+    worst = 0.0
+    for seed, hand in itertools.product(range(200), HANDS):
+        folder = tmp_path / f"{seed}-{hand}"
+        folder.mkdir()
+        power, trips, _, said = measured(folder, hand, seed)
+        assert power <= MOST, (seed, hand, said)
+        assert trips == 0, (seed, hand, said)
+        worst = max(worst, power)
+    print(f"200 stiffenings x {len(HANDS)} hands: {worst:.3f} W at most, no trip")
