@@ -144,6 +144,11 @@ pub trait Device: Send {
     /// What it is.
     fn spec(&self) -> &Spec;
 
+    /// Least and greatest position of an axis, where it is known closer than [`Spec::pos_range`].
+    fn range(&self, _axis: usize) -> [f64; 2] {
+        self.spec().pos_range
+    }
+
     /// Send a force for every axis.
     ///
     /// # Errors
@@ -181,6 +186,9 @@ macro_rules! devices {
         impl$(<$d: Device + ?Sized>)? Device for $holder {
             fn spec(&self) -> &Spec {
                 (**self).spec()
+            }
+            fn range(&self, axis: usize) -> [f64; 2] {
+                (**self).range(axis)
             }
             fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
                 (**self).send(force)

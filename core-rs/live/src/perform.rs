@@ -163,6 +163,8 @@ pub(crate) struct Desk {
     stop: AtomicBool,
     /// Forces are zero, sound is silent.
     panic: AtomicBool,
+    /// Axes that tripped may push again.
+    again: AtomicBool,
     /// The last frame is out.
     done: AtomicBool,
     /// What the physics thread runs as: priority + 1, memory locked in the lowest bit.
@@ -353,9 +355,10 @@ impl Performance {
         self.output.shared().panic();
     }
 
-    /// After a panic: sound and force again.
+    /// After a panic, or after a key tripped: sound and force again.
     pub fn release(&self) {
         self.desk.panic.store(false, Ordering::Release);
+        self.desk.again.store(true, Ordering::Release);
         self.output.shared().release();
     }
 

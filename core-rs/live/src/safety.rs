@@ -9,18 +9,21 @@ mod force;
 mod last_resort;
 mod limits;
 mod pipeline;
+mod plausibility;
 pub mod stiffness;
 pub mod tlm;
 
 pub use counts::Counts;
 pub use force::SafeForce;
 pub use limits::Limits;
+pub use plausibility::Trip;
 
 use std::time::Instant;
 
-use crate::device::{Device, Gone, Sample, Spec};
+use crate::device::{Device, Gone, MAX_AXES, Sample, Spec};
 use last_resort::Armed;
 use pipeline::Pipeline;
+use plausibility::{Built, Watched};
 
 /// How often zero forces are sent when all is over: one packet may be lost.
 const FAREWELLS: usize = 3;
@@ -30,17 +33,38 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     // Disarmed before the device closes its port.
     _armed: Option<Armed>,
     pipeline: Pipeline,
+    /// Whether force and motion agree; none while a direction is found out.
+    watched: Option<Watched>,
+    /// Why each axis tripped, if it did.
+    trips: [Option<Trip>; MAX_AXES],
     device: D,
 }
 
 impl<D: Device> Guarded<D> {
     /// Guard a device that is sent forces once in every `period` [s].
     pub fn new(device: D, limits: Limits, period: f64) -> Self {
+        let spec = device.spec();
+        let built: Vec<Built> = (0..spec.dof)
+            .map(|axis| Built {
+                range: device.range(axis),
+                resolution: spec.pos_lsb,
+                inertia: spec.inertia,
+            })
+            .collect();
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
-            pipeline: Pipeline::new(device.spec(), limits, period),
+            pipeline: Pipeline::new(spec, limits, period),
+            watched: Some(Watched::new(&built, period)),
+            trips: [None; MAX_AXES],
             device,
         }
+    }
+
+    /// The same for a device of which it is not known yet which way its motors push.
+    #[must_use]
+    pub fn unwatched(mut self) -> Self {
+        self.watched = None;
+        self
     }
 
     /// What the device is.
@@ -66,10 +90,34 @@ impl<D: Device> Guarded<D> {
         let safe = if last_resort::is_over() {
             SafeForce::zero(self.spec().dof)
         } else {
-            self.pipeline.pass(forces)
+            self.pass(forces)
         };
         self.device.send(&safe)?;
         Ok(safe)
+    }
+
+    fn pass(&mut self, forces: &[f64]) -> SafeForce {
+        let safe = match &mut self.watched {
+            Some(watched) => {
+                let safe = self.pipeline.pass(&watched.pass(forces));
+                watched.sent(safe.newtons());
+                safe
+            }
+            None => self.pipeline.pass(forces),
+        };
+        for (axis, trip) in self.trips.iter_mut().enumerate() {
+            let asked = forces.get(axis).copied().unwrap_or(0.0);
+            *trip = if let Some(own) = self.watched.as_ref().and_then(|own| own.trip(axis)) {
+                Some(own)
+            } else if !self.pipeline.tripped(axis) {
+                None
+            } else if asked.is_finite() {
+                trip.or(Some(Trip::Speed))
+            } else {
+                Some(Trip::NotFinite)
+            };
+        }
+        safe
     }
 
     /// Take the newest positions, as [`Device::receive`] does.
@@ -80,6 +128,9 @@ impl<D: Device> Guarded<D> {
         let fresh = self.device.receive(into, deadline)?;
         if fresh {
             self.pipeline.observe(&into.position);
+            if let Some(watched) = &mut self.watched {
+                watched.observe(&into.position);
+            }
         }
         Ok(fresh)
     }
@@ -95,6 +146,15 @@ impl<D: Device> Guarded<D> {
         self.pipeline.stop(stopped);
         if stopped {
             self.device.zero();
+        } else {
+            self.release();
+        }
+    }
+
+    /// Axes that tripped because force and motion disagreed may push again.
+    pub fn release(&mut self) {
+        if let Some(watched) = &mut self.watched {
+            watched.release();
         }
     }
 
@@ -103,9 +163,9 @@ impl<D: Device> Guarded<D> {
         self.pipeline.scale(axis, gain);
     }
 
-    /// Whether an axis has tripped and is held at zero.
-    pub fn tripped(&self, axis: usize) -> bool {
-        self.pipeline.tripped(axis)
+    /// Why an axis has tripped and is held at zero, if it is.
+    pub fn tripped(&self, axis: usize) -> Option<Trip> {
+        self.trips.get(axis).copied().flatten()
     }
 
     /// How often each stage did something.

@@ -101,6 +101,10 @@ impl<D: Device> Device for Calibrated<D> {
         &self.spec
     }
 
+    fn range(&self, axis: usize) -> [f64; 2] {
+        self.axes.get(axis).map_or(self.spec.pos_range, |axis| axis.range)
+    }
+
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         self.device.send(&force.turned(&self.gains))
     }
@@ -187,7 +191,8 @@ pub fn direction<D: Device>(
         ..Limits::of(device.spec())
     };
     let step = 3.0 * device.spec().pos_lsb;
-    let mut pace = Pace::new(Guarded::new(device, limits, period), period, stop);
+    let guarded = Guarded::new(device, limits, period).unwatched();
+    let mut pace = Pace::new(guarded, period, stop);
     pace.at_rest(axis, pulse.length)?;
     let mut moved = [0.0; 2];
     for (moved, side) in moved.iter_mut().zip([1.0, -1.0]) {

@@ -10,7 +10,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::{Command, Guide, Hand};
 use crate::device::calibrate::{self, Axis};
 use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url};
-use crate::safety::{Guarded, Limits, stiffness};
+use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// A device that is gone is looked for so often.
 const RETRY: Duration = Duration::from_millis(500);
@@ -217,10 +217,10 @@ impl Slot {
         self.guarded.is_some()
     }
 
-    pub(super) fn tripped(&self, axis: usize) -> bool {
+    pub(super) fn tripped(&self, axis: usize) -> Option<Trip> {
         self.guarded
             .as_ref()
-            .is_some_and(|guarded| guarded.tripped(axis))
+            .and_then(|guarded| guarded.tripped(axis))
     }
 
     /// The force that an axis is to get [N].
@@ -232,6 +232,13 @@ impl Slot {
     pub(super) fn stop(&mut self, stopped: bool) {
         if let Some(guarded) = &mut self.guarded {
             guarded.stop(stopped);
+        }
+    }
+
+    /// What tripped may push again.
+    pub(super) fn release(&mut self) {
+        if let Some(guarded) = &mut self.guarded {
+            guarded.release();
         }
     }
 
