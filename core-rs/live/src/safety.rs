@@ -49,6 +49,7 @@ impl<D: Device> Guarded<D> {
                 range: device.range(axis),
                 resolution: spec.pos_lsb,
                 inertia: spec.inertia,
+                force: limits.force.min(spec.force_max_peak),
             })
             .collect();
         Self {

@@ -102,7 +102,9 @@ impl<D: Device> Device for Calibrated<D> {
     }
 
     fn range(&self, axis: usize) -> [f64; 2] {
-        self.axes.get(axis).map_or(self.spec.pos_range, |axis| axis.range)
+        self.axes
+            .get(axis)
+            .map_or(self.spec.pos_range, |axis| axis.range)
     }
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {

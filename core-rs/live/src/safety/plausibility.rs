@@ -29,11 +29,13 @@ const TRIPS: u32 = 3;
 const ALIVE: f64 = 0.5;
 /// A probe that found nothing wrong is followed by no other of its kind for so long at first, and at most [s]. The
 /// pause doubles each time.
-const PAUSES: [[f64; 2]; 3] = [[1.0, 4.0], [1.0, 4.0], [0.1, 1.0]];
+const PAUSES: [[f64; 2]; 3] = [[1.0, 4.0], [1.0, 4.0], [0.02, 1.0]];
+/// After so long without a suspicion the first pause is the short one again [s].
+const QUIET: f64 = 5.0;
 /// Farther from a probe than this a key is elsewhere [m].
 const ELSEWHERE: f64 = 5e-4;
 /// So many wrong answers, and no right one between them, are a motor wired the other way.
-const WRONG: u32 = 2;
+const WRONG: u32 = 3;
 
 /// Why forces of an axis are held at zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,13 +61,19 @@ pub(super) struct Built {
     pub(super) resolution: f64,
     /// Moving mass [kg], if it is known.
     pub(super) inertia: Option<f64>,
+    /// Greatest force [N].
+    pub(super) force: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Mode {
     Watching,
     Probing(Probe),
-    Off { why: Trip, calm: u32, since_moved: u32 },
+    Off {
+        why: Trip,
+        calm: u32,
+        since_moved: u32,
+    },
 }
 
 /// One axis that is watched.
@@ -75,15 +83,19 @@ pub(super) struct Plausibility {
     /// Ticks of a step, and those since the last one.
     every: u32,
     ticks: u32,
+    /// Greatest force [N].
+    force: f64,
     signs: Signs,
     mode: Mode,
     /// From a trip to full force, 0 to 1.
     fade: f64,
     trips: u32,
+    /// Whether a probe was ever answered the right way.
+    confirmed: bool,
     /// Wrong answers since the last right one.
     wrong: u32,
     /// Steps until a suspicion of each kind is probed again, and how often it was without a finding.
-    pauses: [(u32, u32); 3],
+    pauses: [(i32, u32); 3],
     /// Where the last probe ended.
     probed_at: f64,
     /// Probes so far.
@@ -99,10 +111,12 @@ impl Plausibility {
             built: traits,
             every: every as u32,
             ticks: 0,
+            force: built.force.max(0.0),
             signs: Signs::default(),
             mode: Mode::Watching,
             fade: 1.0,
             trips: 0,
+            confirmed: false,
             wrong: 0,
             pauses: [(0, 0); 3],
             probed_at: 0.0,
@@ -122,8 +136,15 @@ impl Plausibility {
         }
         match self.mode {
             Mode::Off { .. } => 0.0,
-            Mode::Probing(Probe { offset, instead: true, .. }) => offset * self.fade,
-            Mode::Probing(Probe { offset, .. }) => (asked + offset) * self.fade,
+            Mode::Probing(Probe {
+                offset,
+                instead: true,
+                ..
+            }) => offset * self.fade,
+            Mode::Probing(Probe { offset, .. }) => {
+                // What is asked beyond the greatest force would hide the probe.
+                (asked.clamp(-self.force, self.force) + offset) * self.fade
+            }
             Mode::Watching if self.fade < 1.0 => asked * self.fade,
             Mode::Watching => asked,
         }
@@ -153,7 +174,7 @@ impl Plausibility {
 
     fn push_again(&mut self) {
         self.mode = Mode::Watching;
-        (self.fade, self.wrong) = (0.0, 0);
+        (self.fade, self.wrong, self.confirmed) = (0.0, 0, false);
         self.pauses = [(0, 0); 3];
         self.signs = Signs::default();
     }
@@ -162,8 +183,12 @@ impl Plausibility {
         let seconds = |seconds: f64| (seconds / self.built.step) as u32;
         let (calm_for, alive_for) = (seconds(CALM), seconds(ALIVE));
         self.fade = (self.fade + self.built.step / FADE).min(1.0);
-        for (left, _) in &mut self.pauses {
-            *left = left.saturating_sub(1);
+        let quiet = -(seconds(QUIET) as i32);
+        for (left, passed) in &mut self.pauses {
+            *left = (*left - 1).max(quiet);
+            if *left == quiet {
+                *passed = 0;
+            }
         }
         self.signs.add(x, sent, &self.built);
         match &mut self.mode {
@@ -173,8 +198,16 @@ impl Plausibility {
                 let probe = *probe;
                 self.answered(probe, answer);
             }
-            Mode::Off { why, calm, since_moved } => {
-                *since_moved = if self.signs.is_still() { since_moved.saturating_add(1) } else { 0 };
+            Mode::Off {
+                why,
+                calm,
+                since_moved,
+            } => {
+                *since_moved = if self.signs.is_still() {
+                    since_moved.saturating_add(1)
+                } else {
+                    0
+                };
                 let agrees = match why {
                     Trip::Frozen => *since_moved < alive_for,
                     Trip::AtStop => self.signs.pushed_out(asked, &self.built).is_none(),
@@ -190,13 +223,14 @@ impl Plausibility {
 
     fn watch(&mut self, sent: f64) {
         // What a key answered at one place says nothing of it at another.
-        if (self.signs.past[0] - self.probed_at).abs() > ELSEWHERE.max(4.0 * self.built.resolution) {
+        if (self.signs.past[0] - self.probed_at).abs() > ELSEWHERE.max(4.0 * self.built.resolution)
+        {
             self.pauses[Kind::Still as usize] = (0, 0);
         }
         if let Some(trip) = self.signs.evident(sent, &self.built) {
             self.off(trip);
-        } else if let Some((kind, way)) = self.signs.suspected(sent, &self.built)
-            && self.pauses[kind as usize].0 == 0
+        } else if let Some((kind, way)) = self.signs.suspected(sent, self.confirmed, &self.built)
+            && self.pauses[kind as usize].0 <= 0
         {
             self.probes += 1;
             self.mode = Mode::Probing(Probe::new(kind, way, &self.signs, sent, &self.built));
@@ -204,8 +238,6 @@ impl Plausibility {
     }
 
     fn answered(&mut self, probe: Probe, answer: Answer) {
-        #[cfg(test)]
-        if answer != Answer::Waiting { println!("    {probe:?} {answer:?}"); }
         self.mode = match answer {
             Answer::Waiting => Mode::Probing(probe),
             Answer::Frozen => return self.off(Trip::Frozen),
@@ -221,11 +253,11 @@ impl Plausibility {
             let [first, longest] = PAUSES[probe.kind as usize];
             let pause = (first * f64::from(1 << (*passed).min(8))).min(longest);
             if answer == Answer::Right {
-                self.wrong = 0;
+                (self.wrong, self.confirmed) = (0, true);
             }
             // What went the wrong way once is asked again at the next sign of it.
             if self.wrong == 0 {
-                (*left, *passed) = ((pause / self.built.step) as u32, *passed + 1);
+                (*left, *passed) = ((pause / self.built.step) as i32, *passed + 1);
             }
             self.probed_at = self.signs.past[0];
             self.signs.forget();
@@ -258,6 +290,7 @@ impl Watched {
             range: [0.0, 0.0],
             resolution: 0.0,
             inertia: None,
+            force: 0.0,
         };
         let of = |axis| Plausibility::new(built.get(axis).copied().unwrap_or(nothing), period);
         Self {

@@ -39,6 +39,8 @@ pub(super) struct Key {
     pub(super) frozen: bool,
     /// Dry friction [N].
     pub(super) friction: f64,
+    /// [kg]
+    pub(super) mass: f64,
 }
 
 impl Key {
@@ -68,11 +70,12 @@ impl Key {
             motor: 1.0,
             frozen: false,
             friction: 0.0,
+            mass: 0.05,
         }
     }
 
     fn advance(&mut self, force: f64) {
-        let (m, b, h) = (0.05, 1.0, PERIOD / SUBSTEPS as f64);
+        let (m, b, h) = (self.mass, 1.0, PERIOD / SUBSTEPS as f64);
         for _ in 0..SUBSTEPS {
             let pull = self.grip.map_or(0.0, |grip| {
                 let (now, before) = ((grip.at)(self.time), (grip.at)(self.time - h));
@@ -82,7 +85,11 @@ impl Key {
             // Dry friction holds what it can.
             let v = self.v + push / m * h;
             let held = self.friction / m * h;
-            self.v = if v.abs() <= held { 0.0 } else { v - held.copysign(v) };
+            self.v = if v.abs() <= held {
+                0.0
+            } else {
+                v - held.copysign(v)
+            };
             self.x += self.v * h;
             if self.x.abs() > 0.05 {
                 (self.x, self.v) = (0.05_f64.copysign(self.x), 0.0);
@@ -155,7 +162,9 @@ impl Play {
     }
 
     pub(super) fn tick(&mut self) {
-        self.guarded.receive(&mut self.sample, Instant::now()).unwrap();
+        self.guarded
+            .receive(&mut self.sample, Instant::now())
+            .unwrap();
         let x = self.sample.position[0];
         let v = (x - self.before) / PERIOD;
         self.before = x;

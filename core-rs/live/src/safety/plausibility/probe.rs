@@ -25,6 +25,9 @@ const SETTLES: u32 = 2 * OVER as u32;
 /// A key that leaves its course by so much has answered [m].
 const ANSWER: f64 = 1e-4;
 
+/// And by so much of the way that a free key would go, but no more than so many times it.
+const PART: (f64, f64) = (0.25, 2.5);
+
 /// What a key said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
@@ -57,6 +60,8 @@ pub(super) struct Probe {
     /// The force when it began, and velocity and way of a free key by what differs from it.
     force: f64,
     driven: [f64; 2],
+    /// The greatest change of the force that was really sent [N], and whether the sensor changed.
+    most_sent: f64,
     moved: bool,
 }
 
@@ -74,6 +79,7 @@ impl Probe {
             course: [0.0; 3],
             force: 0.0,
             driven: [0.0; 2],
+            most_sent: 0.0,
             moved: false,
         };
         probe.begin(signs, force, own);
@@ -116,22 +122,33 @@ impl Probe {
         self.steps += 1;
         self.moved |= !signs.is_still();
         let t = f64::from(self.steps) * own.step;
-        self.driven[0] += (sent - self.force) / own.mass * own.step;
+        let push = if self.kind == Kind::Stop {
+            // Until the force would push it into the stop, the key may be held there by the force.
+            self.way * (self.way * sent).max(0.0)
+        } else {
+            sent - self.force
+        };
+        self.most_sent = self.most_sent.max((sent - self.force).abs());
+        self.driven[0] += push / own.mass * own.step;
         self.driven[1] += self.driven[0] * own.step;
         let [x, v, a] = self.course;
         let off = signs.past[0] - (x + (v + 0.5 * a * t) * t);
         let enough = ANSWER.max(3.0 * own.resolution);
-        // By a force that hardly changed, or a sensor that does not, nothing is told.
-        if !signs.is_still() && off.abs() >= enough && self.driven[1].abs() >= 0.3 * enough {
-            return if off * self.driven[1] > 0.0 {
-                Answer::Right
-            } else {
-                Answer::Wrong
-            };
+        // By a force that hardly changed, or a sensor that does not, nothing is told; nor by what is a small part of the
+        // way that the force drives a free key, for so much a hand does meanwhile.
+        let driven = self.driven[1];
+        let told = off.abs() >= enough.max(PART.0 * driven.abs()) && !signs.is_still();
+        if told && off * driven > 0.0 && driven.abs() >= 0.3 * enough {
+            return Answer::Right;
+        }
+        let by_hand = self.kind == Kind::Run && off.abs() > PART.1 * driven.abs();
+        if told && off * driven < 0.0 && driven.abs() >= enough && !by_hand {
+            return Answer::Wrong;
         }
         if t >= longest {
             let shows = self.kind == Kind::Still && 2.0 * own.shows() <= self.most;
-            return if shows && !self.moved {
+            let pushed = self.most_sent >= 0.75 * self.most;
+            return if shows && pushed && !self.moved {
                 Answer::Frozen
             } else {
                 Answer::Untold

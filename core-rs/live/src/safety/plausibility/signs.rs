@@ -101,6 +101,8 @@ struct Run {
     /// The velocity at the length before [m/s].
     before: Option<f64>,
     suspicious: bool,
+    /// Against a force of some newtons for two lengths.
+    against: bool,
 }
 
 /// What was seen of an axis lately.
@@ -130,10 +132,22 @@ impl Signs {
         self.n = (self.n + 1).min(PAST);
         self.past.copy_within(0..PAST - 1, 1);
         self.past[0] = x;
-        self.smooth += (sent - self.smooth) * (own.step / SMOOTH).min(1.0);
-        self.still = if same { self.still.saturating_add(1) } else { 0 };
+        let weight = if same {
+            (own.step / SMOOTH).min(1.0)
+        } else {
+            1.0
+        };
+        self.smooth += (sent - self.smooth) * weight;
+        self.still = if same {
+            self.still.saturating_add(1)
+        } else {
+            0
+        };
         self.forces = if same {
-            [self.forces[0].min(self.smooth), self.forces[1].max(self.smooth)]
+            [
+                self.forces[0].min(self.smooth),
+                self.forces[1].max(self.smooth),
+            ]
         } else {
             [self.smooth; 2]
         };
@@ -182,6 +196,7 @@ impl Signs {
                     next: own.run,
                     before: None,
                     suspicious: false,
+                    against: false,
                 });
                 return;
             }
@@ -190,11 +205,16 @@ impl Signs {
             // With the force it may go as it likes.
             (run.from, run.next, run.before) = (x, own.run, None);
         }
-        run.suspicious = -run.way * sent >= DRIVEN.1 && run.way * push >= -DRIVEN.0 * run.way * sent + own.noise;
+        run.against = false;
+        run.suspicious =
+            -run.way * sent >= DRIVEN.1 && run.way * push >= -DRIVEN.0 * run.way * sent + own.noise;
         while run.way * (x - run.from) >= run.next {
             let against = -run.way * sent;
+            run.against = run.before.is_some() && against >= DRIVEN.1;
             let grown = run.before.map_or(0.0, |before| v / before);
-            run.suspicious |= RUNS.iter().any(|&(growth, force)| grown >= growth && against >= force);
+            run.suspicious |= RUNS
+                .iter()
+                .any(|&(growth, force)| grown >= growth && against >= force);
             (run.next, run.before) = (2.0 * run.next, Some(v));
         }
     }
@@ -215,15 +235,24 @@ impl Signs {
         (frozen && self.side == 0.0).then_some(Trip::Frozen)
     }
 
-    /// A fault that may be, and the way in which its probe pushes.
-    pub(super) fn suspected(&self, sent: f64, own: &Traits) -> Option<(Kind, f64)> {
-        if self.run.is_some_and(|run| run.suspicious) {
+    /// A fault that may be, and the way in which its probe pushes; `confirmed`: which way the motor pushes was seen before.
+    pub(super) fn suspected(
+        &self,
+        sent: f64,
+        confirmed: bool,
+        own: &Traits,
+    ) -> Option<(Kind, f64)> {
+        if self
+            .run
+            .is_some_and(|run| run.suspicious || (run.against && !confirmed))
+        {
             return Some((Kind::Run, -sent.signum()));
         }
         if self.dwell >= own.steps(DWELL[0]) && -sent * self.side >= STOP_FORCE {
             return Some((Kind::Stop, self.side));
         }
-        let still = self.still >= own.steps(STILL) && sent.abs() >= STILL_FORCE.max(0.5 * own.shows());
+        let still =
+            self.still >= own.steps(STILL) && sent.abs() >= STILL_FORCE.max(0.5 * own.shows());
         (still && self.side == 0.0).then_some((Kind::Still, -sent.signum()))
     }
 }

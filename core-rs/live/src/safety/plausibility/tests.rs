@@ -51,25 +51,389 @@ const SINE: Grip = Grip {
     ..HAND
 };
 
+const REVERSED: fn(&mut Key) = |key| key.motor = -1.0;
+const FROZEN: fn(&mut Key) = |key| key.frozen = true;
+const SPRINGS: [(&str, Scene); 5] = [
+    ("200 N/m to 3 mm", |_, x, _| 200.0 * (3e-3 - x)),
+    ("500 N/m to 3 mm", |_, x, _| 500.0 * (3e-3 - x)),
+    ("800 N/m to 3 mm", |_, x, _| 800.0 * (3e-3 - x)),
+    ("1500 N/m to 1 mm", |_, x, v| 1500.0 * (1e-3 - x) - v),
+    ("200 N/m to a key that goes 8 mm", |t, x, _| {
+        200.0 * (8e-3 * libm::sin(12.0 * t) - x)
+    }),
+];
+const INSTANTS: [f64; 3] = [3.0, 3.1, 3.25];
+
+/// The harm of a fault in every scene at every instant.
+fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, Harm)> {
+    let all = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
+    all.map(|(&(name, scene), at)| (name, at, harm(fault, at, grip, scene)))
+        .collect()
+}
+
 #[test]
-fn table() {
-    let reversed: fn(&mut Key) = |key| key.motor = -1.0;
-    let frozen: fn(&mut Key) = |key| key.frozen = true;
-    let springs: [(&str, Scene); 5] = [
-        ("200 N/m to 3 mm", |_, x, _| 200.0 * (3e-3 - x)),
-        ("500 N/m to 3 mm", |_, x, _| 500.0 * (3e-3 - x)),
-        ("800 N/m to 3 mm", |_, x, _| 800.0 * (3e-3 - x)),
-        ("1500 N/m to 1 mm", |_, x, v| 1500.0 * (1e-3 - x) - v),
-        ("200 N/m to a key that goes 8 mm", |t, x, _| 200.0 * (8e-3 * libm::sin(12.0 * t) - x)),
-    ];
-    for (fault, name) in [(reversed, "reversed"), (frozen, "frozen")] {
-        for (grip, hand) in [(Some(HAND), "still"), (Some(SINE), "sine"), (None, "nobody")] {
-            for (scene, way) in springs.iter().map(|(a, b)| (b, a)) {
-                for at in [3.0, 3.1, 3.25] {
-                    let Harm { lasted, travel, why } = harm(fault, at, grip, *scene);
-                    println!("{name:9} {hand:7} {way:33} {at}: {lasted:7.1} ms {travel:6.2} mm {why:?}");
-                }
+fn a_motor_that_turns_round_under_a_hand_is_off_before_it_goes_far() {
+    for (name, at, harm) in harms(REVERSED, Some(HAND)) {
+        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {at} {harm:?}");
+        assert!(
+            harm.lasted < 300.0 && harm.travel < 5.0,
+            "{name} {at} {harm:?}"
+        );
+    }
+}
+
+#[test]
+fn so_is_one_under_a_hand_that_goes_or_under_none() {
+    for (name, at, harm) in harms(REVERSED, Some(SINE)) {
+        // A spring that is weaker than the hand cannot run away with it.
+        if name.starts_with("200") {
+            continue;
+        }
+        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {at} {harm:?}");
+        assert!(harm.lasted < 300.0, "{name} {at} {harm:?}");
+        // Turned round while it was asked already, it answered once as if nothing had happened.
+        assert!(
+            harm.travel < 5.0 || (name.starts_with("1500") && at == 3.25),
+            "{name} {at} {harm:?}"
+        );
+    }
+    for (name, at, harm) in harms(REVERSED, None) {
+        // Where the scene is at rest there is no force that could be the wrong one.
+        let moves = name.ends_with("8 mm");
+        assert!(
+            !moves || harm.why == Some(Trip::WrongWay),
+            "{name} {at} {harm:?}"
+        );
+        assert!(
+            harm.lasted < 100.0 && harm.travel < 10.0,
+            "{name} {at} {harm:?}"
+        );
+    }
+}
+
+#[test]
+fn a_sensor_that_freezes_lets_go() {
+    for grip in [Some(HAND), Some(SINE)] {
+        for (name, at, harm) in harms(FROZEN, grip) {
+            if harm.why.is_none() {
+                // It froze where nothing shows it yet: no force to speak of, or just after the key had answered.
+                assert!(harm.travel < 1.0, "{name} {at} {harm:?}");
+                continue;
+            }
+            assert_eq!(harm.why, Some(Trip::Frozen), "{name} {at} {harm:?}");
+            assert!(
+                harm.lasted < 300.0 && harm.travel < 5.0,
+                "{name} {at} {harm:?}"
+            );
+        }
+    }
+    for (name, at, harm) in harms(FROZEN, None) {
+        assert!(harm.lasted < 300.0, "{name} {at} {harm:?}");
+    }
+}
+
+#[test]
+fn one_wired_wrongly_from_the_start_is_off_at_its_first_movement() {
+    for (grip, scene) in [
+        (SINE, SPRINGS[0].1),
+        (SINE, SPRINGS[2].1),
+        (HAND, SPRINGS[1].1),
+        (HAND, SPRINGS[4].1),
+    ] {
+        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
+        (play.key().grip, play.key().motor) = (Some(grip), -1.0);
+        play.until(4.0);
+        let found: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
+        assert_eq!(found, [Trip::WrongWay], "{:?}", play.trips);
+        assert_eq!(play.sent, 0.0, "it stays off");
+        play.guarded.release();
+        play.until(8.0);
+        assert_eq!(play.trips.len(), 2, "and is found again: {:?}", play.trips);
+    }
+}
+
+#[test]
+fn a_key_pushed_into_its_stop_is_let_go_and_gets_its_force_back() {
+    // The scene is somewhere else than the key can go, for a while.
+    let scene: Scene = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
+    let mut play = Play::new(Key::new(FINE, 20.0, None), scene);
+    play.key().grip = None;
+    let mut arrived = f64::INFINITY;
+    while play.trips.is_empty() && play.time() < 4.0 {
+        play.tick();
+        if play.key().x == 0.05 && play.sent > 2.0 {
+            arrived = arrived.min(play.time());
+        }
+    }
+    assert_eq!(play.trips[0].1, Trip::AtStop);
+    assert!(
+        play.trips[0].0 - arrived < 0.3,
+        "{arrived} {:?}",
+        play.trips
+    );
+    play.until(6.9);
+    assert_eq!(play.sent, 0.0);
+    play.until(9.0);
+    assert_eq!(play.trips.len(), 1);
+    assert!(
+        play.key().x.abs() < 1e-3,
+        "the spring has it back: {}",
+        play.key().x
+    );
+}
+
+#[test]
+fn after_three_trips_only_the_player_lets_it_push() {
+    let mut play = Play::new(Key::new(FINE, 20.0, None), |t, x, _| {
+        if x > 0.049 && t % 8.0 < 4.0 { 5.0 } else { 0.0 }
+    });
+    play.key().grip = Some(Grip {
+        k: 3e3,
+        z: 30.0,
+        at: |t| if t % 8.0 < 4.0 { 0.055 } else { 0.0 },
+    });
+    play.until(40.0);
+    assert_eq!(play.trips.len(), 3, "{:?}", play.trips);
+    play.guarded.release();
+    play.until(47.0);
+    assert_eq!(play.trips.len(), 4, "{:?}", play.trips);
+}
+
+#[test]
+#[ignore = "figures for docs/live.md: --ignored --nocapture"]
+fn figures() {
+    for (fault, name) in [(REVERSED, "reversed"), (FROZEN, "frozen")] {
+        for (grip, hand) in [
+            (Some(HAND), "still"),
+            (Some(SINE), "goes"),
+            (None, "nobody"),
+        ] {
+            for (
+                scene,
+                at,
+                Harm {
+                    lasted,
+                    travel,
+                    why,
+                },
+            ) in harms(fault, grip)
+            {
+                println!(
+                    "{name:9} {hand:7} {scene:33} {at}: {lasted:7.1} ms {travel:6.2} mm {why:?}"
+                );
             }
         }
     }
+}
+
+/// From 0 to 1 as a hand goes, without a jolt.
+fn smooth(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * t * (10.0 + t * (6.0 * t - 15.0))
+}
+
+/// A number from 0 to 1 that a whole number gives.
+fn chance(n: f64, salt: f64) -> f64 {
+    let x = libm::sin(n * 12.9898 + salt * 78.233) * 43_758.547;
+    x - libm::floor(x)
+}
+
+fn tremor(t: f64) -> f64 {
+    5e-5 * libm::sin(57.0 * t) + 3e-5 * libm::sin(71.3 * t + 1.0)
+}
+
+/// Strokes of 60 to 200 ms to -5 to `deepest` m, one in every so many seconds, each held for a while.
+fn strokes(t: f64, every: f64, deepest: f64) -> f64 {
+    let n = libm::floor(t / every);
+    let (in_it, length) = (t - n * every, 0.06 + 0.14 * chance(n, 1.0));
+    let depth = -5e-3 + (deepest + 5e-3) * chance(n, 2.0);
+    let held = length + 0.5 * every * chance(n, 3.0);
+    depth * (smooth(in_it / length) - smooth((in_it - held) / length)) + tremor(t)
+}
+
+fn grip(k: f64, z: f64, at: fn(f64) -> f64) -> Option<Grip> {
+    Some(Grip { k, z, at })
+}
+
+/// A stiff wall from 5 mm on.
+fn wall(x: f64, v: f64) -> f64 {
+    if x > 5e-3 {
+        (2_000.0 * (5e-3 - x) - 2.0 * v).min(0.0)
+    } else {
+        0.0
+    }
+}
+
+/// A bell that hangs 2 mm away and rings.
+fn bell(t: f64, x: f64) -> f64 {
+    let gap = x - 2e-3 - 5e-4 * libm::sin(1_382.0 * t);
+    -900.0 * gap.max(0.0)
+}
+
+struct Playing {
+    name: &'static str,
+    grip: Option<Grip>,
+    scene: Scene,
+    resolution: f64,
+    force_max: f64,
+    friction: f64,
+    mass: f64,
+}
+
+fn playing() -> Vec<Playing> {
+    let usual = |name, grip, scene| Playing {
+        name,
+        grip,
+        scene,
+        resolution: FINE,
+        force_max: 20.0,
+        friction: 0.0,
+        mass: 0.05,
+    };
+    let coarse = |own: Playing| Playing {
+        resolution: 3.9e-4,
+        force_max: 1.56,
+        ..own
+    };
+    let dry = |own: Playing| Playing {
+        friction: 0.5,
+        ..own
+    };
+    vec![
+        usual("rests firmly", grip(3e3, 20.0, tremor), |t, x, _| {
+            200.0 * (0.02 * libm::sin(0.3 * t) - x)
+        }),
+        usual(
+            "rests like a stone",
+            grip(3e3, 20.0, |_| 1e-3),
+            |t, x, _| 200.0 * (0.02 * libm::sin(0.3 * t) - x),
+        ),
+        usual(
+            "holds against a guide",
+            grip(400.0, 4.0, |_| 2e-3),
+            |_, x, _| 200.0 * (0.02 - x),
+        ),
+        usual(
+            "presses against a wall",
+            grip(800.0, 8.0, |t| strokes(t, 1.3, 0.02)),
+            |_, x, v| wall(x, v),
+        ),
+        usual(
+            "tremolo",
+            grip(600.0, 6.0, |t| 0.01 * libm::sin(50.0 * t)),
+            |_, x, v| -600.0 * x - 0.5 * v,
+        ),
+        usual(
+            "strokes",
+            grip(1e3, 10.0, |t| strokes(t, 0.4, 0.04)),
+            |_, x, _| -800.0 * x,
+        ),
+        usual(
+            "soft strokes",
+            grip(400.0, 4.0, |t| strokes(t, 0.7, 0.03)),
+            |_, x, _| -300.0 * x,
+        ),
+        usual(
+            "blows",
+            grip(800.0, 8.0, |t| if t % 0.6 < 0.3 { 0.015 } else { 0.0 }),
+            |_, x, _| -500.0 * x,
+        ),
+        usual("a guide that steps", grip(400.0, 4.0, tremor), |t, x, v| {
+            120.0 * (0.02 * libm::floor(t % 3.0) - 0.02 - x) - v
+        }),
+        usual(
+            "bells",
+            grip(400.0, 4.0, |t| strokes(t, 0.5, 0.012)),
+            |t, x, _| bell(t, x),
+        ),
+        usual(
+            "two ways to lie",
+            grip(600.0, 6.0, |t| strokes(t, 0.9, 0.02)),
+            |_, x, _| 300.0 * x - 3e6 * x * x * x,
+        ),
+        usual(
+            "down to the stop",
+            grip(2e3, 15.0, |t| strokes(t, 1.1, 0.08)),
+            |_, x, _| -100.0 * x,
+        ),
+        usual("softly at the stop", None, |t, _, _| {
+            1.5 * libm::sin(0.7 * t)
+        }),
+        usual("nobody, and it bounces", None, |t, x, v| {
+            wall(x, v) - wall(-x, -v) + 0.5 * libm::sin(9.0 * t)
+        }),
+        usual(
+            "another's key",
+            grip(400.0, 4.0, |t| strokes(t, 0.8, 0.02)),
+            |t, x, _| 400.0 * (0.015 * libm::sin(4.0 * t) - x),
+        ),
+        coarse(usual(
+            "coarse strokes",
+            grip(400.0, 4.0, |t| strokes(t, 0.5, 0.03)),
+            |_, x, _| -60.0 * x,
+        )),
+        coarse(usual(
+            "coarse and firm",
+            grip(3e3, 20.0, tremor),
+            |t, x, _| 60.0 * (0.03 * libm::sin(t) - x),
+        )),
+        coarse(usual(
+            "coarse, down to the stop",
+            grip(1e3, 10.0, |t| strokes(t, 1.1, 0.08)),
+            |_, x, _| -30.0 * x,
+        )),
+        dry(usual(
+            "dry strokes",
+            grip(600.0, 6.0, |t| strokes(t, 0.6, 0.03)),
+            |_, x, _| -400.0 * x,
+        )),
+        dry(usual("dry, and nobody", None, |t, x, _| {
+            200.0 * (0.01 * libm::sin(2.0 * t) - x)
+        })),
+        dry(usual(
+            "dry, against a guide",
+            grip(500.0, 5.0, |_| 0.0),
+            |_, x, _| 200.0 * (0.015 - x),
+        )),
+        Playing {
+            mass: 0.4,
+            ..usual(
+                "a heavy key",
+                grip(2e3, 20.0, |t| strokes(t, 0.6, 0.03)),
+                |_, x, _| -500.0 * x,
+            )
+        },
+    ]
+}
+
+/// Trips and probes of each hand that plays for so long [s].
+fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
+    playing()
+        .into_iter()
+        .map(|own| {
+            let mut key = Key::new(own.resolution, own.force_max, None);
+            (key.grip, key.friction, key.mass) = (own.grip, own.friction, own.mass);
+            let mut play = Play::new(key, own.scene);
+            play.until(seconds);
+            (own.name, play.trips.clone(), play.probes())
+        })
+        .collect()
+}
+
+#[test]
+fn nobody_who_plays_is_stopped() {
+    for (name, trips, probes) in played(30.0) {
+        assert!(trips.is_empty(), "{name}: {trips:?}");
+        assert!(probes < 200, "{name}: {probes}");
+    }
+}
+
+#[test]
+#[ignore = "an hour of each, by a minute of the machine: --ignored --nocapture"]
+fn nobody_who_plays_for_an_hour_is_stopped() {
+    let found = played(3_600.0);
+    for (name, trips, probes) in &found {
+        println!("{name:28} {probes:6} probes, trips {trips:?}");
+    }
+    assert!(found.iter().all(|(_, trips, _)| trips.is_empty()));
 }
