@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.cli import app
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path
-from ergon.live.calibration import Axis, key, known, remember
+from ergon.live.calibration import Axis, certain, key, known, remember
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 Capture = pytest.CaptureFixture[str]
@@ -113,14 +113,14 @@ def test_an_axis_is_the_same_however_it_is_spoken_to():
     [
         ("emul:", True),
         ("firefader:/dev/pts/3", True),
-        ("frame:/dev/ttyACM0?wide&lockstep", True),
+        ("frame:/dev/ttyACM0?wide&lockstep", False),
         ("frame+udp://127.0.0.1:9", True),
         ("frame+udp:192.168.1.7:9", False),
         ("firefader:/dev/ttyACM0", False),
         ("haply:ws://127.0.0.1:10001", False),
     ],
 )
-def test_what_is_surely_no_machine(url: str, is_one: bool):
+def test_what_is_an_emulators_address(url: str, is_one: bool):
     assert boards.Board(url, ()).emulated is is_one
 
 
@@ -185,7 +185,7 @@ render: {tail: 0.2s}
 """
 
 
-def test_before_an_axis_plays_it_is_tried_once(config: Path, tmp_path: Path, capsys: Capture):
+def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(config: Path, tmp_path: Path, capsys: Capture):
     (tmp_path / "s.yaml").write_text(SCORE)
     duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--live"]
     with Board(-1e-3) as board:
@@ -195,8 +195,14 @@ def test_before_an_axis_plays_it_is_tried_once(config: Path, tmp_path: Path, cap
         assert app.run([*duet, f"remi={board.url}", "--plain", "--record", "a.take"]) == 0
         assert "let go of the key" in capsys.readouterr().err
         assert known(board.url)[0].sign == -1
+        # Who answers at an address is not known by what answered there before.
         assert app.run([*duet, f"remi={board.url}", "--plain"]) == 0
-        assert "let go of the key" not in capsys.readouterr().err
+        assert "let go of the key" in capsys.readouterr().err
+        board.gain = 1e-3
+        assert app.run([*duet, f"remi={board.url}", "--plain"]) == 0
+        assert "taken for another board" in capsys.readouterr().err
+        assert known(board.url)[0].sign == 1
+        board.gain = -1e-3
     about = json.loads(_core.read_recording("a.take").about)
     assert about["axes"][0]["device"] == f"{board.url}#0"
     assert about["axes"][0]["calibration"]["sign"] == -1
@@ -216,3 +222,34 @@ def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
     forces, sent = found.forces()[:, 0], found.sent()[:, 0]
     assert np.any(forces)
     assert np.flatnonzero(sent)[0] == np.flatnonzero(forces)[0] + 1
+
+
+def test_a_board_is_itself_at_any_port(config: Path, monkeypatch: pytest.MonkeyPatch):
+    plugged = {"/dev/ttyACM0": "usb:16c0:0483:11", "/dev/ttyACM1": "usb:16c0:0483:22"}
+    monkeypatch.setattr(_core, "serial_identity", plugged.get)
+    remember("frame:/dev/ttyACM0?lockstep", 2, AXIS)
+    assert '[calibration."usb:16c0:0483:11#2"]' in config.read_text()
+    assert known("frame:/dev/ttyACM0") == {2: AXIS}
+    assert certain("frame:/dev/ttyACM0") == {2}
+    assert known("frame:/dev/ttyACM1") == {}
+    # Plugged in the other way round.
+    plugged["/dev/ttyACM0"], plugged["/dev/ttyACM1"] = plugged["/dev/ttyACM1"], "usb:16c0:0483:11"
+    assert known("frame:/dev/ttyACM0") == {}
+    assert certain("frame:/dev/ttyACM1") == {2}
+
+
+def test_an_entry_of_a_path_counts_only_until_it_is_tried(
+    config: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(_core, "serial_identity", lambda path: None)
+    remember("frame:/dev/ttyACM0", 0, AXIS)
+    assert known("frame:/dev/ttyACM0") == {0: AXIS}
+    assert certain("frame:/dev/ttyACM0") == set()
+    # The board that is there now has a number: what is found of it is its own.
+    monkeypatch.setattr(_core, "serial_identity", lambda path: "usb:16c0:0483:11")
+    assert known("frame:/dev/ttyACM0") == {0: AXIS}
+    assert certain("frame:/dev/ttyACM0") == set()
+    other = Axis(1, 0.0, 1.0, (-0.05, 0.05), 1.0)
+    remember("frame:/dev/ttyACM0", 0, other)
+    assert known("frame:/dev/ttyACM0") == {0: other}
+    assert certain("frame:/dev/ttyACM0") == {0}

@@ -9,6 +9,8 @@ mod emulated;
 mod firefader;
 mod frame;
 mod haply;
+#[cfg(unix)]
+mod owner;
 mod port;
 pub mod ports;
 mod stats;
@@ -105,6 +107,9 @@ pub enum Gone {
     /// In lockstep a reply did not come.
     #[error("the device no longer answers")]
     Silent,
+    /// It answers requests that are not ours.
+    #[error("another program sends forces to the device")]
+    Shared,
     /// The system refused; its error number.
     #[error("the port failed (error {0})")]
     System(i32),

@@ -9,7 +9,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Command, Guide, Hand};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url};
+use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// A device that is gone is looked for so often.
@@ -45,6 +45,16 @@ pub struct Known {
     pub most: Option<f64>,
     /// Of a tick [s].
     pub period: f64,
+}
+
+impl Known {
+    /// What the board is called wherever it is plugged in, if that is certain.
+    fn identity(&self) -> Option<String> {
+        let is_serial = matches!(self.url.kind, Kind::FireFader | Kind::Frame);
+        is_serial
+            .then(|| ports::identity(&self.url.target))
+            .flatten()
+    }
 }
 
 /// How much of the scene's force a hand gets.
@@ -172,6 +182,7 @@ impl Keyboard {
             patience: (SILENT / self.known.period) as u32 + 1,
         };
         let search = Search {
+            identity: self.known.identity(),
             known: self.known,
             scales: self.scales,
             index,
@@ -309,6 +320,8 @@ impl Slot {
 
 struct Search {
     known: Known,
+    /// Of the board that was opened first.
+    identity: Option<String>,
     scales: Vec<(usize, f64)>,
     index: usize,
     gone: Arc<AtomicBool>,
@@ -329,6 +342,10 @@ impl Search {
                 continue;
             }
             next = Instant::now() + RETRY;
+            // Another board at the same port has another motor, which nobody tried.
+            if self.identity.is_some() && self.known.identity() != self.identity {
+                continue;
+            }
             let Ok(device) = self.known.open() else {
                 continue;
             };

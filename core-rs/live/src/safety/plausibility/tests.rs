@@ -192,11 +192,17 @@ fn after_three_trips_only_the_player_lets_it_push() {
         z: 30.0,
         at: |t| if t % 8.0 < 4.0 { 0.055 } else { 0.0 },
     });
-    play.until(40.0);
-    assert_eq!(play.trips.len(), 3, "{:?}", play.trips);
+    let at_stop = |play: &Play| {
+        play.trips
+            .iter()
+            .filter(|trip| trip.1 == Trip::AtStop)
+            .count()
+    };
+    play.until(47.9);
+    assert_eq!(at_stop(&play), 3, "{:?}", play.trips);
     play.guarded.release();
-    play.until(47.0);
-    assert_eq!(play.trips.len(), 4, "{:?}", play.trips);
+    play.until(55.0);
+    assert_eq!(at_stop(&play), 4, "{:?}", play.trips);
 }
 
 #[test]
