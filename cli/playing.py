@@ -182,9 +182,7 @@ def ready(console: Console, board: Board, unchecked: bool) -> Board:
     return replace(board, known=found)
 
 
-def _try(
-    console: Console, board: Board, number: int, player: str, found: dict[int, Axis]
-) -> None:
+def _try(console: Console, board: Board, number: int, player: str, found: dict[int, Axis]) -> None:
     """Push an axis a little; `found` then has it as it is."""
     from ergon import _core
     from ergon.live.calibration import key, remember, tried

@@ -71,7 +71,9 @@ class Key:
     def __init__(self, ways: Ways) -> None:
         self.ways, self.x, self.v, self.force, self.work = ways, 0.0, 0.0, 0.0, 0.0
         self.steps = 0
-        self._of: tuple[float, float] | None = None
+        # Found before anybody waits for a reply: scipy takes its time to load.
+        self._of = (ways.stiffness, FRICTION + ways.damping)
+        self._flow = exactly(*self._of)
 
     def hand(self) -> float:
         """Where the hand is now [m]."""

@@ -105,7 +105,8 @@ def test_a_new_list_and_its_links(config: Path, tmp_path: Path):
 
 def test_an_axis_is_the_same_however_it_is_spoken_to():
     assert key("frame+udp:1.2.3.4:5?lockstep&wide", 3) == "frame+udp:1.2.3.4:5#3"
-    assert key("haply:ws://h?id=A&lockstep", 0) == "haply:ws://h?id=A#0"
+    assert key("haply:ws://h?id=A&lockstep", 0) == "haply:A#0"
+    assert key("haply:ws://h?lockstep", 0) == "haply:ws://h#0"
 
 
 @pytest.mark.parametrize(
@@ -154,6 +155,7 @@ def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture)
         assert 0.1 < board.strongest < 4.01
         device = _core.Device(board.url, [known(board.url)[0].told(0)])
         assert device.direction(0, 1e-3) == 1.0
+        device.close()
         assert app.run(["devices", "calibrate", board.url, "--turned", "--seconds", "0"]) == 0
     assert known(board.url)[0].gain == -1.0
     assert known(board.url)[0].range == pytest.approx((-0.05, 0.05))
@@ -185,7 +187,9 @@ render: {tail: 0.2s}
 """
 
 
-def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(config: Path, tmp_path: Path, capsys: Capture):
+def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
+    config: Path, tmp_path: Path, capsys: Capture
+):
     (tmp_path / "s.yaml").write_text(SCORE)
     duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--live"]
     with Board(-1e-3) as board:

@@ -91,7 +91,9 @@ def test_in_lockstep_too_a_motor_wired_wrongly_is_refused(tmp_path: Path):
         assert code == 0, told
         assert "tripped" not in told
         log = board.log()
-    pulses = log[: np.flatnonzero(np.abs(log["asked"]) > 4.01)[0]] if log["asked"].max() > 4.01 else log
+    pulses = (
+        log[: np.flatnonzero(np.abs(log["asked"]) > 4.01)[0]] if log["asked"].max() > 4.01 else log
+    )
     assert np.abs(pulses["x"]).max() < 8e-3
 
 
