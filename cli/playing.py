@@ -199,7 +199,7 @@ def _try(console: Console, board: Board, number: int, player: str, found: dict[i
             console.warn(f"{player}: {error}; an emulated key plays without")
             return
         raise Refused(f"{player}: {error} (--unchecked plays without)") from None
-    if axis.sign != sign and (board.emulated or board.in_lockstep):
+    if axis.sign != sign and board.emulated:
         raise Refused(
             f"{player}: the motor pushes the wrong way; `ergon devices calibrate {board.url} "
             f"--axis {number}` puts it right (--unchecked plays without)"

@@ -45,11 +45,6 @@ class Board:
             or (self.kind == "frame+udp" and where.removeprefix("//").startswith("127."))
         )
 
-    @property
-    def in_lockstep(self) -> bool:
-        """Whether each of its replies is waited for."""
-        return "lockstep" in self.url.partition("?")[2].split("&")
-
 
 def config_path() -> Path:
     """The user's list of devices."""

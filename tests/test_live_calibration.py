@@ -148,24 +148,26 @@ def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture)
 
 def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture):
     with Board(-1e-3) as board:
-        assert app.run(["devices", "calibrate", board.url, "--seconds", "0"]) == 0
+        assert app.run(["devices", "calibrate", board.in_lockstep, "--seconds", "0"]) == 0
         assert "the other way round, which is put right" in capsys.readouterr().err
-        assert known(board.url)[0].sign == -1
+        assert known(board.in_lockstep)[0].sign == -1
         # A fifth of its force is as much as it gets.
         assert 0.1 < board.strongest < 4.01
-        device = _core.Device(board.url, [known(board.url)[0].told(0)])
+        device = _core.Device(board.in_lockstep, [known(board.in_lockstep)[0].told(0)])
         assert device.direction(0, 1e-3) == 1.0
         device.close()
-        assert app.run(["devices", "calibrate", board.url, "--turned", "--seconds", "0"]) == 0
-    assert known(board.url)[0].gain == -1.0
-    assert known(board.url)[0].range == pytest.approx((-0.05, 0.05))
+        assert (
+            app.run(["devices", "calibrate", board.in_lockstep, "--turned", "--seconds", "0"]) == 0
+        )
+    assert known(board.in_lockstep)[0].gain == -1.0
+    assert known(board.in_lockstep)[0].range == pytest.approx((-0.05, 0.05))
 
 
 def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
     with Board(0.0) as board:
-        assert app.run(["devices", "calibrate", board.url]) == 2
+        assert app.run(["devices", "calibrate", board.in_lockstep]) == 2
         assert "did not move" in capsys.readouterr().err
-        assert app.run(["devices", "calibrate", board.url, "--axis", "3"]) == 2
+        assert app.run(["devices", "calibrate", board.in_lockstep, "--axis", "3"]) == 2
         assert "it has no axis 3" in capsys.readouterr().err
     assert not config.exists()
     assert app.run(["devices", "calibrate", "frame:/dev/nowhere"]) == 3
@@ -193,25 +195,25 @@ def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
     (tmp_path / "s.yaml").write_text(SCORE)
     duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--live"]
     with Board(-1e-3) as board:
-        assert app.run([*duet, f"remi={board.url}", "--plain", "--unchecked"]) == 0
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain", "--unchecked"]) == 0
         assert "let go of the key" not in capsys.readouterr().err
         assert not config.exists()
-        assert app.run([*duet, f"remi={board.url}", "--plain", "--record", "a.take"]) == 0
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain", "--record", "a.take"]) == 0
         assert "let go of the key" in capsys.readouterr().err
-        assert known(board.url)[0].sign == -1
+        assert known(board.in_lockstep)[0].sign == -1
         # Who answers at an address is not known by what answered there before.
-        assert app.run([*duet, f"remi={board.url}", "--plain"]) == 0
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
         assert "let go of the key" in capsys.readouterr().err
         board.gain = 1e-3
-        assert app.run([*duet, f"remi={board.url}", "--plain"]) == 0
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
         assert "taken for another board" in capsys.readouterr().err
-        assert known(board.url)[0].sign == 1
+        assert known(board.in_lockstep)[0].sign == 1
         board.gain = -1e-3
     about = json.loads(_core.read_recording("a.take").about)
-    assert about["axes"][0]["device"] == f"{board.url}#0"
+    assert about["axes"][0]["device"] == f"{board.in_lockstep}#0"
     assert about["axes"][0]["calibration"]["sign"] == -1
     with Board(0.0) as stuck:
-        assert app.run([*duet, f"remi={stuck.url}"]) == 2
+        assert app.run([*duet, f"remi={stuck.in_lockstep}"]) == 2
         said = capsys.readouterr().err
         assert "remi: the axis did not move" in said
         assert "--unchecked" in said

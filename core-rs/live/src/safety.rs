@@ -33,8 +33,10 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     // Disarmed before the device closes its port.
     _armed: Option<Armed>,
     pipeline: Pipeline,
-    /// Whether force and motion agree; none while a direction is found out.
+    /// Whether force and motion agree, if that is watched.
     watched: Option<Watched>,
+    period: f64,
+    force: f64,
     /// Why each axis tripped, if it did.
     trips: [Option<Trip>; MAX_AXES],
     device: D,
@@ -44,27 +46,30 @@ impl<D: Device> Guarded<D> {
     /// Guard a device that is sent forces once in every `period` [s].
     pub fn new(device: D, limits: Limits, period: f64) -> Self {
         let spec = device.spec();
-        let built: Vec<Built> = (0..spec.dof)
-            .map(|axis| Built {
-                range: device.range(axis),
-                resolution: spec.pos_lsb,
-                inertia: spec.inertia,
-                force: limits.force.min(spec.force_max_peak),
-            })
-            .collect();
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
             pipeline: Pipeline::new(spec, limits, period),
-            watched: Some(Watched::new(&built, period)),
+            watched: None,
+            period,
+            force: limits.force.min(spec.force_max_peak),
             trips: [None; MAX_AXES],
             device,
         }
     }
 
-    /// The same for a device of which it is not known yet which way its motors push.
+    /// The same, and force and motion have to agree: for a device that is played, not for one that is found out about.
     #[must_use]
-    pub fn unwatched(mut self) -> Self {
-        self.watched = None;
+    pub fn watched(mut self) -> Self {
+        let spec = self.device.spec();
+        let built: Vec<Built> = (0..spec.dof)
+            .map(|axis| Built {
+                range: self.device.range(axis),
+                resolution: spec.pos_lsb,
+                inertia: spec.inertia,
+                force: self.force,
+            })
+            .collect();
+        self.watched = Some(Watched::new(&built, self.period));
         self
     }
 

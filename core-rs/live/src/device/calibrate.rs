@@ -193,8 +193,7 @@ pub fn direction<D: Device>(
         ..Limits::of(device.spec())
     };
     let step = 3.0 * device.spec().pos_lsb;
-    let guarded = Guarded::new(device, limits, period).unwatched();
-    let mut pace = Pace::new(guarded, period, stop);
+    let mut pace = Pace::new(Guarded::new(device, limits, period), period, stop);
     pace.at_rest(axis, pulse.length)?;
     let mut moved = [0.0; 2];
     for (moved, side) in moved.iter_mut().zip([1.0, -1.0]) {

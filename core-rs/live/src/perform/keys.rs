@@ -214,7 +214,7 @@ impl Known {
         let own = Limits::of(device.spec());
         let force = self.most.map_or(own.force, |most| most.min(own.force));
         let limits = Limits { force, ..own };
-        Box::new(Guarded::new(device, limits, self.period))
+        Box::new(Guarded::new(device, limits, self.period).watched())
     }
 }
 

@@ -335,6 +335,8 @@ impl Watched {
 }
 
 #[cfg(test)]
+mod hands;
+#[cfg(test)]
 mod played;
 #[cfg(test)]
 mod tests;

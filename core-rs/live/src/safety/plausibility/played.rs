@@ -140,7 +140,7 @@ impl Play {
     pub(super) fn new(key: Key, scene: Scene) -> Self {
         let limits = Limits::of(key.spec());
         Self {
-            guarded: Guarded::new(key, limits, PERIOD),
+            guarded: Guarded::new(key, limits, PERIOD).watched(),
             scene,
             before: 0.0,
             sample: Sample::default(),
