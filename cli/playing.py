@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.exchange.frozen import Checked
     from ergon.live.boards import Board
+    from ergon.live.calibration import Axis
     from ergon.live.osc import Osc
     from ergon.live.perform import Order
     from ergon.scores.reading.piece import Piece
@@ -161,29 +162,58 @@ def boards_of(piece: Piece, wishes: Wishes) -> list[Board]:
 
 
 def ready(console: Console, board: Board, unchecked: bool) -> Board:
-    """The device with what is known of its axes; those that never played are tried first.
+    """The device with what is known of its axes; those of a board that may be another are tried.
 
     The classic accident is a motor wired the other way round: it drives away what it should hold.
     """
     from ergon import _core
     from ergon.live.boards import BoardError
-    from ergon.live.calibration import known, remember, tried
+    from ergon.live.calibration import certain, known
 
     try:
         found = known(board.url)
+        sure = certain(board.url)
         for number, player in board.axes:
-            if number in found or board.emulated or unchecked:
-                continue
-            console.say(f"{player}: let go of the key; a small pulse finds out which way it goes")
-            found[number] = tried(board.url, number)
-            remember(board.url, number, found[number])
+            if board.kind != "emul" and not unchecked and number not in sure:
+                _try(console, board, number, player, found)
     except BoardError as error:
         raise Refused(f"--live: {error}") from None
-    except _core.UnsureError as error:
-        raise Refused(f"{player}: {error} (--unchecked plays without)") from None
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
     return replace(board, known=found)
+
+
+def _try(console: Console, board: Board, number: int, player: str, found: dict[int, Axis]) -> None:
+    """Push an axis a little; `found` then has it as it is."""
+    from ergon import _core
+    from ergon.live.calibration import key, remember, tried
+
+    before = found.get(number)
+    sign = 1 if before is None else before.sign
+    console.say(f"{player}: let go of the key; a small pulse finds out which way it goes")
+    try:
+        axis = tried(board.url, number, before)
+        if board.emulated and axis.sign != sign:  # or a hand that moves it went along
+            axis = tried(board.url, number, before)
+    except _core.UnsureError as error:
+        if board.emulated:
+            console.warn(f"{player}: {error}; an emulated key plays without")
+            return
+        raise Refused(f"{player}: {error} (--unchecked plays without)") from None
+    if axis.sign != sign and board.emulated:
+        raise Refused(
+            f"{player}: the motor pushes the wrong way; `ergon devices calibrate {board.url} "
+            f"--axis {number}` puts it right (--unchecked plays without)"
+        )
+    if axis is before or board.emulated:
+        return
+    if before is not None:
+        console.warn(
+            f"{player}: {key(board.url, number)} goes the other way than was found before; it is "
+            "taken for another board, and what was found of its ends is left out"
+        )
+    found[number] = axis
+    remember(board.url, number, axis)
 
 
 def _osc(console: Console, wishes: Wishes) -> Osc | None:

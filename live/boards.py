@@ -31,15 +31,18 @@ class Board:
     known: Mapping[int, Axis] = field(default_factory=dict)
 
     @property
+    def kind(self) -> str:
+        """The protocol."""
+        return self.url.partition(":")[0]
+
+    @property
     def emulated(self) -> bool:
-        """Whether it is surely no machine: nobody can be hurt, and no motor be wired wrongly."""
-        target, _, options = self.url.partition("?")
-        kind, _, where = target.partition(":")
+        """Whether its address is an emulator's: a pseudo-terminal, or datagrams to this machine."""
+        where = self.url.partition("?")[0].partition(":")[2]
         return (
-            kind == "emul"
-            or "lockstep" in options.split("&")
+            self.kind == "emul"
             or where.startswith("/dev/pts/")
-            or (kind == "frame+udp" and where.removeprefix("//").startswith("127."))
+            or (self.kind == "frame+udp" and where.removeprefix("//").startswith("127."))
         )
 
 

@@ -51,21 +51,54 @@ def between(axis: Axis, low: float, high: float, apart: float) -> Axis:
     return Axis(axis.sign, 0.5 * (low + high), apart / (high - low), (-half, half), axis.force_max)
 
 
+def identity(url: str) -> str | None:
+    """What a board is called wherever it is plugged in; None where that is not certain.
+
+    A board on a serial port has the serial number that it says over USB, a Haply device its `?id=`.
+    An address says nothing of who answers there.
+    """
+    target, _, options = url.partition("?")
+    kind, _, where = target.partition(":")
+    if kind in ("firefader", "frame"):
+        return _core.serial_identity(where)
+    ids = [option[3:] for option in options.split("&") if option.startswith("id=")]
+    return f"haply:{ids[-1]}" if kind == "haply" and ids and ids[-1] else None
+
+
 def key(url: str, number: int) -> str:
-    """An axis of a device, by whatever options it is spoken to."""
+    """An axis of a board, wherever it is plugged in; of an address where nobody knows which."""
+    return f"{identity(url) or _address(url)}#{number}"
+
+
+def _address(url: str) -> str:
     target, _, options = url.partition("?")
     kept = [option for option in options.split("&") if option and option not in _MANNERS]
-    return target + ("?" + "&".join(kept) if kept else "") + f"#{number}"
+    return target + ("?" + "&".join(kept) if kept else "")
 
 
 def known(url: str) -> dict[int, Axis]:
-    """What was found of a device's axes, by their numbers. Raises BoardError."""
+    """What was found of a device's axes, by their numbers; by its address where by nothing else.
+
+    Raises BoardError.
+    """
+    return {number: axis for number, (axis, _) in _found(url).items()}
+
+
+def certain(url: str) -> set[int]:
+    """The axes of a device that were found on this very board. Raises BoardError."""
+    return {number for number, (_, is_own) in _found(url).items() if is_own}
+
+
+def _found(url: str) -> dict[int, tuple[Axis, bool]]:
     table = _table(read_config())
-    return {
-        number: _axis(name, table[name])
-        for number in range(16)
-        if (name := key(url, number)) in table
-    }
+    own, address = identity(url), _address(url)
+    found = {}
+    for number in range(16):
+        for name, is_own in ((f"{own}#{number}", own is not None), (f"{address}#{number}", False)):
+            if name in table:
+                found[number] = _axis(name, table[name]), is_own
+                break
+    return found
 
 
 def _table(config: dict[str, Any]) -> dict[str, Any]:
@@ -107,11 +140,24 @@ def _axis(name: str, row: Any) -> Axis:
     return axis
 
 
-def tried(url: str, number: int) -> Axis:
-    """Push an axis a little and see which way it goes. Raises EngineError."""
+def tried(url: str, number: int, before: Axis | None = None) -> Axis:
+    """Push an axis a little and see which way it goes: as `before`, or another board's axis.
+
+    Raises EngineError, UnsureError where it does not move both ways.
+    """
+    device = _core.Device(url, [] if before is None else [before.told(number)])
+    try:
+        sign = int(device.direction(number, 1e-3))
+        if before is None:
+            return plain(device, sign)
+    finally:
+        device.close()
+    if sign > 0:
+        return before
+    # Another motor: nothing that was found of the one before is true of it.
     device = _core.Device(url)
     try:
-        return plain(device, int(device.direction(number, 1e-3)))
+        return plain(device, -before.sign)
     finally:
         device.close()
 

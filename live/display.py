@@ -183,7 +183,15 @@ def told(event: tuple[int, str, float], players: Sequence[str], boards: Sequence
         "back": f"{board} is back: its hand takes over at the next bar",
         "took over": f"{player} plays",
         "lost": f"the physics was held up for {number:.3f} s",
-        "tripped": f"{player}'s key tripped: no force for a while",
+        "tripped: not finite": f"{player}'s key tripped: the scene asked for a force that is no "
+        "number; no force for a while",
+        "tripped: speed": f"{player}'s key tripped: it was too fast; no force for a while",
+        "tripped: wrong way": f"{player}'s key tripped: its motor pushes against what it is told; "
+        "no force until `release`, and `ergon devices calibrate` finds which way it goes",
+        "tripped: at stop": f"{player}'s key tripped: the scene pushes it into its stop; no force "
+        "until 3 s after that has ended",
+        "tripped: frozen": f"{player}'s key tripped: its position stays the same whatever the "
+        "force does; no force until it has moved for 3 s",
         "muted": "a part went beyond all bounds and is silent",
         "finer": "links stiffen beyond what a frame bears: such frames are computed finer",
     }.get(what, "")

@@ -31,6 +31,7 @@ FORCE_MAX = 20.0  # [N]
 RANGE = 0.05  # [m] to either side
 STEP = 125e-6  # [s] in which the key is moved; exact for a force and a hand that are held
 PERIOD = 1e-3  # [s] of a packet in lockstep
+OWNED = 1.0  # [s] of the wall that a host may be silent in lockstep, where there is no watchdog
 ENABLE, ASK = 1, 2
 TOUCHED, ENABLED, HOT, LET_GO = 1, 2, 4, 8
 LOG = np.dtype(
@@ -59,6 +60,7 @@ class Ways:
     watchdog: float = 0.05  # [s]; by the wall only
     motor: float = 1.0  # -1: wired the other way round
     frozen: bool = False  # the sensor shows the same place for ever
+    since: float = 0.0  # [s] of the board, from when `motor` and `frozen` are so
     hot: bool = False
     continuous: float = FORCE_MAX  # [N] that it bears for long
     lets_go: bool = False  # every reply says that it had let go
@@ -71,7 +73,9 @@ class Key:
     def __init__(self, ways: Ways) -> None:
         self.ways, self.x, self.v, self.force, self.work = ways, 0.0, 0.0, 0.0, 0.0
         self.steps = 0
-        self._of: tuple[float, float] | None = None
+        # Found before anybody waits for a reply: scipy takes its time to load.
+        self._of = (ways.stiffness, FRICTION + ways.damping)
+        self._flow = exactly(*self._of)
 
     def hand(self) -> float:
         """Where the hand is now [m]."""
@@ -117,6 +121,11 @@ class Board:
         self.began = time.monotonic()
         self.heard: float | None = None
         self.let_go, self.shown = False, 0.0
+        self.owner: object = None  # the host whose forces act; nobody else is answered
+
+    def is_faulty(self) -> bool:
+        """Whether what is wrong with it is so by now."""
+        return self.key.steps * STEP >= self.ways.since
 
     def run_to(self, now: float) -> None:
         """Go on by the wall; after a silence of the host the motor lets go."""
@@ -126,11 +135,15 @@ class Board:
         quiet = None if self.heard is None else self.heard + self.ways.watchdog
         while self.key.steps < due:
             if quiet is not None and self.began + self.key.steps * STEP > quiet:
-                self.key.force, self.let_go = 0.0, True
+                self.key.force, self.let_go, self.owner = 0.0, True, None
             self.key.step()
 
-    def answer(self, packet: bytes, now: float) -> bytes | None:
-        """The reply to a packet; none to what is no packet."""
+    def answer(self, packet: bytes, now: float, host: object = None) -> bytes | None:
+        """The reply to a packet; none to what is no packet, or to another than the owner."""
+        self.run_to(now)
+        silent = self.heard is None or now - self.heard > OWNED
+        if self.owner is not None and self.owner != host and not (self.lockstep and silent):
+            return None
         if packet[:2] != b"\xa5\x5a" or crc(packet[2:-2]) != packet[-2:]:
             return None
         number, n = struct.unpack_from("<HB", packet, 2)
@@ -148,8 +161,10 @@ class Board:
         had_let_go, key = self.let_go, self.key
         if not flags & ASK:
             given = asked if flags & ENABLE else 0.0
-            key.force = self.ways.motor * max(-FORCE_MAX, min(FORCE_MAX, given))
+            motor = self.ways.motor if self.is_faulty() else 1.0
+            key.force = motor * max(-FORCE_MAX, min(FORCE_MAX, given))
             self.heard, self.let_go = now, False
+            self.owner = host if flags & ENABLE else None
             for _ in range(round(PERIOD / STEP) if self.lockstep else 0):
                 key.step()
         bits = [
@@ -159,7 +174,7 @@ class Board:
             (had_let_go or self.ways.lets_go, LET_GO),
         ]
         status = sum(bit for is_so, bit in bits if is_so)
-        if not self.ways.frozen:
+        if not (self.ways.frozen and self.is_faulty()):
             self.shown = round(key.x / 1e-5) * 1e-5  # the sensor's step
         if not flags & ASK:
             at = key.steps * STEP if self.lockstep else now
@@ -185,7 +200,7 @@ def serve(board: Board, log: Path | None) -> None:
         board.run_to(now)
         if wire in ready:
             packet, host = wire.recvfrom(512)
-            if (reply := board.answer(packet, time.monotonic())) is not None:
+            if (reply := board.answer(packet, time.monotonic(), host)) is not None:
                 wire.sendto(reply, host)
         if sys.stdin in ready:
             line = sys.stdin.readline()

@@ -12,7 +12,7 @@ from ergon import _core
 from ergon.cli import app
 from ergon.live import boards
 from ergon.live.boards import BoardError, config_path
-from ergon.live.calibration import Axis, key, known, remember
+from ergon.live.calibration import Axis, certain, key, known, remember
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
 Capture = pytest.CaptureFixture[str]
@@ -124,7 +124,8 @@ def test_a_new_list_and_its_links(config: Path, tmp_path: Path):
 
 def test_an_axis_is_the_same_however_it_is_spoken_to():
     assert key("frame+udp:1.2.3.4:5?lockstep&wide", 3) == "frame+udp:1.2.3.4:5#3"
-    assert key("haply:ws://h?id=A&lockstep", 0) == "haply:ws://h?id=A#0"
+    assert key("haply:ws://h?id=A&lockstep", 0) == "haply:A#0"
+    assert key("haply:ws://h?lockstep", 0) == "haply:ws://h#0"
 
 
 @pytest.mark.parametrize(
@@ -132,14 +133,14 @@ def test_an_axis_is_the_same_however_it_is_spoken_to():
     [
         ("emul:", True),
         ("firefader:/dev/pts/3", True),
-        ("frame:/dev/ttyACM0?wide&lockstep", True),
+        ("frame:/dev/ttyACM0?wide&lockstep", False),
         ("frame+udp://127.0.0.1:9", True),
         ("frame+udp:192.168.1.7:9", False),
         ("firefader:/dev/ttyACM0", False),
         ("haply:ws://127.0.0.1:10001", False),
     ],
 )
-def test_what_is_surely_no_machine(url: str, is_one: bool):
+def test_what_is_an_emulators_address(url: str, is_one: bool):
     assert boards.Board(url, ()).emulated is is_one
 
 
@@ -166,23 +167,26 @@ def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture)
 
 def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture):
     with Board(-1e-3) as board:
-        assert app.run(["devices", "calibrate", board.url, "--seconds", "0"]) == 0
+        assert app.run(["devices", "calibrate", board.in_lockstep, "--seconds", "0"]) == 0
         assert "the other way round, which is put right" in capsys.readouterr().err
-        assert known(board.url)[0].sign == -1
+        assert known(board.in_lockstep)[0].sign == -1
         # A fifth of its force is as much as it gets.
         assert 0.1 < board.strongest < 4.01
-        device = _core.Device(board.url, [known(board.url)[0].told(0)])
+        device = _core.Device(board.in_lockstep, [known(board.in_lockstep)[0].told(0)])
         assert device.direction(0, 1e-3) == 1.0
-        assert app.run(["devices", "calibrate", board.url, "--turned", "--seconds", "0"]) == 0
-    assert known(board.url)[0].gain == -1.0
-    assert known(board.url)[0].range == pytest.approx((-0.05, 0.05))
+        device.close()
+        assert (
+            app.run(["devices", "calibrate", board.in_lockstep, "--turned", "--seconds", "0"]) == 0
+        )
+    assert known(board.in_lockstep)[0].gain == -1.0
+    assert known(board.in_lockstep)[0].range == pytest.approx((-0.05, 0.05))
 
 
 def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
     with Board(0.0) as board:
-        assert app.run(["devices", "calibrate", board.url]) == 2
+        assert app.run(["devices", "calibrate", board.in_lockstep]) == 2
         assert "did not move" in capsys.readouterr().err
-        assert app.run(["devices", "calibrate", board.url, "--axis", "3"]) == 2
+        assert app.run(["devices", "calibrate", board.in_lockstep, "--axis", "3"]) == 2
         assert "it has no axis 3" in capsys.readouterr().err
     assert not config.exists()
     assert app.run(["devices", "calibrate", "frame:/dev/nowhere"]) == 3
@@ -204,23 +208,31 @@ render: {tail: 0.2s}
 """
 
 
-def test_before_an_axis_plays_it_is_tried_once(config: Path, tmp_path: Path, capsys: Capture):
+def test_an_axis_at_an_address_is_tried_before_it_plays_each_time(
+    config: Path, tmp_path: Path, capsys: Capture
+):
     (tmp_path / "s.yaml").write_text(SCORE)
     duet = ["duet", "s.yaml", "--audio", "null", "--gain", "-20dB", "--live"]
     with Board(-1e-3) as board:
-        assert app.run([*duet, f"remi={board.url}", "--plain", "--unchecked"]) == 0
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain", "--unchecked"]) == 0
         assert "let go of the key" not in capsys.readouterr().err
         assert not config.exists()
-        assert app.run([*duet, f"remi={board.url}", "--plain", "--record", "a.take"]) == 0
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain", "--record", "a.take"]) == 0
         assert "let go of the key" in capsys.readouterr().err
-        assert known(board.url)[0].sign == -1
-        assert app.run([*duet, f"remi={board.url}", "--plain"]) == 0
-        assert "let go of the key" not in capsys.readouterr().err
+        assert known(board.in_lockstep)[0].sign == -1
+        # Who answers at an address is not known by what answered there before.
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
+        assert "let go of the key" in capsys.readouterr().err
+        board.gain = 1e-3
+        assert app.run([*duet, f"remi={board.in_lockstep}", "--plain"]) == 0
+        assert "taken for another board" in capsys.readouterr().err
+        assert known(board.in_lockstep)[0].sign == 1
+        board.gain = -1e-3
     about = json.loads(_core.read_recording("a.take").about)
-    assert about["axes"][0]["device"] == f"{board.url}#0"
+    assert about["axes"][0]["device"] == f"{board.in_lockstep}#0"
     assert about["axes"][0]["calibration"]["sign"] == -1
     with Board(0.0) as stuck:
-        assert app.run([*duet, f"remi={stuck.url}"]) == 2
+        assert app.run([*duet, f"remi={stuck.in_lockstep}"]) == 2
         said = capsys.readouterr().err
         assert "remi: the axis did not move" in said
         assert "--unchecked" in said
@@ -235,3 +247,34 @@ def test_a_force_answers_one_tick_after_its_cause(tmp_path: Path):
     forces, sent = found.forces()[:, 0], found.sent()[:, 0]
     assert np.any(forces)
     assert np.flatnonzero(sent)[0] == np.flatnonzero(forces)[0] + 1
+
+
+def test_a_board_is_itself_at_any_port(config: Path, monkeypatch: pytest.MonkeyPatch):
+    plugged = {"/dev/ttyACM0": "usb:16c0:0483:11", "/dev/ttyACM1": "usb:16c0:0483:22"}
+    monkeypatch.setattr(_core, "serial_identity", plugged.get)
+    remember("frame:/dev/ttyACM0?lockstep", 2, AXIS)
+    assert '[calibration."usb:16c0:0483:11#2"]' in config.read_text()
+    assert known("frame:/dev/ttyACM0") == {2: AXIS}
+    assert certain("frame:/dev/ttyACM0") == {2}
+    assert known("frame:/dev/ttyACM1") == {}
+    # Plugged in the other way round.
+    plugged["/dev/ttyACM0"], plugged["/dev/ttyACM1"] = plugged["/dev/ttyACM1"], "usb:16c0:0483:11"
+    assert known("frame:/dev/ttyACM0") == {}
+    assert certain("frame:/dev/ttyACM1") == {2}
+
+
+def test_an_entry_of_a_path_counts_only_until_it_is_tried(
+    config: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(_core, "serial_identity", lambda path: None)
+    remember("frame:/dev/ttyACM0", 0, AXIS)
+    assert known("frame:/dev/ttyACM0") == {0: AXIS}
+    assert certain("frame:/dev/ttyACM0") == set()
+    # The board that is there now has a number: what is found of it is its own.
+    monkeypatch.setattr(_core, "serial_identity", lambda path: "usb:16c0:0483:11")
+    assert known("frame:/dev/ttyACM0") == {0: AXIS}
+    assert certain("frame:/dev/ttyACM0") == set()
+    other = Axis(1, 0.0, 1.0, (-0.05, 0.05), 1.0)
+    remember("frame:/dev/ttyACM0", 0, other)
+    assert known("frame:/dev/ttyACM0") == {0: other}
+    assert certain("frame:/dev/ttyACM0") == {0}

@@ -94,6 +94,12 @@ pub(crate) fn serial_ports(py: Python<'_>) -> Vec<(String, Option<(u16, u16, Str
         .collect()
 }
 
+/// What the board on a serial port is called wherever it is plugged in; None where that is not certain.
+#[pyfunction]
+pub(crate) fn serial_identity(py: Python<'_>, path: &str) -> Option<String> {
+    py.detach(|| ports::identity(path))
+}
+
 /// Wake like the physics thread for so many seconds, a period [s] apart.
 #[pyfunction]
 pub(crate) fn checkup(py: Python<'_>, seconds: f64, period: f64) -> PyResult<Checkup> {

@@ -37,7 +37,7 @@ mod _core {
     #[pymodule_export]
     use super::chance::Chance;
     #[pymodule_export]
-    use super::device::{Checkup, Device, checkup, serial_ports};
+    use super::device::{Checkup, Device, checkup, serial_identity, serial_ports};
     #[pymodule_export]
     use super::emulator::emulate;
     #[pymodule_export]

@@ -12,6 +12,7 @@ use ergon_live::perform::{
     self, Bound, Guide, Hand, How, Keyboard, Known, Share, Stage, Stem, Step, What,
 };
 use ergon_live::recording::{Axis, Header};
+use ergon_live::safety::Trip;
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
@@ -333,13 +334,23 @@ fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {
     frozen.into_iter().map(stem).collect()
 }
 
+fn tripped(why: Trip) -> &'static str {
+    match why {
+        Trip::NotFinite => "tripped: not finite",
+        Trip::Speed => "tripped: speed",
+        Trip::WrongWay => "tripped: wrong way",
+        Trip::AtStop => "tripped: at stop",
+        Trip::Frozen => "tripped: frozen",
+    }
+}
+
 fn told(event: perform::Event) -> Told {
     let (what, number) = match event.what {
         What::Gone(board) => ("gone", board as f64),
         What::Back(board) => ("back", board as f64),
         What::TookOver(hand) => ("took over", hand as f64),
         What::Lost(late) => ("lost", late.as_secs_f64()),
-        What::Tripped(hand) => ("tripped", hand as f64),
+        What::Tripped(hand, why) => (tripped(why), hand as f64),
         What::Muted => ("muted", 0.0),
         What::Finer => ("finer", 0.0),
         What::Changed(ticket) => ("changed", ticket as f64),

@@ -11,7 +11,6 @@ mod spring;
 
 pub use certify::{Certificate, Means, Word};
 pub(crate) use certify::{Top, top};
-pub(crate) use discretise::magic;
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};
 

@@ -9,6 +9,8 @@ mod emulated;
 mod firefader;
 mod frame;
 mod haply;
+#[cfg(unix)]
+mod owner;
 mod port;
 pub mod ports;
 mod stats;
@@ -110,6 +112,9 @@ pub enum Gone {
     /// In lockstep a reply did not come.
     #[error("the device no longer answers")]
     Silent,
+    /// It answers requests that are not ours.
+    #[error("another program sends forces to the device")]
+    Shared,
     /// The system refused; its error number.
     #[error("the port failed (error {0})")]
     System(i32),
@@ -149,6 +154,11 @@ pub trait Device: Send {
     /// What it is.
     fn spec(&self) -> &Spec;
 
+    /// Least and greatest position of an axis, where it is known closer than [`Spec::pos_range`].
+    fn range(&self, _axis: usize) -> [f64; 2] {
+        self.spec().pos_range
+    }
+
     /// Send a force for every axis.
     ///
     /// # Errors
@@ -186,6 +196,9 @@ macro_rules! devices {
         impl$(<$d: Device + ?Sized>)? Device for $holder {
             fn spec(&self) -> &Spec {
                 (**self).spec()
+            }
+            fn range(&self, axis: usize) -> [f64; 2] {
+                (**self).range(axis)
             }
             fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
                 (**self).send(force)

@@ -166,6 +166,8 @@ pub(crate) struct Desk {
     stop: AtomicBool,
     /// Forces are zero, sound is silent.
     panic: AtomicBool,
+    /// Axes that tripped may push again.
+    again: AtomicBool,
     /// The last frame is out.
     done: AtomicBool,
     /// What the physics thread runs as: priority + 1, memory locked in the lowest bit.
@@ -495,10 +497,11 @@ impl Brake {
         self.sound.panic();
     }
 
-    /// Sound and force again, after a panic and after [`stop::Stop::Forces`].
+    /// Sound and force again, after a panic, after [`stop::Stop::Forces`] and after a key tripped.
     pub fn release(&self) {
         stop::release();
         self.desk.panic.store(false, Ordering::Release);
+        self.desk.again.store(true, Ordering::Release);
         self.sound.release();
     }
 

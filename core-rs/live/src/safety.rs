@@ -12,12 +12,14 @@ mod last_resort;
 mod limits;
 pub mod margin;
 mod pipeline;
+mod plausibility;
 mod stages;
 pub mod stiffness;
 
 pub use counts::Counts;
 pub use force::SafeForce;
 pub use limits::Limits;
+pub use plausibility::Trip;
 
 use std::time::{Duration, Instant};
 
@@ -27,6 +29,7 @@ use clock::Clock;
 use last_resort::Armed;
 pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};
 use pipeline::Pipeline;
+use plausibility::{Built, Watched};
 
 /// How often zero forces are sent when all is over: one packet may be lost.
 const FAREWELLS: usize = 3;
@@ -36,6 +39,13 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     // Disarmed before the device closes its port.
     _armed: Option<Armed>,
     pipeline: Pipeline,
+    /// Whether force and motion agree, if that is watched.
+    watched: Option<Watched>,
+    period: f64,
+    /// Greatest force [N].
+    force: f64,
+    /// Why each axis tripped, if it did.
+    trips: [Option<Trip>; MAX_AXES],
     /// By [`Guarded::stop`]; and whether the pipeline is, by that or by the stop of the process.
     stopped: bool,
     held: bool,
@@ -70,14 +80,35 @@ impl<D: Device> Guarded<D> {
     /// Guard a device that is sent forces once in every `period` [s].
     pub fn new(device: D, limits: Limits, period: f64) -> Self {
         let in_lockstep = device.in_lockstep();
+        let spec = device.spec();
         Self {
             _armed: device.last_resort().and_then(last_resort::arm),
-            pipeline: Pipeline::new(device.spec(), limits, period, in_lockstep),
+            pipeline: Pipeline::new(spec, limits, period, in_lockstep),
+            watched: None,
+            period,
+            force: limits.force.min(spec.force_max_peak),
+            trips: [None; MAX_AXES],
             stopped: false,
             held: false,
             clock: Clock::new(in_lockstep, period),
             device,
         }
+    }
+
+    /// The same, and force and motion have to agree: for a device that is played, not for one that is found out about.
+    #[must_use]
+    pub fn watched(mut self) -> Self {
+        let spec = self.device.spec();
+        let built: Vec<Built> = (0..spec.dof)
+            .map(|axis| Built {
+                range: self.device.range(axis),
+                resolution: spec.pos_lsb,
+                inertia: spec.inertia,
+                force: self.force,
+            })
+            .collect();
+        self.watched = Some(Watched::new(&built, self.period));
+        self
     }
 
     /// What the device is.
@@ -106,7 +137,7 @@ impl<D: Device> Guarded<D> {
     pub fn send(&mut self, forces: &[f64]) -> Result<SafeForce, Gone> {
         self.hold();
         self.clock.tick();
-        let mut safe = self.pipeline.pass(forces, self.clock.now());
+        let mut safe = self.pass(forces);
         if stop::has_let_go() || self.pipeline.was_stopped(self.clock.now()) {
             safe = self.pipeline.withdraw();
         }
@@ -115,7 +146,31 @@ impl<D: Device> Guarded<D> {
             safe = self.pipeline.withdraw();
             self.device.zero();
         }
+        if let Some(watched) = &mut self.watched {
+            watched.sent(safe.newtons());
+        }
         Ok(safe)
+    }
+
+    fn pass(&mut self, forces: &[f64]) -> SafeForce {
+        let now = self.clock.now();
+        let safe = match &mut self.watched {
+            Some(watched) => self.pipeline.pass(&watched.pass(forces), now),
+            None => self.pipeline.pass(forces, now),
+        };
+        for (axis, trip) in self.trips.iter_mut().enumerate() {
+            let asked = forces.get(axis).copied().unwrap_or(0.0);
+            *trip = if let Some(own) = self.watched.as_ref().and_then(|own| own.trip(axis)) {
+                Some(own)
+            } else if !self.pipeline.tripped(axis) {
+                None
+            } else if asked.is_finite() {
+                trip.or(Some(Trip::Speed))
+            } else {
+                Some(Trip::NotFinite)
+            };
+        }
+        safe
     }
 
     /// Take the newest positions, as [`Device::receive`] does.
@@ -126,6 +181,9 @@ impl<D: Device> Guarded<D> {
         let fresh = self.device.receive(into, deadline)?;
         if fresh {
             self.pipeline.observe(into, self.clock.now());
+            if let Some(watched) = &mut self.watched {
+                watched.observe(&into.position);
+            }
         }
         Ok(fresh)
     }
@@ -145,11 +203,21 @@ impl<D: Device> Guarded<D> {
         }
     }
 
+    /// Axes that tripped because force and motion disagreed may push again.
+    pub fn release(&mut self) {
+        if let Some(watched) = &mut self.watched {
+            watched.release();
+        }
+    }
+
     fn hold(&mut self) {
         let held = self.stopped || stop::has_let_go();
         if held != self.held {
             self.held = held;
             self.pipeline.stop(held);
+            if !held {
+                self.release();
+            }
         }
     }
 
@@ -158,9 +226,9 @@ impl<D: Device> Guarded<D> {
         self.pipeline.scale(axis, gain);
     }
 
-    /// Whether an axis has tripped and is held at zero.
-    pub fn tripped(&self, axis: usize) -> bool {
-        self.pipeline.tripped(axis)
+    /// Why an axis has tripped and is held at zero, if it is.
+    pub fn tripped(&self, axis: usize) -> Option<Trip> {
+        self.trips.get(axis).copied().flatten()
     }
 
     /// What motors and hands have borne so far.

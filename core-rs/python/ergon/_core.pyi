@@ -950,6 +950,9 @@ def guard_haply() -> None:
 def serial_ports() -> list[tuple[str, tuple[int, int, str, str] | None]]:
     """(path, (vendor, product, name, serial number) of what came by USB) each; opens none."""
 
+def serial_identity(path: str) -> str | None:
+    """What the board on a serial port is called wherever it is plugged in; None where unsure."""
+
 def checkup(seconds: float, period: float) -> Checkup:
     """Wake like the physics thread for so many seconds, a period [s] apart."""
 

@@ -181,6 +181,8 @@ void setup() {
   release_all();
 }
 
+// A serial port has one host. Where packets come from several (Ethernet), answer nobody but the sender whose forces act,
+// until it sends flags without FLAG_ENABLE and FLAG_ASK, or until let_go.
 void loop() {
   while (Serial.available() && length < sizeof in) in[length++] = Serial.read();
   while (take()) {

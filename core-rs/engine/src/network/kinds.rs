@@ -1,5 +1,7 @@
 //! What modules are made from, and why they are refused.
 
+use crate::maths;
+
 /// Why a network is refused; `module` is named as the composer wrote it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -86,4 +88,24 @@ pub struct But {
     pub exponent: f64,
     /// Never pulls.
     pub clamp: bool,
+}
+
+impl But {
+    /// κ and ζ of a contact that lasts N steps and gives back e exactly: x[k+N] = −r^N·x[k] whatever
+    /// the phase of the contact, with r = e^(1/N), Nθ = π.
+    pub(crate) fn exact_restitution(&self) -> (f64, f64) {
+        let n = f64::from(self.steps);
+        let r = if self.restitution == 1.0 {
+            1.0
+        } else {
+            maths::pow(self.restitution, 1.0 / n)
+        };
+        // cos(π/2) is 6e-17 in floating point; two and three steps are the common cases and exact.
+        let cos = match self.steps {
+            2 => 0.0,
+            3 => 0.5,
+            _ => maths::cos(std::f64::consts::PI / n),
+        };
+        (1.0 + r * r - 2.0 * r * cos, 1.0 - r * r)
+    }
 }

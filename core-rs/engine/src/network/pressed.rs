@@ -1,8 +1,7 @@
 //! What a hand can reach of a scene, with all its contacts closed: as stiff as the hand can meet it.
 
 use super::{Contact, LinkKind, MatKind, Network, Run};
-use crate::plan::forest::{Forest, ends};
-use crate::scheme::{magic, moves};
+use crate::network::forest::{Forest, ends};
 
 /// Contacts and laws that harden are looked at this deep [m] at least.
 pub const DEEP: f64 = 1e-3;
@@ -41,7 +40,7 @@ impl Network {
     pub fn met(&self, mat: usize, moment: &Moment, deep: f64, rate: f64) -> Met {
         let is_off = |link: usize| moment.without.contains(&link);
         let is_held = |other: usize| other != mat && moment.held.contains(&other);
-        let goes = |other: usize| other == mat || moves(self.mats.kind[other]);
+        let goes = |other: usize| other == mat || self.mats.kind[other].moves();
         let (mut through, mut own) = (Forest::new(self.n_mat()), Forest::new(self.n_mat()));
         for (_, a, b) in ends(self).filter(|&(link, ..)| !is_off(link)) {
             if goes(a) && goes(b) {
@@ -101,7 +100,7 @@ impl Network {
             mats, runs, parts, ..
         } = self;
         let give = |mat: usize| {
-            let is_free = mat != hand && moves(mats.kind[mat]);
+            let is_free = mat != hand && mats.kind[mat].moves();
             if is_free { 1.0 / mats.m[mat] } else { 0.0 }
         };
         for run in runs {
@@ -151,7 +150,7 @@ fn stiffest(run: &Run, deep: f64, give: f64, per_mass: f64) -> (f64, f64) {
         LinkKind::Ref => (run.k, run.z),
         LinkKind::But(but) if but.contact == Contact::Magic => {
             let mass = if give > 0.0 { 1.0 / give } else { 0.0 };
-            let (k, z) = magic(but);
+            let (k, z) = but.exact_restitution();
             (k * mass * per_mass, z * mass * per_mass.sqrt())
         }
         LinkKind::But(but) => {

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use super::{Kind, Run, Scheme};
 use crate::cell::{self, Cell, Ratios};
 use crate::law::Law;
-use crate::maths;
-use crate::network::{But, Contact, Error, LinkKind, MatKind, Network};
+use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::units::Rate;
 
 /// What κ and ζ of a CEL are made from.
@@ -121,7 +120,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
                             });
                         }
                         let mu = 1.0 / (scheme.w[run.a] + scheme.w[run.b]);
-                        let (k, z) = magic(but);
+                        let (k, z) = but.exact_restitution();
                         planned.k = k * mu;
                         planned.z = z * mu;
                         scheme.runs.push(planned);
@@ -170,24 +169,6 @@ fn moved(own: Ratios, at: Rate, rate: Rate) -> Ratios {
             zeta: own.zeta * step,
         },
     }
-}
-
-/// κ and ζ of a contact that lasts N steps and gives back e exactly: x[k+N] = −r^N·x[k] whatever
-/// the phase of the contact, with r = e^(1/N), Nθ = π.
-pub(crate) fn magic(but: &But) -> (f64, f64) {
-    let n = f64::from(but.steps);
-    let r = if but.restitution == 1.0 {
-        1.0
-    } else {
-        maths::pow(but.restitution, 1.0 / n)
-    };
-    // cos(π/2) is 6e-17 in floating point; two and three steps are the common cases and exact.
-    let cos = match but.steps {
-        2 => 0.0,
-        3 => 0.5,
-        _ => maths::cos(std::f64::consts::PI / n),
-    };
-    (1.0 + r * r - 2.0 * r * cos, 1.0 - r * r)
 }
 
 /// A magic contact is exact only where nothing else acts on its two ends.

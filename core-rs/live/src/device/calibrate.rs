@@ -101,6 +101,12 @@ impl<D: Device> Device for Calibrated<D> {
         &self.spec
     }
 
+    fn range(&self, axis: usize) -> [f64; 2] {
+        self.axes
+            .get(axis)
+            .map_or(self.spec.pos_range, |axis| axis.range)
+    }
+
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         self.device.send(&force.turned(&self.gains))
     }

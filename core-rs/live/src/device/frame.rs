@@ -158,6 +158,9 @@ impl Frame {
                 }
             });
             stats.garbage = inbox.garbage;
+            if self.sent.is_shared() {
+                return Err(Gone::Shared);
+            }
             if fresh && last.as_ref().is_some_and(|last| last.seq == self.latest) {
                 return Ok(true);
             }

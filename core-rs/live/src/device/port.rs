@@ -13,8 +13,11 @@ pub(super) enum Port {
     Serial(std::os::fd::OwnedFd),
     #[cfg(not(unix))]
     Serial(Box<dyn serialport::SerialPort>),
-    /// Datagrams from and to one address.
-    Udp(UdpSocket),
+    /// Datagrams from and to one address, which no other program of this machine sends to.
+    #[cfg(unix)]
+    Udp(UdpSocket, #[expect(dead_code)] super::owner::Owned),
+    #[cfg(not(unix))]
+    Udp(UdpSocket, ()),
 }
 
 impl Port {
@@ -54,7 +57,11 @@ impl Port {
         let socket = UdpSocket::bind(here).map_err(closed)?;
         socket.connect(peer).map_err(closed)?;
         socket.set_nonblocking(true).map_err(closed)?;
-        Ok(Self::Udp(socket))
+        #[cfg(unix)]
+        let owned = super::owner::Owned::take(peer).map_err(|who| url.closed(who))?;
+        #[cfg(not(unix))]
+        let owned = ();
+        Ok(Self::Udp(socket, owned))
     }
 
     /// Send a packet; one that finds no room is dropped, as on any wire.
@@ -64,7 +71,7 @@ impl Port {
             Self::Serial(fd) => unix::write(fd, packet),
             #[cfg(not(unix))]
             Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(forgiven),
-            Self::Udp(socket) => socket.send(packet).map(drop).or_else(forgiven),
+            Self::Udp(socket, _) => socket.send(packet).map(drop).or_else(forgiven),
         }
     }
 
@@ -76,7 +83,7 @@ impl Port {
                 Self::Serial(fd) => unix::read(fd, into)?,
                 #[cfg(not(unix))]
                 Self::Serial(port) => std::io::Read::read(port, into).or_else(nothing)?,
-                Self::Udp(socket) => socket.recv(into).or_else(nothing)?,
+                Self::Udp(socket, _) => socket.recv(into).or_else(nothing)?,
             };
             let left = deadline.saturating_duration_since(Instant::now());
             if got > 0 || left.is_zero() {
@@ -104,7 +111,7 @@ impl Port {
         use std::os::fd::AsRawFd;
         match self {
             Self::Serial(fd) => fd.as_raw_fd(),
-            Self::Udp(socket) => socket.as_raw_fd(),
+            Self::Udp(socket, _) => socket.as_raw_fd(),
         }
     }
 

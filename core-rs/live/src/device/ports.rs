@@ -43,6 +43,33 @@ pub fn serial_ports() -> Vec<SerialPort> {
     ports
 }
 
+/// What a board is called wherever it is plugged in: `usb:VENDOR:PRODUCT:SERIAL`. `None` where the port's device has no
+/// serial number, or where two that are plugged in say the same of themselves.
+#[must_use]
+pub fn identity(path: &str) -> Option<String> {
+    // A name in /dev/serial/by-id is a link to the port.
+    let real = std::fs::canonicalize(path).ok()?;
+    identity_among(&serial_ports(), |own| {
+        std::fs::canonicalize(own).is_ok_and(|own| own == real)
+    })
+}
+
+fn identity_among(ports: &[SerialPort], is_it: impl Fn(&str) -> bool) -> Option<String> {
+    let name = |port: &SerialPort| {
+        let usb = port.usb.as_ref()?;
+        let serial = usb.serial.trim();
+        let Usb {
+            vendor, product, ..
+        } = usb;
+        (!serial.is_empty()).then(|| format!("usb:{vendor:04x}:{product:04x}:{serial}"))
+    };
+    let found = name(ports.iter().find(|port| is_it(&port.path))?)?;
+    let alike = ports
+        .iter()
+        .filter(|port| name(port).as_ref() == Some(&found));
+    (alike.count() == 1).then_some(found)
+}
+
 fn usb(kind: SerialPortType) -> Option<Usb> {
     let SerialPortType::UsbPort(usb) = kind else {
         return None;
@@ -53,4 +80,46 @@ fn usb(kind: SerialPortType) -> Option<Usb> {
         name: usb.product.or(usb.manufacturer).unwrap_or_default(),
         serial: usb.serial_number.unwrap_or_default(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn port(path: &str, vendor: u16, serial: Option<&str>) -> SerialPort {
+        let usb = serial.map(|serial| Usb {
+            vendor,
+            product: 0x0042,
+            name: "board".into(),
+            serial: serial.into(),
+        });
+        SerialPort {
+            path: path.into(),
+            usb,
+        }
+    }
+
+    #[test]
+    fn a_board_is_known_by_its_serial_number_and_by_nothing_less() {
+        let ports = [
+            port("/dev/ttyACM0", 0x2341, Some("85439303 ")),
+            port("/dev/ttyACM1", 0x16c0, Some("85439303")),
+            port("/dev/ttyUSB0", 0x1a86, Some("")),
+            port("/dev/ttyUSB1", 0x0403, Some("0001")),
+            port("/dev/ttyUSB2", 0x0403, Some("0001")),
+            port("/dev/ttyS0", 0, None),
+        ];
+        let of = |path: &str| identity_among(&ports, |own| own == path);
+        assert_eq!(of("/dev/ttyACM0").unwrap(), "usb:2341:0042:85439303");
+        assert_eq!(of("/dev/ttyACM1").unwrap(), "usb:16c0:0042:85439303");
+        for unsure in [
+            "/dev/ttyUSB0",
+            "/dev/ttyUSB1",
+            "/dev/ttyUSB2",
+            "/dev/ttyS0",
+            "/dev/pts/3",
+        ] {
+            assert_eq!(of(unsure), None, "{unsure}");
+        }
+    }
 }

@@ -84,11 +84,16 @@ impl Drift {
     }
 }
 
+/// So many replies to another are no leftovers of a session before.
+const SHARED: u32 = 32;
+
 /// When the latest requests were sent, by their number.
 #[derive(Clone, Debug)]
 pub(super) struct Sent {
     at: [Option<Instant>; 256],
     next: u16,
+    /// Replies to requests that nobody here sent, less half of those to ours; none before the first of ours.
+    strange: Option<u32>,
 }
 
 impl Default for Sent {
@@ -96,6 +101,7 @@ impl Default for Sent {
         Self {
             at: [None; 256],
             next: 0,
+            strange: None,
         }
     }
 }
@@ -116,6 +122,7 @@ impl Sent {
     pub(super) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
         let age = self.next.wrapping_sub(number);
         if age == 0 || age > 256 {
+            self.strange = self.strange.map(|strange| strange.saturating_add(2));
             return false;
         }
         let Some(at) = self.at[usize::from(number % 256)].take() else {
@@ -123,7 +130,13 @@ impl Sent {
         };
         stats.received += 1;
         stats.timed(now.duration_since(at));
+        self.strange = Some(self.strange.unwrap_or(0).saturating_sub(1));
         true
+    }
+
+    /// Whether the device answers somebody else as often as us.
+    pub(super) fn is_shared(&self) -> bool {
+        self.strange.is_some_and(|strange| strange > SHARED)
     }
 }
 
@@ -149,6 +162,27 @@ mod tests {
         assert_eq!(stats.lost, (0..744).filter(|i| i % 10 == 0).count() as u64);
         assert_eq!(stats.round_trip.total(), 900);
         assert_eq!(stats.round_trip.within(0.5), Duration::from_micros(100));
+    }
+
+    #[test]
+    fn replies_to_another_are_noticed_and_leftovers_are_not() {
+        let (mut sent, mut stats) = (Sent::default(), Stats::default());
+        let now = Instant::now();
+        // What another session left behind comes first.
+        for number in 30_000..30_100 {
+            assert!(!sent.answered(number, now, &mut stats));
+        }
+        for _ in 0..1000 {
+            let number = sent.number(now, &mut stats);
+            assert!(sent.answered(number, now, &mut stats));
+        }
+        assert!(!sent.is_shared());
+        for other in 0..40 {
+            let number = sent.number(now, &mut stats);
+            assert!(!sent.answered(40_000 + other, now, &mut stats));
+            assert!(sent.answered(number, now, &mut stats));
+        }
+        assert!(sent.is_shared());
     }
 
     #[test]

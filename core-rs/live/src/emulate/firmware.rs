@@ -54,6 +54,7 @@ pub struct Firmware {
     gate: [f64; MAX_AXES],
     heard: Option<Duration>,
     let_go: bool,
+    held: bool,
     packets: u64,
     /// Periods of the wall that are over.
     wall: u64,
@@ -70,6 +71,7 @@ impl Firmware {
             gate: [0.0; MAX_AXES],
             heard: None,
             let_go: false,
+            held: false,
             packets: 0,
             wall: 0,
         }
@@ -104,7 +106,7 @@ impl Firmware {
         let lets_go = silent && !self.let_go;
         if lets_go {
             self.force = [0.0; MAX_AXES];
-            self.let_go = true;
+            (self.let_go, self.held) = (true, false);
         }
         lets_go
     }
@@ -112,6 +114,11 @@ impl Firmware {
     /// When the next period by the wall begins [s].
     pub(super) fn next(&self) -> f64 {
         (self.wall + 1) as f64 * self.keys.rate().step()
+    }
+
+    /// Whether a host's forces act: until it lets go, or is silent for too long.
+    pub fn is_held(&self) -> bool {
+        self.held
     }
 
     /// The forces that act now [N]   (16, the keys' first)
@@ -149,7 +156,7 @@ impl Firmware {
     fn push(&mut self, force: impl Iterator<Item = f64>, enabled: bool, now: Duration) {
         self.packets += 1;
         self.heard = Some(now);
-        self.let_go = false;
+        (self.let_go, self.held) = (false, enabled);
         for (axis, force) in force.take(self.keys.n()).enumerate() {
             let open = !self.board.touch_gate || self.finger(axis);
             let most = force.clamp(-self.board.force_max, self.board.force_max);

@@ -82,6 +82,13 @@ impl Line {
         }
     }
 
+    /// The host has let go: whoever asks next is the host.
+    pub(super) fn free(&mut self) {
+        if let Self::Udp(line) = self {
+            line.host = None;
+        }
+    }
+
     /// Answer; a host that has gone meanwhile misses it.
     pub(super) fn write(&mut self, bytes: &[u8]) {
         match self {
@@ -102,12 +109,12 @@ impl Line {
     }
 }
 
-/// A host that has been silent for so long may be replaced by another.
+/// A host that has been silent for so long may be replaced by another: in lockstep no watchdog says so.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 pub(super) struct Datagrams {
     socket: UdpSocket,
-    /// Who asked last, and when.
+    /// Whose forces act, and when it asked last; nobody else is heard or answered.
     host: Option<(SocketAddr, Instant)>,
 }
 

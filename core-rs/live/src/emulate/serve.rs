@@ -76,6 +76,7 @@ pub fn serve(
         let now = start.elapsed();
         if firmware.run_to(now) {
             tell(Event::LetGo);
+            line.free();
         }
         let past = if lockstep {
             firmware.keys().periods() as f64 / rate
@@ -107,6 +108,9 @@ pub fn serve(
                 firmware.run_to(start.elapsed());
                 let answer = &mut |bytes: &[u8]| line.write(bytes);
                 firmware.hear(&bytes[..n], start.elapsed(), answer);
+                if !firmware.is_held() {
+                    line.free();
+                }
             }
             Heard::Gone => {
                 tell(Event::HostGone);

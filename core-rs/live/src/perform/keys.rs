@@ -9,8 +9,8 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::{Command, bearer};
 use crate::device::calibrate::{self, Axis};
-use crate::device::{self, Device, MAX_AXES, Sample, Unit, Url};
-use crate::safety::{Guarded, Limits, stiffness};
+use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, ports};
+use crate::safety::{Guarded, Limits, Trip, stiffness};
 
 /// A device that is gone is looked for so often.
 const RETRY: Duration = Duration::from_millis(500);
@@ -41,6 +41,16 @@ pub struct Known {
     pub most: Option<f64>,
     /// Of a tick [s].
     pub period: f64,
+}
+
+impl Known {
+    /// What the board is called wherever it is plugged in, if that is certain.
+    fn identity(&self) -> Option<String> {
+        let is_serial = matches!(self.url.kind, Kind::FireFader | Kind::Frame);
+        is_serial
+            .then(|| ports::identity(&self.url.target))
+            .flatten()
+    }
 }
 
 /// The physics thread's side of it.
@@ -133,6 +143,7 @@ impl Keyboard {
         let search = Search {
             key,
             axes: self.axes,
+            identity: self.known.identity(),
             known: self.known,
             index,
             gone,
@@ -167,7 +178,7 @@ impl Known {
         let own = Limits::of(device.spec());
         let force = self.most.map_or(own.force, |most| most.min(own.force));
         let limits = Limits { force, ..own };
-        Box::new(Guarded::new(device, limits, self.period))
+        Box::new(Guarded::new(device, limits, self.period).watched())
     }
 }
 
@@ -181,10 +192,10 @@ impl Slot {
         self.guarded.is_some()
     }
 
-    pub(super) fn tripped(&self, axis: usize) -> bool {
+    pub(super) fn tripped(&self, axis: usize) -> Option<Trip> {
         self.guarded
             .as_ref()
-            .is_some_and(|guarded| guarded.tripped(axis))
+            .and_then(|guarded| guarded.tripped(axis))
     }
 
     /// The force that an axis is to get [N].
@@ -203,6 +214,13 @@ impl Slot {
     pub(super) fn stop(&mut self, stopped: bool) {
         if let Some(guarded) = &mut self.guarded {
             guarded.stop(stopped);
+        }
+    }
+
+    /// What tripped may push again.
+    pub(super) fn release(&mut self) {
+        if let Some(guarded) = &mut self.guarded {
+            guarded.release();
         }
     }
 
@@ -275,6 +293,8 @@ struct Search {
     known: Known,
     key: stiffness::Key,
     axes: Vec<(usize, usize)>,
+    /// Of the board that was opened first.
+    identity: Option<String>,
     index: usize,
     gone: Arc<AtomicBool>,
     stop: Arc<AtomicBool>,
@@ -297,6 +317,10 @@ impl Search {
                 continue;
             }
             next = Instant::now() + RETRY;
+            // Another board at the same port has another motor, which nobody tried.
+            if self.identity.is_some() && self.known.identity() != self.identity {
+                continue;
+            }
             let Ok(device) = self.known.open() else {
                 continue;
             };
@@ -305,7 +329,7 @@ impl Search {
             if self.axes.iter().any(|(axis, _)| *axis >= n) {
                 continue;
             }
-            let guarded = self.known.guard(device);
+            let mut guarded = self.known.guard(device);
             if self.known.key(&guarded) != self.key {
                 continue;
             }

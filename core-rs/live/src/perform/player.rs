@@ -256,6 +256,9 @@ impl Player {
             self.slots.iter_mut().for_each(|slot| slot.stop(panicked));
             self.note(format_args!("{{\"panic\":{panicked}}}"));
         }
+        if self.links.desk.again.swap(false, Ordering::AcqRel) {
+            self.slots.iter_mut().for_each(Slot::release);
+        }
     }
 
     /// The first tick of the next bar; where there is none, the next tick.
@@ -493,15 +496,15 @@ impl Player {
             own.scale = self.scales[hand].now();
             own.touch = mover.real && slot.sample.touch[axis];
             own.enabled = mover.real && slot.sample.force_enabled[axis];
-            let tripped = slot.tripped(axis);
-            if tripped && !own.tripped {
+            let trip = slot.tripped(axis);
+            if let Some(why) = trip.filter(|_| !own.tripped) {
                 let event = Event {
                     frame: self.frame,
-                    what: What::Tripped(hand),
+                    what: What::Tripped(hand, why),
                 };
                 let _ = self.links.events.push(event);
             }
-            own.tripped = tripped;
+            own.tripped = trip.is_some();
         }
     }
 

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use crate::audio::CHANNELS_MAX;
+use crate::safety::Trip;
 
 /// Hands whose state is told.
 pub(super) const HANDS_MAX: usize = 16;
@@ -102,8 +103,8 @@ pub enum What {
     TookOver(usize),
     /// The clock was set anew after so much time.
     Lost(Duration),
-    /// A hand's forces tripped.
-    Tripped(usize),
+    /// A hand's forces tripped, and why.
+    Tripped(usize, Trip),
     /// A part of the network went beyond all bounds and is silent.
     Muted,
     /// Links of a part have stiffened so far that frames of it are computed finer.

@@ -50,6 +50,7 @@ const STATE: u8 = 0;
 const CLOSED: u8 = 1;
 const SILENT: u8 = 2;
 const SYSTEM: u8 = 3;
+const SHARED: u8 = 4;
 
 impl Order {
     pub(super) fn bytes(&self) -> Bytes {
@@ -79,6 +80,7 @@ impl Answer {
             } => pack(number, STATE, let_go, 0, position),
             Self::Gone(Gone::Closed) => gone(CLOSED, 0),
             Self::Gone(Gone::Silent) => gone(SILENT, 0),
+            Self::Gone(Gone::Shared) => gone(SHARED, 0),
             Self::Gone(Gone::System(error)) => gone(SYSTEM, error),
         }
     }
@@ -91,6 +93,7 @@ impl Answer {
                 let_go: bytes[3] != 0,
             },
             SILENT => Self::Gone(Gone::Silent),
+            SHARED => Self::Gone(Gone::Shared),
             SYSTEM => Self::Gone(Gone::System(i32::from_le_bytes(part(bytes, 4)))),
             _ => Self::Gone(Gone::Closed),
         }

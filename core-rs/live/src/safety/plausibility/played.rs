@@ -1,0 +1,184 @@
+//! A key, a hand and a scene in virtual time: what the tests here play on.
+
+use std::time::Instant;
+
+use crate::device::{Device, Gone, MAX_AXES, Sample, Spec, Unit};
+use crate::safety::{Guarded, Limits, SafeForce, Trip};
+
+pub(super) const PERIOD: f64 = 1e-3;
+const SUBSTEPS: usize = 8;
+
+/// A hand that holds a key by a spring and a damper.
+#[derive(Clone, Copy)]
+pub(super) struct Grip {
+    /// [N/m]
+    pub(super) k: f64,
+    /// [N·s/m]
+    pub(super) z: f64,
+    /// Where it holds at an instant [m].
+    pub(super) at: fn(f64) -> f64,
+}
+
+/// The hand of `tests/simulated_board.py`.
+pub(super) const HAND: Grip = Grip {
+    k: 400.0,
+    z: 4.0,
+    at: |_| 0.0,
+};
+
+/// A board of one key: 50 g, 1 N·s/m, 20 N, 50 mm to either side.
+pub(super) struct Key {
+    spec: Spec,
+    pub(super) x: f64,
+    pub(super) v: f64,
+    pub(super) time: f64,
+    shown: f64,
+    pub(super) grip: Option<Grip>,
+    /// -1: wired the other way.
+    pub(super) motor: f64,
+    pub(super) frozen: bool,
+    /// Dry friction [N].
+    pub(super) friction: f64,
+    /// [kg]
+    pub(super) mass: f64,
+}
+
+impl Key {
+    pub(super) fn new(resolution: f64, force_max: f64, inertia: Option<f64>) -> Self {
+        Self {
+            spec: Spec {
+                dof: 1,
+                unit: Unit::Metre,
+                pos_lsb: resolution,
+                pos_range: [-0.05, 0.05],
+                force_max_continuous: force_max,
+                force_max_peak: force_max,
+                force_lsb: 0.0,
+                rate_nominal: None,
+                loop_delay_s: None,
+                inertia,
+                damping: Some(1.0),
+                touch_gated: false,
+                can_lockstep: true,
+                can_wide: true,
+            },
+            x: 0.0,
+            v: 0.0,
+            time: 0.0,
+            shown: 0.0,
+            grip: Some(HAND),
+            motor: 1.0,
+            frozen: false,
+            friction: 0.0,
+            mass: 0.05,
+        }
+    }
+
+    fn advance(&mut self, force: f64) {
+        let (m, b, h) = (self.mass, 1.0, PERIOD / SUBSTEPS as f64);
+        for _ in 0..SUBSTEPS {
+            let pull = self.grip.map_or(0.0, |grip| {
+                let (now, before) = ((grip.at)(self.time), (grip.at)(self.time - h));
+                grip.k * (now - self.x) + grip.z * ((now - before) / h - self.v)
+            });
+            let push = force * self.motor + pull - b * self.v;
+            // Dry friction holds what it can.
+            let v = self.v + push / m * h;
+            let held = self.friction / m * h;
+            self.v = if v.abs() <= held {
+                0.0
+            } else {
+                v - held.copysign(v)
+            };
+            self.x += self.v * h;
+            if self.x.abs() > 0.05 {
+                (self.x, self.v) = (0.05_f64.copysign(self.x), 0.0);
+            }
+            self.time += h;
+        }
+        if !self.frozen {
+            let step = self.spec.pos_lsb;
+            self.shown = (self.x / step).round() * step;
+        }
+    }
+}
+
+impl Device for Key {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        self.advance(force.newtons()[0]);
+        Ok(())
+    }
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        into.position = [self.shown; MAX_AXES];
+        Ok(true)
+    }
+    fn in_lockstep(&self) -> bool {
+        true
+    }
+    fn zero(&mut self) {}
+}
+
+/// What a scene asks for at an instant, for a key at x that goes with v [N].
+pub(super) type Scene = fn(f64, f64, f64) -> f64;
+
+/// A key that is played.
+pub(super) struct Play {
+    pub(super) guarded: Guarded<Key>,
+    pub(super) scene: Scene,
+    before: f64,
+    sample: Sample,
+    /// Trips so far, and when.
+    pub(super) trips: Vec<(f64, Trip)>,
+    /// What was sent last [N].
+    pub(super) sent: f64,
+}
+
+impl Play {
+    pub(super) fn new(key: Key, scene: Scene) -> Self {
+        let limits = Limits::of(key.spec());
+        Self {
+            guarded: Guarded::new(key, limits, PERIOD).watched(),
+            scene,
+            before: 0.0,
+            sample: Sample::default(),
+            trips: Vec::new(),
+            sent: 0.0,
+        }
+    }
+
+    pub(super) fn key(&mut self) -> &mut Key {
+        &mut self.guarded.device
+    }
+
+    pub(super) fn time(&self) -> f64 {
+        self.guarded.device.time
+    }
+
+    pub(super) fn probes(&self) -> u64 {
+        self.guarded.watched.as_ref().unwrap().axes[0].probes()
+    }
+
+    pub(super) fn tick(&mut self) {
+        self.guarded
+            .receive(&mut self.sample, Instant::now())
+            .unwrap();
+        let x = self.sample.position[0];
+        let v = (x - self.before) / PERIOD;
+        self.before = x;
+        let asked = (self.scene)(self.time(), x, v);
+        let was = self.guarded.tripped(0);
+        self.sent = self.guarded.send(&[asked]).unwrap().newtons()[0];
+        if let Some(why) = self.guarded.tripped(0).filter(|_| was.is_none()) {
+            self.trips.push((self.time(), why));
+        }
+    }
+
+    pub(super) fn until(&mut self, time: f64) {
+        while self.time() < time {
+            self.tick();
+        }
+    }
+}

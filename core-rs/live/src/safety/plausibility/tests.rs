@@ -1,0 +1,233 @@
+//! Faults of a board, each within its time and its way.
+
+use super::Trip;
+use super::played::{Grip, HAND, Key, Play, Scene};
+
+const FINE: f64 = 1e-5;
+
+/// What a fault did.
+#[derive(Debug)]
+struct Harm {
+    /// How long there was a force after it [ms].
+    lasted: f64,
+    /// How far the key went beyond where the scene or the hand alone would have taken it [mm].
+    travel: f64,
+    why: Option<Trip>,
+}
+
+/// A fault at an instant of a play, beside the same without it, and without any force from then on.
+fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> Harm {
+    let play = || {
+        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
+        play.key().grip = grip;
+        play.until(at);
+        assert!(play.trips.is_empty(), "{:?}", play.trips);
+        play
+    };
+    let (mut whole, mut free, mut faulty) = (play(), play(), play());
+    fault(faulty.key());
+    free.key().motor = 0.0;
+    let (mut lasted, mut travel) = (0.0, 0.0_f64);
+    while faulty.time() < at + 1.5 && (lasted == 0.0 || faulty.time() < at + lasted + 0.3) {
+        for play in [&mut whole, &mut free, &mut faulty] {
+            play.tick();
+        }
+        if faulty.sent != 0.0 {
+            lasted = faulty.time() - at;
+        }
+        let (a, b, x) = (whole.key().x, free.key().x, faulty.key().x);
+        travel = travel.max(x - a.max(b)).max(a.min(b) - x);
+    }
+    let why = faulty.trips.first().map(|trip| trip.1);
+    Harm {
+        lasted: 1e3 * lasted,
+        travel: 1e3 * travel,
+        why,
+    }
+}
+
+const SINE: Grip = Grip {
+    at: |t| 5e-3 * libm::sin(6.283 * t),
+    ..HAND
+};
+
+const REVERSED: fn(&mut Key) = |key| key.motor = -1.0;
+const FROZEN: fn(&mut Key) = |key| key.frozen = true;
+const SPRINGS: [(&str, Scene); 5] = [
+    ("200 N/m to 3 mm", |_, x, _| 200.0 * (3e-3 - x)),
+    ("500 N/m to 3 mm", |_, x, _| 500.0 * (3e-3 - x)),
+    ("800 N/m to 3 mm", |_, x, _| 800.0 * (3e-3 - x)),
+    ("1500 N/m to 1 mm", |_, x, v| 1500.0 * (1e-3 - x) - v),
+    ("200 N/m to a key that goes 8 mm", |t, x, _| {
+        200.0 * (8e-3 * libm::sin(12.0 * t) - x)
+    }),
+];
+const INSTANTS: [f64; 3] = [3.0, 3.1, 3.25];
+
+/// The harm of a fault in every scene at every instant.
+fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, Harm)> {
+    let all = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
+    all.map(|(&(name, scene), at)| (name, at, harm(fault, at, grip, scene)))
+        .collect()
+}
+
+#[test]
+fn a_motor_that_turns_round_under_a_hand_is_off_before_it_goes_far() {
+    for (name, at, harm) in harms(REVERSED, Some(HAND)) {
+        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {at} {harm:?}");
+        assert!(
+            harm.lasted < 300.0 && harm.travel < 5.0,
+            "{name} {at} {harm:?}"
+        );
+    }
+}
+
+#[test]
+fn so_is_one_under_a_hand_that_goes_or_under_none() {
+    for (name, at, harm) in harms(REVERSED, Some(SINE)) {
+        // A spring that is weaker than the hand cannot run away with it.
+        if name.starts_with("200") {
+            continue;
+        }
+        assert_eq!(harm.why, Some(Trip::WrongWay), "{name} {at} {harm:?}");
+        assert!(harm.lasted < 300.0, "{name} {at} {harm:?}");
+        // Turned round while it was asked already, it answered once as if nothing had happened.
+        assert!(
+            harm.travel < 5.0 || (name.starts_with("1500") && at == 3.25),
+            "{name} {at} {harm:?}"
+        );
+    }
+    for (name, at, harm) in harms(REVERSED, None) {
+        // Where the scene is at rest there is no force that could be the wrong one.
+        let moves = name.ends_with("8 mm");
+        assert!(
+            !moves || harm.why == Some(Trip::WrongWay),
+            "{name} {at} {harm:?}"
+        );
+        assert!(
+            harm.lasted < 100.0 && harm.travel < 10.0,
+            "{name} {at} {harm:?}"
+        );
+    }
+}
+
+#[test]
+fn a_sensor_that_freezes_lets_go() {
+    for grip in [Some(HAND), Some(SINE)] {
+        for (name, at, harm) in harms(FROZEN, grip) {
+            if harm.why.is_none() {
+                // It froze where nothing shows it yet: no force to speak of, or just after the key had answered.
+                assert!(harm.travel < 1.0, "{name} {at} {harm:?}");
+                continue;
+            }
+            assert_eq!(harm.why, Some(Trip::Frozen), "{name} {at} {harm:?}");
+            assert!(
+                harm.lasted < 300.0 && harm.travel < 5.0,
+                "{name} {at} {harm:?}"
+            );
+        }
+    }
+    for (name, at, harm) in harms(FROZEN, None) {
+        assert!(harm.lasted < 300.0, "{name} {at} {harm:?}");
+    }
+}
+
+#[test]
+fn one_wired_wrongly_from_the_start_is_off_at_its_first_movement() {
+    for (grip, scene) in [
+        (SINE, SPRINGS[0].1),
+        (SINE, SPRINGS[2].1),
+        (HAND, SPRINGS[1].1),
+        (HAND, SPRINGS[4].1),
+    ] {
+        let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
+        (play.key().grip, play.key().motor) = (Some(grip), -1.0);
+        play.until(4.0);
+        let found: Vec<_> = play.trips.iter().map(|trip| trip.1).collect();
+        assert_eq!(found, [Trip::WrongWay], "{:?}", play.trips);
+        assert_eq!(play.sent, 0.0, "it stays off");
+        play.guarded.release();
+        play.until(8.0);
+        assert_eq!(play.trips.len(), 2, "and is found again: {:?}", play.trips);
+    }
+}
+
+#[test]
+fn a_key_pushed_into_its_stop_is_let_go_and_gets_its_force_back() {
+    // The scene is somewhere else than the key can go, for a while.
+    let scene: Scene = |t, x, _| 100.0 * (if t < 4.0 { 0.09 } else { 0.0 } - x);
+    let mut play = Play::new(Key::new(FINE, 20.0, None), scene);
+    play.key().grip = None;
+    let mut arrived = f64::INFINITY;
+    while play.trips.is_empty() && play.time() < 4.0 {
+        play.tick();
+        if play.key().x == 0.05 && play.sent > 2.0 {
+            arrived = arrived.min(play.time());
+        }
+    }
+    assert_eq!(play.trips[0].1, Trip::AtStop);
+    assert!(
+        play.trips[0].0 - arrived < 0.3,
+        "{arrived} {:?}",
+        play.trips
+    );
+    play.until(6.9);
+    assert_eq!(play.sent, 0.0);
+    play.until(9.0);
+    assert_eq!(play.trips.len(), 1);
+    assert!(
+        play.key().x.abs() < 1e-3,
+        "the spring has it back: {}",
+        play.key().x
+    );
+}
+
+#[test]
+fn after_three_trips_only_the_player_lets_it_push() {
+    let mut play = Play::new(Key::new(FINE, 20.0, None), |t, x, _| {
+        if x > 0.049 && t % 8.0 < 4.0 { 5.0 } else { 0.0 }
+    });
+    play.key().grip = Some(Grip {
+        k: 3e3,
+        z: 30.0,
+        at: |t| if t % 8.0 < 4.0 { 0.055 } else { 0.0 },
+    });
+    let at_stop = |play: &Play| {
+        play.trips
+            .iter()
+            .filter(|trip| trip.1 == Trip::AtStop)
+            .count()
+    };
+    play.until(47.9);
+    assert_eq!(at_stop(&play), 3, "{:?}", play.trips);
+    play.guarded.release();
+    play.until(55.0);
+    assert_eq!(at_stop(&play), 4, "{:?}", play.trips);
+}
+
+#[test]
+#[ignore = "figures for docs/live.md: --ignored --nocapture"]
+fn figures() {
+    for (fault, name) in [(REVERSED, "reversed"), (FROZEN, "frozen")] {
+        for (grip, hand) in [
+            (Some(HAND), "still"),
+            (Some(SINE), "goes"),
+            (None, "nobody"),
+        ] {
+            for (
+                scene,
+                at,
+                Harm {
+                    lasted,
+                    travel,
+                    why,
+                },
+            ) in harms(fault, grip)
+            {
+                println!(
+                    "{name:9} {hand:7} {scene:33} {at}: {lasted:7.1} ms {travel:6.2} mm {why:?}"
+                );
+            }
+        }
+    }
+}
