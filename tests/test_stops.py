@@ -120,7 +120,7 @@ SLOW = ("INT", "HUP", "quit", "F12")  # as the others, by the same way
 def test_a_stop_waits_for_no_line(tmp_path: Path, way: str):
     line, stop = STOPS[way]
     with played(tmp_path) as board, piped(tmp_path, board, line) as process:
-        assert pushes(board)
+        until(lambda: pushes(board), "a force")
         stop(process)
         until(lambda: has_let_go(board), "zero force")
         assert process.poll() is None  # it is still at work
@@ -163,7 +163,7 @@ def test_an_idle_terminal_clears_a_line_by_ctrl_c_and_goes_on_pushing(tmp_path: 
         at.child.kill(signal.SIGINT)
         at.type("help" + ENTER)
         at.sees("hands lift, the session ends")
-        assert pushes(board)
+        until(lambda: at.look(0) and pushes(board), "a force")
 
 
 # --- lines, stops, and their turns ---------------------------------------------------------------
