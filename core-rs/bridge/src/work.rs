@@ -97,8 +97,12 @@ impl Work {
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
         let own = slf.get();
         let until = own.seconds.map(|seconds| {
-            // Not NaN, and not below 0.
-            let seconds = f64::min(f64::max(seconds, 0.0), LONGEST);
+            // Also of what is no number.
+            let seconds = if seconds > 0.0 {
+                seconds.min(LONGEST)
+            } else {
+                0.0
+            };
             Instant::now() + Duration::from_secs_f64(seconds)
         });
         let limit = Arc::new(Limit {
