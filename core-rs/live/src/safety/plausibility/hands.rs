@@ -186,6 +186,7 @@ fn playing() -> Vec<Playing> {
 }
 
 /// Trips and probes of each hand that plays for so long [s].
+#[allow(clippy::type_complexity)]
 fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
     playing()
         .into_iter()
@@ -209,6 +210,7 @@ fn nobody_who_plays_is_stopped() {
 
 #[test]
 #[ignore = "an hour of each, by a minute of the machine: --ignored --nocapture"]
+#[allow(clippy::print_stdout)] // a table for whoever asks
 fn nobody_who_plays_for_an_hour_is_stopped() {
     let found = played(3_600.0);
     for (name, trips, probes) in &found {

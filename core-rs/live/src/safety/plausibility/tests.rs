@@ -47,7 +47,7 @@ fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> Harm 
 }
 
 const SINE: Grip = Grip {
-    at: |t| 5e-3 * libm::sin(6.283 * t),
+    at: |t| 5e-3 * libm::sin(std::f64::consts::TAU * t),
     ..HAND
 };
 
@@ -207,6 +207,7 @@ fn after_three_trips_only_the_player_lets_it_push() {
 
 #[test]
 #[ignore = "figures for docs/live.md: --ignored --nocapture"]
+#[allow(clippy::print_stdout)] // a table for whoever asks
 fn figures() {
     for (fault, name) in [(REVERSED, "reversed"), (FROZEN, "frozen")] {
         for (grip, hand) in [
