@@ -1,8 +1,9 @@
 //! The stages, in their order. Each leaves a force within its limits as it is, to the last bit.
 //!
-//! 1. A force that is no number is zero and trips. 2. The greatest force. 3. The force that a hot motor bears. 4. The
-//! rise at the start. 5. Trips. 6. Stale positions and forces. 7. The part that the stiffness of the loop allows.
-//! 8. Stop. 9. Passivity: a room around zero. 10. The slew limit, within that room. Nothing changes a force after it.
+//! * A force that is no number is zero and trips.
+//! * The greatest force; the force that a hot motor bears.
+//! * The rise at the start; trips; stale positions and forces; the part that the stiffness of the loop allows; stop.
+//! * Passivity: a room around zero. The slew limit, within that room. Nothing changes a force after it.
 
 use std::time::Duration;
 

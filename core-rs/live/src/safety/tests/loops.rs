@@ -124,7 +124,7 @@ fn no_loop_does_more_work_than_is_allowed_for_long() {
     // As heavy as the device tells, lighter, and with a hand's mass on it.
     for mass in [MASS, 0.03, 0.2] {
         let (worst, acted) = sweep(mass, &[0.0, 1e-5, 0.39e-3], &[0, 1, 2, 3, 4], 10);
-        println!("{mass} kg: at most {worst} J beyond, {acted} loops held back");
+        eprintln!("{mass} kg: at most {worst} J beyond, {acted} loops held back");
         assert!(acted > 1000, "{acted}");
     }
 }
