@@ -67,7 +67,7 @@ class Screen:
             history=InMemoryHistory() if history is None else Past(history),
             key_bindings=bindings(self),
             bottom_toolbar=lambda: status(self._face.state(), self._app.output.get_size().columns),
-            input=keyboard(),
+            input=keyboard(self._comes),
         )
         self._app = self._prompt.app
         self._prompt.default_buffer.accept_handler = self._entered
@@ -159,6 +159,12 @@ class Screen:
         """A paste of so many characters did not fit."""
         why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
         self._folded.take([INDENT + why])
+
+    def _comes(self, data: str) -> None:
+        """What was typed, before keys are made of it, which takes longer than a stop may."""
+        line, enter, _ = data.partition("\r")
+        if enter:
+            self._turns.look(typed(self._buffer.text + line))
 
     # --- lines and replies ----------------------------------------------------------------------
 
