@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -74,7 +75,9 @@ class Screen:
 
     def run(self) -> int:
         """Serve until somebody leaves; the number of lines that were refused."""
+        self._watch([signal.SIGINT], ends=None)  # it clears what is typed
         asyncio.run(self._run())
+        self._watch([signal.SIGINT], ends=True)
         for line in self._folded.rest():
             print(clean(line))
         return self._refusals
