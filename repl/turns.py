@@ -29,15 +29,19 @@ class Turns(Generic[Who]):
         """Over a face; nothing waits."""
         self._face = face
         self._stops = 0  # that were entered
+        self._seen = ""  # the line that was looked at last
         self._waiting: SimpleQueue[tuple[Who, str, int] | str | None] = SimpleQueue()
 
     def enter(self, text: str, who: Who) -> None:
-        """Let a line wait; if it is a stop, do that now."""
-        self.look(text)
+        """Let a line wait; if it is a stop, do that now, unless it was seen before."""
+        if text != self._seen:
+            self.look(text)
+        self._seen = ""
         self._waiting.put((who, text, self._stops))
 
     def look(self, text: str) -> None:
-        """Do now what a line stops, before it is known whether the line is whole."""
+        """Do now what a line stops that is going to be entered."""
+        self._seen = text
         match stop_of(text):
             case "panic":
                 self._stops += 1

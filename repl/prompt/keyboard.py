@@ -88,9 +88,9 @@ def _marked(found: re.Match[str]) -> str:
     return found[0] if found["key"] else f"{_BEGIN}{found[0]}{_END}"
 
 
-def keyboard() -> Input:
-    """The terminal's keys."""
-    return create_input() if sys.platform == "win32" else _Keys(sys.stdin)
+def keyboard(comes: Callable[[str], None]) -> Input:
+    """The terminal's keys; `comes` hears what is typed before keys are made of it."""
+    return create_input() if sys.platform == "win32" else _Keys(sys.stdin, comes)
 
 
 if sys.platform != "win32":
@@ -100,9 +100,10 @@ if sys.platform != "win32":
     class _Keys(Vt100Input):
         """Keys of a terminal that stays raw from start to end."""
 
-        def __init__(self, stdin: TextIO) -> None:
+        def __init__(self, stdin: TextIO, comes: Callable[[str], None]) -> None:
             super().__init__(stdin)
             self.stdin_reader = _Reader(stdin.fileno())
+            self.stdin_reader.comes = comes
 
         def cooked_mode(self) -> AbstractContextManager[None]:
             """Raw all the same, while something is printed above the prompt.
@@ -120,6 +121,7 @@ if sys.platform != "win32":
         million characters take two minutes.
         """
 
+        comes: Callable[[str], None]
         _open = False
         _answers = ""
         _tail = ""  # of what was read last: marks come in two pieces as well
@@ -127,6 +129,8 @@ if sys.platform != "win32":
         def read(self, count: int = 1024) -> str:
             """What has been typed since the last call."""
             data = super().read(count)
+            if not self._open and _BEGIN not in data:
+                self.comes(data)
             if self._open and (data == _CTRL_C or data.startswith(F12)):
                 data = _END + data
             seen, in_two = self._tail + data, "\x1b" in self._tail

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -68,14 +69,16 @@ class Screen:
             history=InMemoryHistory() if history is None else Past(history),
             key_bindings=bindings(self),
             bottom_toolbar=lambda: status(self._face.state(), self._app.output.get_size().columns),
-            input=keyboard(),
+            input=keyboard(self._comes),
         )
         self._app = self._prompt.app
         self._prompt.default_buffer.accept_handler = self._entered
 
     def run(self) -> int:
         """Serve until somebody leaves; the number of lines that were refused."""
+        self._watch([signal.SIGINT], ends=None)  # it clears what is typed
         asyncio.run(self._run())
+        self._watch([signal.SIGINT], ends=True)
         for line in self._folded.rest():
             print(clean(line))
         return self._refusals
@@ -161,6 +164,12 @@ class Screen:
         """A paste of so many characters did not fit."""
         why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
         self._folded.take([INDENT + why])
+
+    def _comes(self, data: str) -> None:
+        """What was typed, before keys are made of it, which takes longer than a stop may."""
+        line, enter, _ = data.partition("\r")
+        if enter:
+            self._turns.look(typed(self._buffer.text + line))
 
     # --- lines and replies ----------------------------------------------------------------------
 
