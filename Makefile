@@ -5,6 +5,7 @@
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, licences
 #   make charts     pictures of error against cost, and of stability (docs/charts)
+#   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make test-long  the minutes-long tests, and random cases drawn anew
 
 PYTHON ?= python3
@@ -13,7 +14,7 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test check bench docs charts test-long clean
+.PHONY: demo test check bench docs charts wheel test-long clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -47,6 +48,11 @@ docs: $(VENV)/dev
 
 charts: $(VENV)/dev
 	$(BIN)/python -m ergon.lab.bundled docs/charts
+
+# Linked against an old glibc by zig: what is linked here asks for the glibc of this machine.
+wheel: $(VENV)/dev
+	$(BIN)/pip install --quiet "maturin[zig]>=1.16,<2"
+	$(BIN)/python -m maturin build --release --zig --compatibility manylinux_2_28 --out out
 
 # The package in an environment of its own; rebuilt when the Rust changes. Python and YAML are live.
 $(VENV)/built: pyproject.toml $(RUST)
