@@ -33,9 +33,9 @@ const PAUSES: [[f64; 2]; 3] = [[1.0, 4.0], [1.0, 4.0], [0.02, 1.0]];
 /// After so long without a suspicion the first pause is the short one again [s].
 const QUIET: f64 = 5.0;
 /// Farther from a probe than this a key is elsewhere [m].
-const ELSEWHERE: f64 = 5e-4;
+const ELSEWHERE: f64 = 2e-3;
 /// So many wrong answers, and no right one between them, are a motor wired the other way.
-const WRONG: u32 = 3;
+const WRONG: u32 = 4;
 
 /// Why forces of an axis are held at zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,9 +141,20 @@ impl Plausibility {
                 instead: true,
                 ..
             }) => offset * self.fade,
-            Mode::Probing(Probe { offset, .. }) => {
-                // What is asked beyond the greatest force would hide the probe.
-                (asked.clamp(-self.force, self.force) + offset) * self.fade
+            Mode::Probing(Probe {
+                offset,
+                kind,
+                force,
+                ..
+            }) => {
+                // What is asked beyond the greatest force would hide the probe; and on a sensor that may be frozen no
+                // force grows meanwhile.
+                let most = if kind == Kind::Still {
+                    force.abs()
+                } else {
+                    self.force
+                };
+                (asked.clamp(-most, most) + offset) * self.fade
             }
             Mode::Watching if self.fade < 1.0 => asked * self.fade,
             Mode::Watching => asked,
@@ -196,7 +207,7 @@ impl Plausibility {
             Mode::Probing(probe) => {
                 let answer = probe.step(&self.signs, sent, &self.built);
                 let probe = *probe;
-                self.answered(probe, answer);
+                self.answered(probe, answer, sent);
             }
             Mode::Off {
                 why,
@@ -237,10 +248,11 @@ impl Plausibility {
         }
     }
 
-    fn answered(&mut self, probe: Probe, answer: Answer) {
+    fn answered(&mut self, probe: Probe, answer: Answer, sent: f64) {
         self.mode = match answer {
             Answer::Waiting => Mode::Probing(probe),
-            Answer::Frozen => return self.off(Trip::Frozen),
+            Answer::Frozen if probe.unmoved => return self.off(Trip::Frozen),
+            Answer::Frozen => Mode::Probing(probe.repeated(&self.signs, sent, &self.built)),
             Answer::Wrong if self.wrong + 1 >= WRONG => return self.off(Trip::WrongWay),
             Answer::Wrong => {
                 self.wrong += 1;

@@ -188,16 +188,23 @@ fn playing() -> Vec<Playing> {
 /// Trips and probes of each hand that plays for so long [s].
 #[allow(clippy::type_complexity)]
 fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
-    playing()
-        .into_iter()
-        .map(|own| {
-            let mut key = Key::new(own.resolution, own.force_max, None);
-            (key.grip, key.friction, key.mass) = (own.grip, own.friction, own.mass);
-            let mut play = Play::new(key, own.scene);
-            play.until(seconds);
-            (own.name, play.trips.clone(), play.probes())
-        })
-        .collect()
+    let all = std::sync::Mutex::new(playing());
+    let found = std::sync::Mutex::new(Vec::new());
+    let work = || loop {
+        let next = all.lock().unwrap().pop();
+        let Some(own) = next else { return };
+        let mut key = Key::new(own.resolution, own.force_max, None);
+        (key.grip, key.friction, key.mass) = (own.grip, own.friction, own.mass);
+        let mut play = Play::new(key, own.scene);
+        play.until(seconds);
+        let played = (own.name, play.trips.clone(), play.probes());
+        found.lock().unwrap().push(played);
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(work);
+        scope.spawn(work);
+    });
+    found.into_inner().unwrap()
 }
 
 #[test]

@@ -16,7 +16,7 @@ pub(super) enum Kind {
 /// How fast a probe grows [N/s], how great it is at most [N] (at a stop beside the force that is there), and how long it
 /// lasts at most [s].
 const SHAPES: [(f64, f64, f64); 3] = [
-    (100.0, 2.0, 0.04),
+    (100.0, 1.2, 0.04),
     (1_000.0, 1.0, 0.04),
     (1_000.0, 3.0, 0.008),
 ];
@@ -58,11 +58,13 @@ pub(super) struct Probe {
     /// The course of the key if nothing had changed: position, velocity, acceleration.
     course: [f64; 3],
     /// The force when it began, and velocity and way of a free key by what differs from it.
-    force: f64,
+    pub(super) force: f64,
     driven: [f64; 2],
     /// The greatest change of the force that was really sent [N], and whether the sensor changed.
     most_sent: f64,
     moved: bool,
+    /// The sensor did not change in the probe before.
+    pub(super) unmoved: bool,
 }
 
 impl Probe {
@@ -81,9 +83,18 @@ impl Probe {
             driven: [0.0; 2],
             most_sent: 0.0,
             moved: false,
+            unmoved: false,
         };
         probe.begin(signs, force, own);
         probe
+    }
+
+    /// The same once more, from no offset at once: a hand that goes along with a force that grows does not with that.
+    pub(super) fn repeated(self, signs: &Signs, force: f64, own: &Traits) -> Self {
+        Self {
+            unmoved: true,
+            ..Self::new(self.kind, self.way, signs, force, own)
+        }
     }
 
     /// The next one, soon, from however the key moves then; until it is over the scene's force does not act.

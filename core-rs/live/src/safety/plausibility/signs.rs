@@ -20,7 +20,7 @@ const DWELL: [f64; 2] = [0.1, 0.15];
 const STOP_FORCE: f64 = 2.0;
 
 /// A position that keeps its last bit for so long is a suspicion [s], above such a force [N].
-const STILL: f64 = 0.12;
+const STILL: f64 = 0.09;
 const STILL_FORCE: f64 = 0.3;
 /// It is a fault where the force, averaged over so long [s], changed by so much [N] meanwhile, for so long at least [s].
 const SMOOTH: f64 = 0.02;
