@@ -82,7 +82,11 @@ COMMANDS = {
         "render score.yaml -o out.wav --threads 1 --method ca",
         "frames_of",
     ),
-    "render, a large plate": (_LARGE, "render score.yaml -o out.wav --method ca", "frames_of"),
+    "render, a plate of 77,000": (
+        _PLATE.format(radius=160, f=30),
+        "render score.yaml -o out.wav --method ca",
+        "frames_of",
+    ),
     "compile": (_THROWN, "compile score.yaml -o out.csv", "stream"),
     "plot": (_THROWN, "plot score.yaml g --svg out.svg", "asked_and_done"),
     "chart": (_LONG, "chart score.yaml -o out", "chart"),
