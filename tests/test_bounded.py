@@ -37,7 +37,7 @@ _SCORES = {
     "a throw of two hours": (_play("0mm@0s throw 0mm@7200s", ""), 0, ""),
     "throws of a day": (_play("0mm@0s throw 0mm@43000s throw 0mm@86000s", ""), 0, ""),
     "occurrences": (_play("0mm@0", ", every: 1/20, times: 1000000"), 1, "more than 200,000 occ"),
-    "points": (_play("0mm@0 (1mm@1/9 0mm@2/9)*6", ", every: 2, times: 99999"), 1, "500,000 points"),
+    "points": (_play("0mm@0 (1mm@1/9 0mm@2/9)*6", ", every: 2, times: 99999"), 1, "750,000 points"),
     "a long gesture": (_play("0mm@0 (1mm@1/99 0mm@2/99)*249999", ""), 0, ""),
     "gestures": (f"{_HEAD}gestures:\n{_MANY}", 1, "points"),
     "short grains": (_play("{notation: 0mm@0 1mm@1s, grain: 1e-18s}", ""), 0, ""),
