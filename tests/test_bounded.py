@@ -9,11 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
-
-import benches.mutatedfrom benches.mutated import LIBRARY, bases, mutated
+from benches.mutated import LIBRARY, bases, mutated
 
 _ENOUGH = 500e6
-_STOPWATCH = Path(benches.mutated.__file__).parent / "stopwatch.py"
+_STOPWATCH = Path(__file__).parents[1] / "benches" / "stopwatch.py"
 _HEAD = """\
 ergon: 1
 keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -20mm..20mm}}
