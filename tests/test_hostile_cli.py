@@ -201,7 +201,7 @@ def test_ten_thousand_mistakes_are_twenty(tmp_path: Path) -> None:
 
 
 MOST: Mapping[str, Callable[[], str]] = {
-    "rain": lambda: strikes("for: 1000s, rate: 39Hz"),
+    "rain": lambda: strikes("for: 1000s, rate: 19Hz"),
     "times": lambda: piece("play: g", "play: g, every: 1/100, times: 200000"),
     "rows": lambda: piece(
         "parts: {p: [{at: 0, play: g}]}",

@@ -32,7 +32,7 @@ _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
 
 # What is put on a timeline at most: 1.4 kB for each occurrence, and 0.1 kB for each of its points.
 MAX_PLAYED = 200_000
-MAX_POINTS = 500_000
+MAX_POINTS = 750_000
 
 Curve = Literal["smooth", "line", "hold", "throw"]
 
