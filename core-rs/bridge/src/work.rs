@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use ergon_engine::stop::{self, Ask};
+use ergon_engine::interrupt::{self, Ask};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -146,8 +146,8 @@ pub(crate) fn computing<T: Send>(
     let raised = Arc::new(Mutex::new(None));
     let limits = LIMITS.with_borrow(Clone::clone);
     let told = raised.clone();
-    py.detach(move || stop::until(ask(limits, told), compute))
-        .map_err(|stop::Stopped| {
+    py.detach(move || interrupt::until(ask(limits, told), compute))
+        .map_err(|interrupt::Stopped| {
             let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
             raised.take().unwrap_or_else(|| stopped("cancelled"))
         })

@@ -30,6 +30,7 @@ use std::sync::Arc;
 
 use crate::gesture::report::Report;
 use crate::guard::{self, Guard, Told};
+use crate::interrupt;
 use crate::island::hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
 use crate::kernel::Laws;
@@ -37,7 +38,6 @@ use crate::kernel::crew::Crew;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
-use crate::stop;
 use crate::timeline::{Drive, Ergon, Gate, Lean, Push};
 use crate::units::frame;
 use hand::framed::FramedGesture;
@@ -167,7 +167,7 @@ impl Island {
         let (mut done, mut looks) = (0, 0_usize);
         while done < steps {
             if looks.is_multiple_of(LOOK) {
-                stop::poll();
+                interrupt::poll();
             }
             looks += 1;
             if may_coast {

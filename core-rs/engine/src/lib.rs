@@ -71,6 +71,7 @@ mod guard;
 // What energy a method keeps is asked by its tests alone.
 #[cfg_attr(not(test), allow(dead_code))]
 mod integrate;
+pub mod interrupt;
 mod island;
 mod kernel;
 pub mod law;
@@ -84,7 +85,6 @@ pub mod simulation;
 pub mod spectrum;
 mod start;
 mod state;
-pub mod stop;
 pub mod timeline;
 pub mod units;
 

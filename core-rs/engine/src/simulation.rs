@@ -14,11 +14,11 @@ use std::sync::{Arc, Mutex};
 
 use crate::bank::Bank;
 use crate::gesture::report::Report;
+use crate::interrupt;
 use crate::island::{Island, Taken};
 use crate::kernel::crew::{Crew, flushed};
 use crate::network::{Error, Network};
 use crate::plan::{Isle, Plan, Unit, whole};
-use crate::stop;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -178,7 +178,7 @@ impl Simulation {
 
     /// A stretch of every group. Of several units that fault in it, the first in time is told.
     fn stretch(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
-        stop::poll();
+        interrupt::poll();
         let plan = &*self.plan;
         let n_out = plan.network.outputs().len();
         let run = |group: &mut Group| flushed(|| group.run(plan, n_out, n_frames));

@@ -11,8 +11,8 @@ use std::sync::Arc;
 use crate::chance::Chance;
 use crate::gesture::error::GestureError;
 use crate::gesture::script::Gesture;
+use crate::interrupt;
 use crate::network::Network;
-use crate::stop;
 use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
@@ -222,7 +222,7 @@ impl Timeline {
         }
         let mut n_strikes = 0;
         for (member, &mat) in mats.iter().enumerate() {
-            stop::poll();
+            interrupt::poll();
             let mut chance = chance(member as u64);
             let mut times = chance.poisson_times(rain.rate, rain.start, rain.stop);
             while let Some(at) = times.next() {

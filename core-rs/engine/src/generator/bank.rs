@@ -1,8 +1,8 @@
 //! BANK: cells beside each other, each with a pitch and a decay of its own.
 
 use super::{GeneratorError, MAX_MASSES, count, positive};
+use crate::interrupt;
 use crate::maths::{cos, exp, log, sin, sqrt};
-use crate::stop;
 
 /// How pitches and decays are spread over their ranges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ pub fn bank(
     let n = form.count as f64;
     let member = |i: usize| {
         if i.is_multiple_of(LOOK) {
-            stop::poll();
+            interrupt::poll();
         }
         let (pitch, length) = match form.spread {
             Spread::Random => draw(i),

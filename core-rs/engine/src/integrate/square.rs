@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
+use crate::interrupt;
 use crate::kernel::dense;
-use crate::stop;
 
 /// Terms of the exponential's series: at a norm of ½ what follows is below 1e-19.
 const TERMS: u32 = 16;
@@ -50,7 +50,7 @@ impl Square {
     }
 
     pub(crate) fn times(&self, other: &Self) -> Self {
-        stop::poll();
+        interrupt::poll();
         let mut product = Self::zero(self.n);
         dense::product(self.n, &self.entries, &other.entries, &mut product.entries);
         product

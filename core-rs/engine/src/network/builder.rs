@@ -8,8 +8,8 @@ use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
 use crate::cell::{self, Cell};
 use crate::chance::Chance;
 use crate::generator::{self, BankForm, Topology};
+use crate::interrupt;
 use crate::law::Law;
-use crate::stop;
 use crate::units::Rate;
 
 impl Network {
@@ -106,7 +106,7 @@ impl Network {
         let part = self.current();
         for (at, cell) in cells.iter().enumerate() {
             if at.is_multiple_of(1024) {
-                stop::poll();
+                interrupt::poll();
             }
             let (k, z) = self.tie(m, cell.f, Some(cell.t60));
             self.mats.push(Mat {

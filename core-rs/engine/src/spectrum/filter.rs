@@ -5,8 +5,8 @@
 
 use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scattered};
 use super::{Apply, Mode, jacobi, largest};
+use crate::interrupt;
 use crate::maths::{log, sqrt};
-use crate::stop;
 
 /// Vectors beyond the modes asked for: the filter's edge lies at the last of them.
 const GUARDS: usize = 6;
@@ -56,7 +56,7 @@ pub fn lowest_modes(n: usize, apply: Apply<'_>, nullspace: &[Vec<f64>], k: usize
 
 fn make_orthonormal(block: &mut [Vec<f64>], null: &[Vec<f64>], fresh: usize) {
     for i in 0..block.len() {
-        stop::poll();
+        interrupt::poll();
         let (done, rest) = block.split_at_mut(i);
         let vector = &mut rest[0];
         for attempt in 1..4 {
@@ -98,7 +98,7 @@ fn rotate(block: &mut Vec<Vec<f64>>, apply: Apply<'_>) -> (Vec<f64>, Vec<f64>) {
     let rotated: Vec<Vec<f64>> = pairs
         .iter()
         .map(|(_, weights)| {
-            stop::poll();
+            interrupt::poll();
             combine(block, weights)
         })
         .collect();
@@ -151,7 +151,7 @@ fn filter(
         .map(|(image, x)| (image - centre * x) * (sigma / half))
         .collect();
     for _ in 1..degree {
-        stop::poll();
+        interrupt::poll();
         let next = 1.0 / (2.0 / first - sigma);
         apply(&now, &mut image);
         let (gain, keep) = (2.0 * next / half, sigma * next);

@@ -1,7 +1,7 @@
 //! All eigenvalues and vectors of a small dense symmetric matrix (cyclic Jacobi; Golub & Van Loan 8.5).
 
+use crate::interrupt;
 use crate::maths::sqrt;
-use crate::stop;
 
 /// Eigenvalues, rising, each with its vector of length 1.
 ///
@@ -25,7 +25,7 @@ pub(super) fn eigen(mut matrix: Vec<Vec<f64>>) -> Vec<(f64, Vec<f64>)> {
     for _ in 0..SWEEPS {
         let mut still = true;
         for p in 0..n {
-            stop::poll();
+            interrupt::poll();
             for q in p + 1..n {
                 still &= !rotate(&mut matrix, &mut vectors, p, q);
             }

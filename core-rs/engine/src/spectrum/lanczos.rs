@@ -2,7 +2,7 @@
 
 use super::vector::{add, dot, normalise, orthogonalise, scattered};
 use super::{Apply, jacobi};
-use crate::stop;
+use crate::interrupt;
 
 /// Steps at most: what they have not found by then the bounds cover.
 const STEPS: usize = 60;
@@ -36,7 +36,7 @@ pub fn largest(n: usize, apply: Apply<'_>) -> Largest {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     loop {
-        stop::poll();
+        interrupt::poll();
         let mut image = vec![0.0; n];
         apply(&next, &mut image);
         let alpha = dot(&next, &image);

@@ -6,7 +6,7 @@
 
 use super::vector::{add, dot, norm, normalise, orthogonalise, orthonormal, scattered};
 use super::{Apply, Mode};
-use crate::stop;
+use crate::interrupt;
 
 /// Residual, relative to λ, at which the vector is known: λ's error is the square over the gap.
 const KNOWN: f64 = 1e-8;
@@ -78,7 +78,7 @@ fn step(
     apply: Apply<'_>,
     null: &[Vec<f64>],
 ) -> (f64, f64) {
-    stop::poll();
+    interrupt::poll();
     let mut next = std::mem::take(before);
     let mut image = vec![0.0; q.len()];
     apply(q, &mut image);
@@ -148,7 +148,7 @@ impl Small {
         // A larger matrix has a lower lowest eigenvalue, and none has it above its diagonal.
         let mut high = f64::min(self.above, self.alphas[n - 1]);
         for _ in 0..HALVINGS {
-            stop::poll();
+            interrupt::poll();
             let middle = low + 0.5 * (high - low);
             if high - low <= CLOSE * high {
                 break;

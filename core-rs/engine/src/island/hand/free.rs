@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
+use crate::interrupt;
 use crate::island::slow::{self, Slow};
 use crate::kernel;
 use crate::kernel::Laws;
 use crate::kernel::crew::Crew;
 use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
-use crate::stop;
 use crate::timeline::Drive;
 
 /// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
@@ -160,7 +160,7 @@ impl FreeKey {
         let push = 1e-6 / self.scheme.w[self.struck];
         (0..2 * steps).any(|n| {
             if n.is_multiple_of(LOOK) {
-                stop::poll();
+                interrupt::poll();
             }
             free.forces(&mut motion, n, &mut laws, &mut targets);
             let push = if n == 0 { push } else { 0.0 };
@@ -244,7 +244,7 @@ impl FreeKey {
         coast.copy_motion(motion);
         for k in n..to {
             if (k - n).is_multiple_of(LOOK) {
-                stop::poll();
+                interrupt::poll();
             }
             self.forces(coast, k, laws, targets);
             self.strike_and_move(coast, k, if k == n { force } else { 0.0 }, targets);

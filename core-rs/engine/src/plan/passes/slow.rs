@@ -9,6 +9,7 @@ use nalgebra::DMatrix;
 use crate::gesture::script::Touch;
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
+use crate::interrupt;
 use crate::island::slow::Slow;
 use crate::maths;
 use crate::network::forest::{Forest, ends};
@@ -16,7 +17,6 @@ use crate::network::{LinkKind, MatKind, Network, Subset, Term};
 use crate::plan::passes::body::heard;
 use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
-use crate::stop;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
@@ -278,7 +278,7 @@ fn missing(flow: &Flow, frame: &Square, own: usize, is_discrete: bool) -> Vec<[V
     }
     let mut found = Vec::new();
     for frames in 1..=flow.every {
-        stop::poll();
+        interrupt::poll();
         found.push(flow.missing(own, frames, &moved));
         moved = frame.apply(&moved);
     }

@@ -5,13 +5,13 @@
 
 use nalgebra::DMatrix;
 
+use crate::interrupt;
 use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::slow::{Playing, Slow};
 use crate::plan::Isle;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
-use crate::stop;
 
 /// A map of so many numbers has all its eigenvalues computed.
 const DENSE_MAX: usize = 240;
@@ -237,7 +237,7 @@ impl<'a> Map<'a> {
         let mut column = vec![0.0; n];
         let mut is_finite = true;
         for j in 0..n {
-            stop::poll();
+            interrupt::poll();
             column.fill(0.0);
             column[j] = 1.0;
             self.apply(&mut column);
@@ -263,7 +263,7 @@ impl<'a> Map<'a> {
         let times = (KICKS as f64 / self.kicks).ceil().max(4.0) as usize;
         let mut quarters = [0.0_f64; 4];
         for step in 0..times {
-            stop::poll();
+            interrupt::poll();
             self.place();
             for n in 0..self.frames {
                 self.frame(n);
