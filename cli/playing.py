@@ -70,13 +70,14 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
     written = score.piece_of(loaded)
     piece = _standing_in(written, wishes.standin)
     loaded = replace(loaded, piece=piece)
-    boards = [ready(console, board, wishes.unchecked) for board in boards_of(piece, wishes)]
+    boards = boards_of(piece, wishes)
     real = {player: None for board in boards for _, player in board.axes}
     osc = _osc(console, wishes)
     frozen = None
     if wishes.frozen is not None:
         frozen = freezing.read(console, written, wishes.frozen, wishes.seed)
         freezing.are_free(piece, frozen, real)
+    boards = [ready(console, board, wishes.unchecked) for board in boards]
     staged = score.stage_piece(
         console,
         loaded,
@@ -174,7 +175,7 @@ def ready(console: Console, board: Board, unchecked: bool) -> Board:
         found = known(board.url)
         sure = certain(board.url)
         for number, player in board.axes:
-            if board.kind != "emul" and not unchecked and number not in sure:
+            if board.has_motor and not unchecked and number not in sure:
                 _try(console, board, number, player, found)
     except BoardError as error:
         raise Refused(f"--live: {error}") from None

@@ -36,14 +36,16 @@ class Board:
         return self.url.partition(":")[0]
 
     @property
-    def emulated(self) -> bool:
-        """Whether its address is an emulator's: a pseudo-terminal, or datagrams to this machine."""
+    def has_motor(self) -> bool:
+        """Whether there may be a motor: not in this process, nor behind a pseudo-terminal."""
         where = self.url.partition("?")[0].partition(":")[2]
-        return (
-            self.kind == "emul"
-            or where.startswith("/dev/pts/")
-            or (self.kind == "frame+udp" and where.removeprefix("//").startswith("127."))
-        )
+        return self.kind != "emul" and not where.startswith("/dev/pts/")
+
+    @property
+    def emulated(self) -> bool:
+        """Whether it is most likely an emulator: also datagrams to this machine, if not surely."""
+        where = self.url.partition("?")[0].partition(":")[2].removeprefix("//")
+        return not self.has_motor or (self.kind == "frame+udp" and where.startswith("127."))
 
 
 def config_path() -> Path:
