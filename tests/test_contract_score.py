@@ -157,7 +157,8 @@ MORE = (
 def drawn(text: str) -> list[tuple[float, ...]]:
     """What chance gave ada's knocks and the rain."""
     played = staged(text, record=True)
-    points = [p for g in played.gestures if g.player == "ada" for p in g.points]
+    ada = [g for g in played.gestures if g.player == "ada"]
+    points = [point for g in ada for point in zip(g.t, g.x, strict=True)]
     heard(played, int(3.1 * RATE))
     ergons = played.simulation.ergons()
     places = [played.sources[int(i)] for i in ergons["source"]]
@@ -175,7 +176,7 @@ def test_what_is_added_elsewhere_draws_nothing_away():
 
 
 def test_each_occurrence_draws_its_own_and_begins_on_its_beat():
-    points = [g.points for g in staged(HANDS).gestures]
+    points = [tuple(zip(g.t, g.x, strict=True)) for g in staged(HANDS).gestures]
     assert [p[0][0] for p in points] == pytest.approx([0.0, 1.0, 2.0])
     assert len({p[1][1] for p in points}) == 3
     for at, one in enumerate(points):

@@ -1,5 +1,6 @@
 """No command writes over a file that it reads, under whatever name."""
 
+import json
 import os
 import shutil
 from pathlib import Path
@@ -145,12 +146,13 @@ def test_a_take_that_has_the_name_of_the_render_is_kept(piece):
 
 
 def test_a_journal_is_kept(piece, capsys):
-    text = SCORE.replace("\n", "\\n")
-    Path("j.jsonl").write_text(
-        '{"v": 1, "event": "session", "score": "s.yaml", "text": "' + text + '", "every": 64,'
-        ' "gain": 1.0, "limit": 1.0, "frame": 0}\n'
-        '{"v": 1, "event": "end", "frame": 100}\n'
-    )
+    overlay = {name: FILES[name] for name in ("used.yaml", "layout.yaml")}
+    first = {"score": "s.yaml", "text": SCORE, "overlay": overlay, "every": 64, "frame": 0}
+    events = [
+        {"v": 1, "event": "session", **first, "gain": 1.0, "limit": 1.0},
+        {"v": 1, "event": "end", "frame": 100},
+    ]
+    Path("j.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
     before = contents()
     for name in ("j.jsonl", "t.csv"):
         assert app.run(["render", "j.jsonl", "-f", "-o", name]) == 2
