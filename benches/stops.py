@@ -32,7 +32,11 @@ _FORCE = 0.01  # [N]; less is none
 _AFTER = 0.3  # [s] that the board is watched after a stop
 _AT_WORK = 1.0  # [s] after which a slow line is surely at work
 _PATIENCE = 60.0  # [s] for a force to be there
-_SLOW = "slow = 0@0 throw 12@125ms throw 0@1800s"
+# A line that never ends: it locks a mutex of C twice, and leaves the interpreter to others.
+_SLOW = (
+    "py (lambda c, m: (c.pthread_mutex_lock(m), c.pthread_mutex_lock(m)))"
+    '(__import__("ctypes").CDLL(None), __import__("ctypes").create_string_buffer(64))'
+)
 _SCORE = """\
 ergon: 1
 keys: {k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}, k2: {like: k1}}

@@ -154,6 +154,11 @@ impl<D: Device> Guarded<D> {
 
     fn pass(&mut self, forces: &[f64]) -> SafeForce {
         let now = self.clock.now();
+        if let Some(watched) = &mut self.watched
+            && self.pipeline.is_fading()
+        {
+            watched.restart();
+        }
         let safe = match &mut self.watched {
             Some(watched) => self.pipeline.pass(&watched.pass(forces), now),
             None => self.pipeline.pass(forces, now),

@@ -165,6 +165,11 @@ impl Pipeline {
         self.ages.was_stopped(now)
     }
 
+    /// Whether forces fade in after a stall, or after the board had let go.
+    pub(super) fn is_fading(&self) -> bool {
+        self.ages.is_fading()
+    }
+
     /// No force instead of the one that has just passed; what follows fades in from zero.
     pub(super) fn withdraw(&mut self) -> SafeForce {
         self.ages.restart();

@@ -183,6 +183,14 @@ impl Plausibility {
         self.trips = 0;
     }
 
+    /// What was seen before says nothing of what follows: a host that was stopped has missed motion and forces.
+    fn restart(&mut self) {
+        if self.trip().is_none() {
+            self.mode = Mode::Watching;
+            self.signs = Signs::default();
+        }
+    }
+
     fn push_again(&mut self) {
         self.mode = Mode::Watching;
         (self.fade, self.wrong, self.confirmed) = (0.0, 0, false);
@@ -328,6 +336,11 @@ impl Watched {
             out[axis] = own.tick(asked, self.sent[axis], position);
         }
         out
+    }
+
+    /// Motion and forces were missed: no suspicion stands on what was seen before.
+    pub(super) fn restart(&mut self) {
+        self.axes.iter_mut().for_each(Plausibility::restart);
     }
 
     /// What then went to the motors [N].

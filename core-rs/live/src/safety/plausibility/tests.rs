@@ -1,7 +1,7 @@
 //! Faults of a board, each within its time and its way.
 
-use super::Trip;
 use super::played::{Grip, HAND, Key, Play, Scene};
+use super::{Built, Plausibility, Trip};
 
 const FINE: f64 = 1e-5;
 
@@ -231,4 +231,32 @@ fn figures() {
             }
         }
     }
+}
+
+/// A key keeps its place until it is probed; then the host is stopped: what follows is what the scene asks for.
+#[test]
+fn a_stall_ends_a_probe_and_every_suspicion() {
+    let built = Built {
+        range: [-0.05, 0.05],
+        resolution: 1e-5,
+        inertia: Some(0.05),
+        force: 20.0,
+    };
+    let mut axis = Plausibility::new(built, 1e-3);
+    let asked = |x: f64| 500.0 * x;
+    let (x, mut sent) = (2e-3, 0.0);
+    for _ in 0..400 {
+        sent = axis.tick(asked(x), sent, Some(x));
+        if axis.probes() > 0 {
+            break;
+        }
+    }
+    assert_eq!(axis.probes(), 1);
+    axis.restart();
+    // The position after a stop is another, and the force of before is gone.
+    for i in 0..50 {
+        let x = -2e-3 + 1e-6 * f64::from(i);
+        assert_eq!(axis.tick(asked(x), 0.0, Some(x)), asked(x));
+    }
+    assert_eq!(axis.probes(), 1);
 }

@@ -19,6 +19,11 @@ impl Fade {
         };
     }
 
+    /// Whether all of the force passes.
+    pub(in crate::safety) fn is_whole(self) -> bool {
+        self.0 >= 1.0
+    }
+
     /// The part of the force that passes.
     pub(in crate::safety) fn pass(self, force: f64, count: &mut u64) -> f64 {
         scaled(force, self.0, count)

@@ -39,6 +39,11 @@ impl Ages {
         then.is_some_and(|then| now.saturating_sub(then) > self.limit)
     }
 
+    /// Whether forces fade in after a stale one.
+    pub(in crate::safety) fn is_fading(&self) -> bool {
+        !self.fade.is_whole()
+    }
+
     /// What follows fades in from zero.
     pub(in crate::safety) fn restart(&mut self) {
         self.fade = Fade::ZERO;
