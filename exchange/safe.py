@@ -116,12 +116,13 @@ def writing(
     path = path.resolve()  # a link stays a link; what it points to is replaced
     folders = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
+    made: list[Path] = []
     try:
-        part, opened = temporary.opened(path)
-    except OSError as error:
-        unmake(folders)
-        raise RefusedError(f"{path} cannot be written: {error.strerror}") from None
-    try:
+        try:
+            opened = temporary.opened(path, made)
+        except OSError as error:
+            raise RefusedError(f"{path} cannot be written: {error.strerror}") from None
+        part = made[-1]
         with opened:
             yield opened
             opened.flush()
@@ -133,7 +134,8 @@ def writing(
         if not temporary.IS_LOCKED:
             os.replace(part, path)
     except BaseException:
-        part.unlink(missing_ok=True)
+        for part in made:
+            part.unlink(missing_ok=True)
         unmake(folders)
         raise
 

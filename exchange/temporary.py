@@ -28,10 +28,11 @@ _serial = itertools.count()
 _swept: set[Path] = set()  # folders, once each: a program that writes much looks once
 
 
-def opened(path: Path) -> tuple[Path, BinaryIO]:
+def opened(path: Path, made: list[Path]) -> BinaryIO:
     """A new file beside `path`, so that a rename is one step within one file system.
 
-    Raises OSError.
+    Its name is appended to `made` before the file is there: whatever interrupts the call, the
+    caller can remove the file. Raises OSError.
     """
     folder = path.parent
     if folder not in _swept:
@@ -42,14 +43,17 @@ def opened(path: Path) -> tuple[Path, BinaryIO]:
         while len(os.fsencode(name)) > _LONGEST:
             name = f".{name[2:]}"
         temporary = folder / name
+        made.append(temporary)
         try:
             handle = os.open(temporary, _FLAGS, 0o666)
         except FileExistsError:  # of an earlier process of our number
+            made.pop()
             continue
         held = _locked(handle)
         if held is None or (held and _is_at(handle, temporary)):
-            return temporary, open(handle, "w+b")
+            return open(handle, "w+b")
         os.close(handle)  # somebody else swept it before it was locked
+        made.pop()
 
 
 def sweep(folder: Path) -> list[Path]:

@@ -51,7 +51,9 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
 
 def _beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
     """A file beside its target, on the disk; it goes with the stack."""
-    part, file = temporary.opened(target)
+    made: list[Path] = []
+    file = temporary.opened(target, made)
+    part = made[-1]
     stack.callback(part.unlink, missing_ok=True)
     stack.enter_context(file)
     file.write(data)

@@ -134,6 +134,7 @@ def terminal(folder: Path, board: Simulated, *options: str) -> Iterator[Terminal
     with Terminal(command(folder, board, *options), cwd=folder) as at:
         try:
             until(lambda: at.look(0) and pushes(board), "a force")
+            at.until(lambda: at.cursor_line.endswith(" >"), "a prompt")
             yield at
         finally:
             at.child.kill(signal.SIGKILL)
