@@ -14,7 +14,7 @@
 //! then, below the smallest unstable case (6.04) that a search for such cases found.
 
 use super::mesh::Mesh;
-use super::way::Way;
+use super::way::{BM4_LIMIT, Way};
 use super::{faster, ieq, trapezoid};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
@@ -67,7 +67,7 @@ pub(crate) fn certify(
             }
         }
         Way::Bm4 => {
-            let most = Way::Bm4.facts().limit.map_or(0.0, |limit| limit * limit);
+            let most = BM4_LIMIT * BM4_LIMIT;
             let found = look(LOSSES, most)?;
             if found.lambda < most {
                 Ok(of(&found, Word::Tried))

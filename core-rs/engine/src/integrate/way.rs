@@ -1,5 +1,8 @@
 //! The table of methods.
 
+/// Largest ωT of a stable undamped mode (see `Facts::limit`).
+pub(super) const BM4_LIMIT: f64 = 3.164;
+
 /// A method of stepping a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
@@ -57,7 +60,7 @@ impl Way {
                 order: 4,
                 order_nonlinear: Some(4),
                 passes: 6.0,
-                limit: Some(3.164),
+                limit: Some(BM4_LIMIT),
             },
             Self::Ieq => Facts {
                 name: "ieq",

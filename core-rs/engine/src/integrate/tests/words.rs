@@ -29,7 +29,7 @@ fn stays(network: &Network, way: Way) -> bool {
 #[test]
 fn borders_are_where_methods_break() {
     let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
-    let most = 3.164 * 3.164;
+    let most = super::super::way::BM4_LIMIT.powi(2);
     for (way, border, sure) in [
         (Way::Ca, 4.0, Word::Proved),
         (Way::Ca2p, 12.0, Word::Proved),
