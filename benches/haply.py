@@ -50,7 +50,8 @@ def haply(runs: int = 50) -> list[Row]:
         _row("a Haply whose service falls silent", silent, 50),
         _row("a Haply whose service tells `{}`", empty, 50),
         _row("a Haply whose host is killed", killed, 100),
-        _row("a Haply whose host is stopped, from its last force", stopped, 100),
+        _row("a Haply whose host is stopped", [from_signal for from_signal, _ in stopped], 100),
+        _row("the same, from its last force", [from_force for _, from_force in stopped], 100),
     ]
 
 
@@ -79,11 +80,11 @@ def _performance(score: Path, service: Service) -> Iterator[_Host]:
             host.kill()
 
 
-def _zero(service: Service, act: Callable[[], object], *, from_force: bool = False) -> float:
-    """From an act, in the middle of a push, to the first zero that is told [s].
+def _zero(service: Service, act: Callable[[], object]) -> tuple[float, float]:
+    """How long after an act, made in a push, and after the last force the first zero comes [s].
 
-    Or from the last force before that zero: a signal stops a process only when the system next
-    runs the thread that takes it, and until then the others push as before.
+    A signal stops a process only when the system next runs the thread that takes it. Until then the
+    other threads push as before. The second time shows the guardian, the first the system too.
     """
     seen = len(service.told)
     service.until(lambda own: len(own.told) > seen + 5 and abs(own.told[-1].force[0]) > _PUSH)
@@ -93,30 +94,28 @@ def _zero(service: Service, act: Callable[[], object], *, from_force: bool = Fal
     service.until(lambda own: own.first_zero(start) is not None)
     zero = service.first_zero(start)
     assert zero is not None
-    if not from_force:
-        return zero.at - start
-    return zero.at - max(told.at for told in service.told if told.at < zero.at)
+    return zero.at - start, zero.at - max(told.at for told in service.told if told.at < zero.at)
 
 
 def _answering(score: Path, runs: int, reply: Reply) -> list[float]:
     took = []
     with Service(prompt=True) as service, _performance(score, service):
         for _ in range(runs):
-            took.append(_zero(service, lambda: setattr(service, "reply", reply)))
+            took.append(_zero(service, lambda: setattr(service, "reply", reply))[0])
             service.reply = "state"
     return took
 
 
-def _stopped(score: Path, runs: int) -> list[float]:
+def _stopped(score: Path, runs: int) -> list[tuple[float, float]]:
     took = []
     with Service(prompt=True) as service, _performance(score, service) as host:
         for _ in range(runs):
             stop = partial(host.send_signal, signal.SIGSTOP)
-            took.append(_zero(service, stop, from_force=True))
+            took.append(_zero(service, stop))
             host.send_signal(signal.SIGCONT)
     return took
 
 
 def _killed(score: Path) -> float:
     with Service(prompt=True) as service, _performance(score, service) as host:
-        return _zero(service, host.kill)
+        return _zero(service, host.kill)[0]
