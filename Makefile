@@ -41,8 +41,8 @@ bench: $(VENV)/dev
 	$(BIN)/python -m benches
 
 docs: $(VENV)/dev
-	$(BIN)/python -m ergon.scores.staging.error_pages docs/errors
-	$(BIN)/python -m ergon.scores.reading.reference docs/reference.md
+	$(BIN)/python -m docs.generators.error_pages docs/errors
+	$(BIN)/python -m docs.generators.reference docs/reference.md
 	$(BIN)/python -m ergon.repl.language.help docs/cheat-sheet.md
 	$(BIN)/python core-rs/third_party.py LICENSE-THIRD-PARTY
 

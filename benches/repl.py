@@ -12,8 +12,8 @@ from benches.measure import Row
 from ergon.live.perform import Order
 from ergon.repl.session.live import Live
 from ergon.repl.session.session import Session
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of
+from ergon.scores.edits.texts import Texts
 
 _LIBRARY = Path(__file__).parent.parent / "scores" / "library"
 _LINES = (

@@ -76,8 +76,8 @@ def chart(
 
 def _budget(text: str | None) -> float | None:
     """The error that the planner may make [dB]."""
-    from ergon.scores.tables.quantities import LEVEL, quantity
-    from ergon.scores.text.errors import TextError
+    from ergon.notation.tables.quantities import LEVEL, quantity
+    from ergon.notation.text.errors import TextError
 
     if text is None:
         return None

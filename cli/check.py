@@ -14,8 +14,8 @@ from .units import metres
 
 if TYPE_CHECKING:
     from ergon.exchange.follow import Followed
+    from ergon.notation.text.errors import Diagnostic
     from ergon.scores.reading.piece import Piece
-    from ergon.scores.text.errors import Diagnostic
 
 
 @click.command()

@@ -13,7 +13,7 @@ from ergon.common.terminal import clean, json_text
 from .colour import style
 
 if TYPE_CHECKING:
-    from ergon.scores.text.errors import Diagnostic, Severity, Source
+    from ergon.notation.text.errors import Diagnostic, Severity, Source
 
     from .outcome import Outcome
     from .progress import Progress
@@ -85,7 +85,7 @@ class Console:
         JSON and GitHub forms are data for another program and go to stdout, the others to stderr.
         Under --quiet only errors are shown.
         """
-        from ergon.scores.text.errors import RENDERERS
+        from ergon.notation.text.errors import RENDERERS
 
         form: Form = "json" if self.json else self.form
         stream = sys.stdout if form in ("json", "github") else sys.stderr

@@ -72,7 +72,7 @@ def about(path: Path) -> str:
 
 
 def _chosen(scores: dict[str, Path], name: str | None) -> Path:
-    from ergon.scores.text.spelling import nearest
+    from ergon.notation.text.spelling import nearest
 
     if not scores:
         raise Refused("no scores ship with this installation")

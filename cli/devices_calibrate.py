@@ -19,8 +19,8 @@ _LEAST = 0.05  # of the device's range; less is a finger that trembled
 
 
 def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
-    from ergon.scores.tables.quantities import POSITION, quantity
-    from ergon.scores.text.errors import TextError
+    from ergon.notation.tables.quantities import POSITION, quantity
+    from ergon.notation.text.errors import TextError
 
     try:
         return None if text is None else quantity(text, POSITION)

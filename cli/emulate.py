@@ -37,8 +37,8 @@ class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is no
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """The SI value."""
-        from ergon.scores.tables import quantities
-        from ergon.scores.text.errors import TextError
+        from ergon.notation.tables import quantities
+        from ergon.notation.text.errors import TextError
 
         if isinstance(value, float):
             return value
@@ -165,9 +165,9 @@ def _paths(
     """Each hand's positions (n,) [m]; then fingers that rest, which are empty."""
     import numpy as np
 
+    from ergon.notation.text.errors import TextError
     from ergon.scores.gesture import notation
     from ergon.scores.gesture.sampled import sampled
-    from ergon.scores.text.errors import TextError
 
     paths = []
     for text in gestures:

@@ -35,9 +35,9 @@ def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool)
 
 def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     from ergon.exchange.safe import writing
-    from ergon.scores.text.errors import TextError
-    from ergon.scores.text.format import formatted
-    from ergon.scores.text.syntax import MAX_BYTES
+    from ergon.notation.text.errors import TextError
+    from ergon.notation.text.format import formatted
+    from ergon.notation.text.syntax import MAX_BYTES
 
     data = sys.stdin.buffer.read() if path == "-" else read_bounded(Path(path), MAX_BYTES)
     if len(data) > MAX_BYTES:

@@ -126,7 +126,7 @@ def _heard(piece: Piece) -> list[str]:
 
 
 def _are_there(piece: Piece, parts: Iterable[str]) -> None:
-    from ergon.scores.text.spelling import nearest
+    from ergon.notation.text.spelling import nearest
 
     heard = _heard(piece)
     for part in parts:

@@ -39,7 +39,7 @@ def words(text: str | None, known: Sequence[str], option: str) -> tuple[str, ...
     """`a,b` as words that are all known; all of them without a text."""
     if text is None:
         return tuple(known)
-    from ergon.scores.text.spelling import nearest
+    from ergon.notation.text.spelling import nearest
 
     found = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
     for word in found:

@@ -41,7 +41,7 @@ class LazyGroup(click.Group):
         if name not in self.table and not name.startswith("-"):
             if ctx.parent is None and name.endswith((".yaml", ".yml")):
                 raise click.UsageError(f"a command comes first: ergon render {name}", ctx)
-            from ergon.scores.text.spelling import nearest
+            from ergon.notation.text.spelling import nearest
 
             close = nearest(name, self.table)
             asked = f" Did you mean '{close}'?" if close else ""

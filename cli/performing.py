@@ -147,8 +147,8 @@ def _beginning(
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.recorded import opened
     from ergon.repl.session.replay import resumed
-    from ergon.repl.session.texts import Texts
     from ergon.repl.session.version import NotTakenError, Version
+    from ergon.scores.edits.texts import Texts
 
     resume = wishes.resume
     if resume is not None:

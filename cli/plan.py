@@ -95,7 +95,7 @@ def _of(rows: list[PlanRow], module: str) -> list[PlanRow]:
     part = module.partition(".")[0]
     found = [row for row in rows if part in row.parts]
     if not found:
-        from ergon.scores.text.spelling import nearest
+        from ergon.notation.text.spelling import nearest
 
         known = sorted({name for row in rows for name in row.parts})
         close = nearest(part, known)

@@ -240,7 +240,7 @@ def _osc(console: Console, wishes: Wishes) -> Osc | None:
 
 
 def _no_player(piece: Piece, name: str, option: str) -> str:
-    from ergon.scores.text.spelling import nearest
+    from ergon.notation.text.spelling import nearest
 
     close = nearest(name, piece.players)
     asked = f"; did you mean '{close}'?" if close else ""
@@ -316,8 +316,8 @@ def gain(
     """As asked, as the score's master says, or as a preflight finds."""
     from ergon import _core
     from ergon.live.preflight import length, level
-    from ergon.scores.tables.quantities import gain as ratio
-    from ergon.scores.text.errors import TextError
+    from ergon.notation.tables.quantities import gain as ratio
+    from ergon.notation.text.errors import TextError
 
     if wishes.gain is not None:
         try:
@@ -341,8 +341,8 @@ def gain(
 
 def _guides(piece: Piece, boards: Sequence[Board], asked: Sequence[str]) -> dict[str, float]:
     from ergon.live.perform import GUIDE
-    from ergon.scores.tables.quantities import STIFFNESS, quantity
-    from ergon.scores.text.errors import TextError
+    from ergon.notation.tables.quantities import STIFFNESS, quantity
+    from ergon.notation.text.errors import TextError
 
     real = {player for board in boards for _, player in board.axes}
     guides = {}

@@ -119,7 +119,7 @@ def _staged(
 
 
 def _nearest(word: str, names: Iterable[str]) -> str:
-    from ergon.scores.text.spelling import nearest
+    from ergon.notation.text.spelling import nearest
 
     names = list(names)
     close = nearest(word, names)

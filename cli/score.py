@@ -20,13 +20,13 @@ from .console import Console, plural
 from .outcome import Findings, Refused
 
 if TYPE_CHECKING:
+    from ergon.notation.text.bounds import Bounds
+    from ergon.notation.text.errors import Diagnostic, Severity
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Accuracy, Piece
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Pins
     from ergon.scores.staging.stage import Stage
-    from ergon.scores.text.bounds import Bounds
-    from ergon.scores.text.errors import Diagnostic, Severity
 
 STDIN = "-"
 
@@ -42,11 +42,11 @@ class Plan:
 
     def accuracy(self, of_score: Accuracy) -> Accuracy:
         """What is wanted of a piece."""
+        from ergon.notation.tables.quantities import ERROR, quantity
+        from ergon.notation.text.errors import TextError
+        from ergon.notation.text.spelling import nearest
         from ergon.scores.reading.piece import METHODS
         from ergon.scores.staging.planning import wished
-        from ergon.scores.tables.quantities import ERROR, quantity
-        from ergon.scores.text.errors import TextError
-        from ergon.scores.text.spelling import nearest
 
         if sum(value is not None for value in (self.method, self.error, self.cents)) > 1:
             raise Refused("--method, --error and --cents: one of them")
@@ -106,7 +106,7 @@ def read(
 
 def bounds(path: str, trust: bool) -> Bounds:
     """Where the files of a score may lie."""
-    from ergon.scores.text.bounds import Bounds
+    from ergon.notation.text.bounds import Bounds
 
     return Bounds.around(Path(path).parent, trust=trust)
 
@@ -190,8 +190,8 @@ def staging(console: Console, loaded: Callable[[], Loaded]) -> Iterator[None]:
 
 def instant(piece: Piece, text: str, option: str) -> float:
     """Seconds of a position of the piece such as `3|2.5`, `B+2`, `12.5s`."""
-    from ergon.scores.clock.positions import parse_position
-    from ergon.scores.text.errors import TextError
+    from ergon.notation.clock.positions import parse_position
+    from ergon.notation.text.errors import TextError
 
     tempo = piece.tempo_map
     try:

@@ -85,8 +85,8 @@ def import_take(
 
 
 def _hertz(text: str, option: str) -> float:
-    from ergon.scores.tables.quantities import FREQUENCY, quantity
-    from ergon.scores.text.errors import TextError
+    from ergon.notation.tables.quantities import FREQUENCY, quantity
+    from ergon.notation.text.errors import TextError
 
     try:
         return quantity(text, FREQUENCY)

@@ -52,8 +52,8 @@ def trim(
 
 
 def _seconds(text: str, what: str) -> float:
-    from ergon.scores.tables.quantities import INSTANT, quantity
-    from ergon.scores.text.errors import TextError
+    from ergon.notation.tables.quantities import INSTANT, quantity
+    from ergon.notation.text.errors import TextError
 
     if text == "end" and what == "TO":
         return math.inf

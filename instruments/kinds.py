@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from ergon.scores.tables import kinds as k
-from ergon.scores.tables.fields import Field, Record, Values
-from ergon.scores.tables.shapes import (
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
     MISSING,
     Context,
     Either,
@@ -22,8 +22,8 @@ from ergon.scores.tables.shapes import (
     choice,
     wrong_shape,
 )
-from ergon.scores.text.document import Node, Scalar
-from ergon.scores.text.errors import TextError
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import TextError
 
 MAX_MODULES = 2_000_000  # of one generator: some 200 MB of state and parameters
 MAX_RADIUS = 400  # of a PLATE: half a million masses, whose lowest mode takes ten seconds to find

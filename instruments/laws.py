@@ -9,9 +9,9 @@ from typing import Any
 
 from ergon import _core
 from ergon.instruments.model import Module
-from ergon.scores.tables.shapes import NAME
-from ergon.scores.text.errors import Collector, quote
-from ergon.scores.text.values import Place
+from ergon.notation.tables.shapes import NAME
+from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.values import Place
 
 _WORDS = re.compile(r"[^\W\d]\w*")
 # Words of a law that are no constants.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from ergon.scores.text.errors import TextError, quote
+from ergon.notation.text.errors import TextError, quote
 
 PATTERN = r"(?:[0-9]{1,9}(?:\.\.(?:[0-9]{1,9}|last))?|all|last|centre)"
 _MEMBERS = re.compile(PATTERN)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from ergon.scores.text.values import Place
+from ergon.notation.text.values import Place
 
 
 @dataclass(frozen=True, slots=True)

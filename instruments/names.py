@@ -10,8 +10,8 @@ from typing import Literal
 from ergon.instruments.kinds import HOLDERS, LINKS, member_count
 from ergon.instruments.members import PATTERN, members
 from ergon.instruments.model import Module, Target
-from ergon.scores.tables.shapes import Name
-from ergon.scores.text.errors import Collector, TextError, quote
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.errors import Collector, TextError, quote
 
 _MEMBERS = re.compile(rf"(.*?)(?:\.({PATTERN}))?")
 

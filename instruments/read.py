@@ -8,9 +8,9 @@ from typing import Any
 
 from ergon.instruments.kinds import HOLDERS, tables
 from ergon.instruments.model import Instrument, Module, Output
-from ergon.scores.tables import kinds as k
-from ergon.scores.tables.fields import Field, Record, Values
-from ergon.scores.tables.shapes import (
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
     MISSING,
     Context,
     Either,
@@ -22,10 +22,10 @@ from ergon.scores.tables.shapes import (
     choice,
     wrong_shape,
 )
-from ergon.scores.text import document
-from ergon.scores.text.document import Node
-from ergon.scores.text.errors import with_article
-from ergon.scores.text.values import Place
+from ergon.notation.text import document
+from ergon.notation.text.document import Node
+from ergon.notation.text.errors import with_article
+from ergon.notation.text.values import Place
 
 MODULES_DOC = "the network: names, each with one kind of module"
 

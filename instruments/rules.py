@@ -11,10 +11,10 @@ from ergon.instruments.laws import LawText, resolved
 from ergon.instruments.members import members
 from ergon.instruments.model import Layout, Module, Output, Target
 from ergon.instruments.names import Part, Scene
-from ergon.scores.tables.fields import Values
-from ergon.scores.tables.shapes import Name
-from ergon.scores.text.errors import Collector, TextError, quote
-from ergon.scores.text.values import Place
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import Name
+from ergon.notation.text.errors import Collector, TextError, quote
+from ergon.notation.text.values import Place
 
 
 def modules(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.scores.clock.tempo import TempoMap
+    from ergon.notation.clock.tempo import TempoMap
     from ergon.scores.staging.stage import Stage
 
     # Send to an address; with an instant [s since 1970], in a bundle that bears it.

@@ -114,7 +114,7 @@ def perform(
 
 def bars(stage: Stage, n_frames: int) -> list[int]:
     """Frames before `n_frames` at which a bar begins."""
-    from ergon.scores.clock.positions import parse_position
+    from ergon.notation.clock.positions import parse_position
 
     tempo = stage.piece.tempo_map
     found: list[int] = []

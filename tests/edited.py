@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ergon.repl.session.texts import Texts
+from ergon.scores.edits.texts import Texts
 
 ROOT = Path(__file__).parents[1]
 BUNDLED = sorted(ROOT.glob("scores/library/*.yaml"))

@@ -13,8 +13,8 @@ from ergon.repl.session.journal import Journal
 from ergon.repl.session.recorded import Opening, opened
 from ergon.repl.session.replay import Again
 from ergon.repl.session.session import Session
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of
+from ergon.scores.edits.texts import Texts
 
 EVERY = 64
 _BLOCK = 1 << 16  # frames

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from ergon.notation.clock.positions import Length, Position, parse_position
 from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Names, names
-from ergon.scores.clock.positions import Length, Position, parse_position
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.reading.load import load

@@ -15,8 +15,8 @@ from ergon.live.perform import Order
 from ergon.repl.face import Reply
 from ergon.repl.session.live import Live
 from ergon.repl.session.session import Session
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of
+from ergon.scores.edits.texts import Texts
 
 SCORE = """\
 ergon: 1

@@ -7,8 +7,8 @@ import pytest
 from ergon.cli import app
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.recorded import Opening
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Desk
+from ergon.scores.edits.texts import Texts
 
 SCORE = """\
 ergon: 1

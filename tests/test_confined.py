@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from ergon.cli import app
+from ergon.notation.text.bounds import MARKER, Bounds
 from ergon.repl.language.commands import Load, Reload
 from ergon.repl.session.deeds import DEEDS
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.recorded import opened
 from ergon.repl.session.replay import resumed
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import NotTakenError, Version
+from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
-from ergon.scores.text.bounds import MARKER, Bounds
 
 KEY = "keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\nplayers: {p: {key: k}}\n"
 PLAYED = (

@@ -6,10 +6,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ergon.scores.text import document as module
-from ergon.scores.text.document import Mapping, Scalar, Sequence, compose
-from ergon.scores.text.errors import Collector
-from ergon.scores.text.syntax import MAX_BYTES, decode
+from ergon.notation.text import document as module
+from ergon.notation.text.document import Mapping, Scalar, Sequence, compose
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.syntax import MAX_BYTES, decode
 
 
 def read(text):

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from ergon.scores.reading.sections import SCORE
-from ergon.scores.text.document import Mapping, Scalar, Sequence, compose
-from ergon.scores.text.edit import (
+from ergon.notation.text.document import Mapping, Scalar, Sequence, compose
+from ergon.notation.text.edit import (
     EditError,
     add_row,
     append,
@@ -17,7 +16,8 @@ from ergon.scores.text.edit import (
     remove,
     rows,
 )
-from ergon.scores.text.errors import Collector
+from ergon.notation.text.errors import Collector
+from ergon.scores.reading.sections import SCORE
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("scores/library", "cli/templates", "instruments/library", "tests/data")

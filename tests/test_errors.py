@@ -3,12 +3,11 @@ import re
 from pathlib import Path
 
 import pytest
+from docs.generators.error_pages import codes, found, pages, told
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ergon.scores.reading.load import load
-from ergon.scores.staging.error_pages import codes, found, pages, told
-from ergon.scores.text.errors import (
+from ergon.notation.text.errors import (
     MAX_SHOWN,
     RENDERERS,
     Collector,
@@ -19,7 +18,8 @@ from ergon.scores.text.errors import (
     json_line,
     quote,
 )
-from ergon.scores.text.values import Place
+from ergon.notation.text.values import Place
+from ergon.scores.reading.load import load
 
 ROOT = Path(__file__).parent.parent
 SCORE = """\
@@ -139,7 +139,11 @@ def test_examples(entry):
 
 
 def test_every_code_has_a_page():
-    source = [*ROOT.glob("scores/**/*.py"), *ROOT.glob("instruments/*.py")]
+    source = [
+        *ROOT.glob("notation/**/*.py"),
+        *ROOT.glob("scores/**/*.py"),
+        *ROOT.glob("instruments/*.py"),
+    ]
     used = {
         code
         for path in source

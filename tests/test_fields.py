@@ -4,12 +4,10 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
+from docs.generators import reference
 
-from ergon.scores.reading import reference
-from ergon.scores.reading.load import load
-from ergon.scores.reading.schema import schema
-from ergon.scores.tables.fields import Field, Record
-from ergon.scores.tables.shapes import (
+from ergon.notation.tables.fields import Field, Record
+from ergon.notation.tables.shapes import (
     MISSING,
     Context,
     Either,
@@ -19,8 +17,10 @@ from ergon.scores.tables.shapes import (
     Text,
     choice,
 )
-from ergon.scores.text.document import Document, compose
-from ergon.scores.text.errors import Collector, TextError
+from ergon.notation.text.document import Document, compose
+from ergon.notation.text.errors import Collector, TextError
+from ergon.scores.reading.load import load
+from ergon.scores.reading.schema import schema
 
 ROOT = Path(__file__).parent.parent
 DUET = (Path(__file__).parent / "data/duet-2.2.yaml").read_text(encoding="utf-8")

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.format import _meaning, formatted
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.format import _meaning, formatted
 
 UNTIDY = """\
 # yaml-language-server: $schema=./score-1.schema.json   

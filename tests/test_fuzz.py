@@ -5,8 +5,8 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ergon.notation.text.errors import full
 from ergon.scores.reading.load import load
-from ergon.scores.text.errors import full
 
 DATA = Path(__file__).parent / "data"
 DUET = (DATA / "duet-2.2.yaml").read_text(encoding="utf-8")

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ergon import _core
 from ergon.cli.demo import about, bundled
+from ergon.notation.tables import kinds
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import Stage, stage
-from ergon.scores.tables import kinds
 
 Frames = NDArray[np.float64]
 

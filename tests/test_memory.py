@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from ergon.notation.text import document
+from ergon.notation.text.memory import Memory
 from ergon.scores.reading.load import Loaded, load
-from ergon.scores.text import document
-from ergon.scores.text.memory import Memory
 
 _LIBRARY = Path(__file__).parent.parent / "scores" / "library"
 _SCORES = sorted(path.name for path in _LIBRARY.glob("*.yaml"))

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.values import Time
 from ergon.scores.gesture.notation import CURVES, MAX_EVENTS, parse, parse_table
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.values import Time
 
 
 def plain(notation):

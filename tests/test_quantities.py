@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ergon.scores.tables import quantities as q
-from ergon.scores.text.errors import TextError
+from ergon.notation.tables import quantities as q
+from ergon.notation.text.errors import TextError
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import random
 import pytest
 from edited import SCORES, TWO, begun, opened, piece_of, same
 
-from ergon.repl.session.edits import keeping, keys, matter, names, parts, times
-from ergon.repl.session.texts import Texts
-from ergon.scores.text.edit import EditError
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits import keeping, keys, matter, names, parts, times
+from ergon.scores.edits.texts import Texts
 
 
 @pytest.mark.parametrize("path", SCORES)

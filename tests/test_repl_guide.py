@@ -20,8 +20,8 @@ from ergon.repl.session.live import Live
 from ergon.repl.session.recorded import Opening, opened
 from ergon.repl.session.replay import Again
 from ergon.repl.session.session import Session
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Version, piece_of
+from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.live import leading
 

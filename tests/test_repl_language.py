@@ -5,11 +5,11 @@ import dataclasses
 import pytest
 from spoken import OTHERS, SCOPE, SESSION, one, plays, refused
 
+from ergon.notation.clock.positions import Length, Position, parse_position
 from ergon.repl.language import commands as c
 from ergon.repl.language import help, verbs
 from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
-from ergon.scores.clock.positions import Length, Position, parse_position
 from ergon.scores.gesture import notation
 
 

@@ -3,8 +3,8 @@
 import pytest
 from edited import DUET, TEMPO, TWO, lines, opened, piece_of, value
 
-from ergon.repl.session.edits import matter
-from ergon.scores.text.edit import EditError
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits import matter
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from edited import DUET, SCORES, TWO, begun, lines, opened, piece_of
 
-from ergon.repl.session.edits import parts
-from ergon.scores.text.edit import EditError
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits import parts
 
 
 def test_a_line_goes_on_from_its_beat():

@@ -5,10 +5,10 @@ import dataclasses
 import pytest
 from spoken import SCOPE, refused
 
+from ergon.notation.clock.positions import Position
 from ergon.repl.language import commands as c
 from ergon.repl.language.lines import MAX_LINE, MAX_PASTE
 from ergon.repl.language.parse import parse
-from ergon.scores.clock.positions import Position
 
 
 @pytest.mark.parametrize(

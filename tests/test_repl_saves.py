@@ -15,13 +15,13 @@ from sessions import EVERY, Stepped
 from test_journal_hostile import KEYS, SCORE
 
 from ergon.exchange import together
+from ergon.notation.text.files import installed
 from ergon.repl.session.engine import Steps
 from ergon.repl.session.recorded import opened
 from ergon.repl.session.replay import resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import piece_of
 from ergon.scores.reading.load import load
-from ergon.scores.text.files import installed
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
 REMARKS = "# Nothing is in here yet.\n"

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from edited import DUET, ROOT, SCORES, TEMPO, TWO, lines, opened, piece_of
 
-from ergon.repl.session.edits import keys, names, times
-from ergon.repl.session.texts import Texts
-from ergon.scores.text.edit import EditError
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits import keys, names, times
+from ergon.scores.edits.texts import Texts
 
 
 @pytest.mark.parametrize("path", SCORES)

@@ -6,26 +6,29 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-TEXT, TABLES, CLOCK, GESTURE, READING, STAGING = (
-    f"scores.{step}" for step in ("text", "tables", "clock", "gesture", "reading", "staging")
+TEXT, CLOCK, TABLES = (f"notation.{step}" for step in ("text", "clock", "tables"))
+GESTURE, READING, EDITS, STAGING = (
+    f"scores.{step}" for step in ("gesture", "reading", "edits", "staging")
 )
 MAY = {
     "common": set(),
     "view": {"_core"},
     "exchange": {"_core"},
     TEXT: set(),
-    TABLES: {TEXT, CLOCK, GESTURE, "_core"},
     CLOCK: {TEXT, "_core"},
-    GESTURE: {TEXT, CLOCK, "_core"},
-    "instruments": {TEXT, TABLES, "_core"},
-    READING: {TEXT, TABLES, CLOCK, GESTURE, "instruments"},
-    STAGING: {TEXT, TABLES, CLOCK, GESTURE, READING, "instruments", "_core"},
-    "repl.language": {"scores", "instruments"},
-    "lab": {"scores", "instruments", "exchange", "_core"},
-    "live": {"scores", "exchange", "_core"},
+    TABLES: {TEXT, CLOCK, "_core"},
+    "instruments": {"notation", "_core"},
+    GESTURE: {"notation", "_core"},
+    READING: {"notation", "instruments", GESTURE},
+    EDITS: {"notation", "instruments", GESTURE, READING},
+    STAGING: {"notation", "instruments", GESTURE, READING, "_core"},
+    "repl.language": {"notation", "instruments", "scores"},
+    "lab": {"notation", "instruments", "scores", "exchange", "_core"},
+    "live": {"notation", "scores", "exchange", "_core"},
     "repl.session": {
-        "scores",
+        "notation",
         "instruments",
+        "scores",
         "exchange",
         "live",
         "view",
@@ -35,7 +38,17 @@ MAY = {
     },
     "repl.prompt": {"repl.face", "repl.turns"},
     "repl.wire": {"repl.face", "repl.turns"},
-    "cli": {"scores", "instruments", "exchange", "lab", "live", "repl", "view", "_core"},
+    "cli": {
+        "notation",
+        "instruments",
+        "scores",
+        "exchange",
+        "lab",
+        "live",
+        "repl",
+        "view",
+        "_core",
+    },
 }
 
 

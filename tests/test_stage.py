@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ergon import _core
+from ergon.notation.text.errors import Diagnostic
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.load import load
 from ergon.scores.staging.hands import ALL
 from ergon.scores.staging.stage import Going, Span, Stage, StageError, solo, stage
-from ergon.scores.text.errors import Diagnostic
 
 TAKES = Path(__file__).parents[1] / "scores/library/takes"
 PLAYED = """\

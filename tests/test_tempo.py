@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from ergon.scores.clock.meter import Meter, parse_meter
-from ergon.scores.clock.positions import Length, Position, parse_length, parse_position
-from ergon.scores.clock.tempo import Entry, TempoError, TempoMap, parse_bpm
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.values import Time
+from ergon.notation.clock.meter import Meter, parse_meter
+from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
+from ergon.notation.clock.tempo import Entry, TempoError, TempoMap, parse_bpm
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.values import Time
 
 
 def entry(at, bpm=None, over=None, meter=None):

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.notation import parse
 from ergon.scores.gesture.transforms import (
     TakeTransform,
@@ -15,8 +17,6 @@ from ergon.scores.gesture.transforms import (
     parse_chain,
     parse_do,
 )
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.values import Point, Time
 
 KNOCK = "0mm@0 smooth 6mm@1/8 throw 0mm@1/4 hold 0mm@1/2"
 

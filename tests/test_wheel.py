@@ -9,7 +9,18 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PARTS = ("cli", "common", "exchange", "instruments", "lab", "live", "repl", "scores", "view")
+PARTS = (
+    "cli",
+    "common",
+    "exchange",
+    "instruments",
+    "lab",
+    "live",
+    "notation",
+    "repl",
+    "scores",
+    "view",
+)
 SHIPPED = {".py", ".yaml", ".csv", ".json", ".md"}
 LICENCES = ("LICENSE-MIT", "LICENSE-APACHE", "LICENSE-THIRD-PARTY")
 

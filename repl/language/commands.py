@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NamedTuple
 
-from ergon.scores.clock.positions import Length, Position
+from ergon.notation.clock.positions import Length, Position
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.piece import Manner

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from ergon.notation.text.errors import TextError
 from ergon.repl.language.grammar import Hints, command
 from ergon.repl.language.lines import MAX_LINE, Line, comment, goes_on, lines
 from ergon.repl.language.scope import Scope
-from ergon.scores.text.errors import TextError
 
 MOST = 200  # in a menu; who looks for one of more types a letter
 

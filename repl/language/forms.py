@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from ergon.notation.clock.positions import Length
+from ergon.notation.text.errors import TextError
 from ergon.repl.language import commands as c
 from ergon.repl.language.values import Value
-from ergon.scores.clock.positions import Length
-from ergon.scores.text.errors import TextError
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,14 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
 from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.lines import Line, split
 from ergon.repl.language.scope import Scope
-from ergon.scores.text.errors import TextError, quote
-from ergon.scores.text.spelling import nearest
 
 _LEADS = {"at": v.POSITION, "in": v.LENGTH}  # of when a line acts
 _WHENS = (

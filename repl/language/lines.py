@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from ergon.notation.text.errors import TextError
 from ergon.repl.language.commands import Word
-from ergon.scores.text.errors import TextError
 
 MAX_LINE = 10_000  # characters; the longest line of a performance has some hundreds
 MAX_PASTE = 100_000  # characters of one submission, read and checked while the sound goes on

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language.commands import Command, Define
 from ergon.repl.language.grammar import command
 from ergon.repl.language.lines import lines
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import Scope, with_gesture
-from ergon.scores.text.errors import TextError, quote
 
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
 

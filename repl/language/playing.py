@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ergon.notation.clock.positions import Position
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Plays, When, Word
 from ergon.repl.language.scope import Scope
-from ergon.scores.clock.positions import Position
 from ergon.scores.gesture import words as play_words
 from ergon.scores.gesture.transforms import ARITY, Transform
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.part import PLAY, SHAPES
-from ergon.scores.tables.shapes import Text
-from ergon.scores.text.errors import TextError
 
 # Options that are no business of a line: a key says its rate in the score.
 _ELSEWHERE = {"rate": "gestures are struck at the audio rate; leave out 'rate'"}

@@ -8,9 +8,9 @@ from typing import Protocol
 
 from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.shapes import Text
 from ergon.scores.reading.piece import Gesture, Piece
-from ergon.scores.tables import kinds as k
-from ergon.scores.tables.shapes import Text
 
 _AT_THE_BEGINNING = ("X0", "V0")  # they say where a mass starts, which is over
 

@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
 from ergon.repl.language.scope import Scope
-from ergon.scores.clock.positions import Length, Position, parse_length, parse_position
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
 from ergon.scores.gesture.words import OPTIONS
-from ergon.scores.tables import kinds as k
-from ergon.scores.tables import quantities as q
-from ergon.scores.tables.shapes import MAX_NAME, NAME, Text
-from ergon.scores.text.errors import TextError, quote
-from ergon.scores.text.spelling import nearest
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that follow a name in a line: a gesture or take that bears one could not be played.

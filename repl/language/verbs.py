@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import forms
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
 from ergon.repl.language.values import Offer, Value
-from ergon.scores.text.errors import TextError, quote
 
 _OVER = Slot("over", v.LENGTH, "over", optional=True)
 _PLAYER = Slot("player", v.PLAYER)

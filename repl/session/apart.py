@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
+from ergon.notation.text import document, edit
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.files import Files
 from ergon.repl.session.named import LIBRARY, name_of
-from ergon.repl.session.texts import Texts
-from ergon.scores.text import document, edit
-from ergon.scores.text.errors import Collector
-from ergon.scores.text.files import Files
+from ergon.scores.edits.texts import Texts
 
 
 def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, str]:

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.files import is_shipped
 from ergon.repl.face import Reply
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
 from ergon.repl.session import computing, deeds, files, looks
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.files import is_shipped
 
 if TYPE_CHECKING:
     from ergon.repl.session.session import Session

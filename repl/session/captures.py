@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.exchange.safe import RefusedError, writing
+from ergon.notation.text.files import is_below
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.text.files import is_below
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits

@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ergon.scores.clock.meter import SAME
-from ergon.scores.clock.shifted import Shifted, Standing
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.shifted import Shifted, Standing
 
 if TYPE_CHECKING:
-    from ergon.scores.clock.positions import Length
-    from ergon.scores.clock.tempo import TempoMap
+    from ergon.notation.clock.positions import Length
+    from ergon.notation.clock.tempo import TempoMap
 
 
 @dataclass(frozen=True, slots=True)

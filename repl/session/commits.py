@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 from ergon._core import EngineError, StoppedError
 from ergon.live.guard import FALL
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, Position
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import TextError
 from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, started
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import HORIZON, JOIN, Running, follow
 from ergon.repl.session.version import GLIDE, NotTakenError, Version
-from ergon.scores.clock.meter import SAME
-from ergon.scores.clock.positions import Length, Position
 from ergon.scores.staging.stage import StageError
-from ergon.scores.text.edit import EditError
-from ergon.scores.text.errors import TextError
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine

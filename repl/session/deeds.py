@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
-from ergon.repl.session.edits import keys, matter, names, parts, times
 from ergon.repl.session.leads import lead_of
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import GLIDE, Desk, NotTakenError, Version, piece_of
+from ergon.scores.edits import keys, matter, names, parts, times
+from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import solo
-from ergon.scores.text.bounds import Bounds
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Deed

@@ -8,15 +8,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.notation.text import document, edit
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.files import is_below, is_shipped, shipped
 from ergon.repl.session.named import name_of
-from ergon.repl.session.texts import SECTIONS
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.text import document, edit
-from ergon.scores.text.edit import EditError
-from ergon.scores.text.files import is_below, is_shipped, shipped
+from ergon.scores.edits.texts import SECTIONS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.texts import Texts
+    from ergon.scores.edits.texts import Texts
 
 _BOM = b"\xef\xbb\xbf"
 

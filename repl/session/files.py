@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 from ergon.exchange.safe import RefusedError
 from ergon.exchange.together import write_all
+from ergon.notation.text.files import is_shipped
 from ergon.repl.session import apart
 from ergon.repl.session.disk import as_written, home
-from ergon.repl.session.edits import keeping, parts
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import NotTakenError, piece_of
-from ergon.scores.text.files import is_shipped
+from ergon.scores.edits import keeping, parts
+from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
+    from ergon.notation.clock.positions import Length
     from ergon.repl.session.session import Session
-    from ergon.scores.clock.positions import Length
 
 _SUFFIXES = (".yaml", ".yml")
 

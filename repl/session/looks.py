@@ -6,15 +6,15 @@ import shutil
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ergon.notation.text.document import Mapping
+from ergon.notation.text.spelling import nearest
 from ergon.repl.session.deeds import rehearsed
 from ergon.repl.session.version import NotTakenError
-from ergon.scores.text.document import Mapping
-from ergon.scores.text.spelling import nearest
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import Running
-    from ergon.repl.session.texts import Texts
     from ergon.repl.session.version import Version
+    from ergon.scores.edits.texts import Texts
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters: what a glance takes in

@@ -6,7 +6,7 @@ import os
 import re
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from ergon.scores.text.files import installed, is_below, is_file, is_shipped, shipped
+from ergon.notation.text.files import installed, is_below, is_file, is_shipped, shipped
 
 LIBRARY = "ergon:"  # begins the name of a file that ships
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")  # a half of a pair is no character

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ergon.notation.text.bounds import Bounds
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.named import NameRefused, file_of, name_of, score_of
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import Desk, Version, piece_of
-from ergon.scores.text.bounds import Bounds
+from ergon.scores.edits.texts import Texts
 
 _EVERY_MAX = 1 << 16  # frames of a tick
 _FRAME_MAX = 1 << 40  # at any rate longer than a session

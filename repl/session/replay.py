@@ -18,8 +18,8 @@ from ergon.repl.session.engine import Steps
 from ergon.repl.session.journal import Event
 from ergon.repl.session.recorded import Replay
 from ergon.repl.session.running import JOIN, Running, begin
-from ergon.repl.session.texts import Texts
 from ergon.repl.session.version import NotTakenError, Past, Version, piece_of
+from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import MAX_SECONDS
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ergon.scores.clock.positions import Length, Position
+from ergon.notation.clock.positions import Length, Position
 from ergon.scores.reading.piece import UNSAID, Play
 from ergon.scores.staging.gliding import Glide, glides
 from ergon.scores.staging.hands import Window

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from ergon import _core
 from ergon.live.display import feels
+from ergon.notation.clock.positions import Length
+from ergon.notation.text.edit import EditError
 from ergon.repl.face import Reply, State
 from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.complete import complete
@@ -33,14 +35,12 @@ from ergon.repl.session.recorded import said
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, Past, Version
-from ergon.scores.clock.positions import Length
 from ergon.scores.staging.stage import StageError
-from ergon.scores.text.edit import EditError
 
 if TYPE_CHECKING:
     from ergon.repl.face import Suggestion
     from ergon.repl.session.engine import Engine
-    from ergon.repl.session.texts import Texts
+    from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ergon.repl.session.texts import Texts
+    from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece
 
 

@@ -11,6 +11,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from ergon._core import poll
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.numbers import MAX_TIME
+from ergon.notation.text.spelling import nearest
+from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.points import (
     CURVES,
     POINT,
@@ -21,10 +25,6 @@ from ergon.scores.gesture.points import (
     instant,
     metres,
 )
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.numbers import MAX_TIME
-from ergon.scores.text.spelling import nearest
-from ergon.scores.text.values import Point, Time
 
 MAX_DEPTH = 8  # groups inside groups: more cannot be read aloud
 MAX_EVENTS = 500_000  # points after expansion: some 140 MB while they are read

@@ -2,9 +2,9 @@
 
 import re
 
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.numbers import NUMBER, UNIT, time_of
-from ergon.scores.text.spelling import nearest
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.numbers import NUMBER, UNIT, time_of
+from ergon.notation.text.spelling import nearest
 
 CURVES = ("smooth", "line", "hold", "throw")
 MAX_POSITION = 1e3  # m; a key travels millimetres

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from ergon.scores.text.values import Point
+    from ergon.notation.text.values import Point
 
 
 def sampled(points: Sequence[Point], beat: float, rate: float) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ergon.common.regular import open_regular
-from ergon.scores.text.errors import TextError
+from ergon.notation.text.errors import TextError
 
 Floats = NDArray[np.float64]
 

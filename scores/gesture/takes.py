@@ -20,6 +20,7 @@ import numpy as np
 
 from ergon import _core
 from ergon.common.regular import open_regular
+from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.npz import Npz, npz
 from ergon.scores.gesture.points import METRE, SECOND
 from ergon.scores.gesture.take_file import (
@@ -30,7 +31,6 @@ from ergon.scores.gesture.take_file import (
     lines,
     opened,
 )
-from ergon.scores.text.spelling import nearest
 
 MAX_POSITION = 1e3  # m
 MAX_RATE = 1e6  # Hz

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from math import floor
 from typing import NamedTuple, Protocol
 
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.numbers import NUMBER, UNIT
+from ergon.notation.text.spelling import nearest
+from ergon.notation.text.values import Point, Time
 from ergon.scores.gesture.points import instant, metres
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.numbers import NUMBER, UNIT
-from ergon.scores.text.spelling import nearest
-from ergon.scores.text.values import Point, Time
 
 NOW = Time()
 LARGEST = 1e4  # of a scale or stretch; a key is not a crane

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.spelling import nearest
 
 # An option and what follows it; None for a flag.
 OPTIONS = {

@@ -7,7 +7,13 @@ from typing import Any, Literal
 
 from ergon.instruments.model import Layout, Module, Target
 from ergon.instruments.read import module
-from ergon.scores.clock.positions import Position
+from ergon.notation.clock.positions import Position
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import MISSING, Context
+from ergon.notation.text.document import Scalar
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.files import Files
+from ergon.notation.text.values import Place
 from ergon.scores.gesture import notation
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.piece import (
@@ -25,12 +31,6 @@ from ergon.scores.reading.piece import (
     TempoEntry,
 )
 from ergon.scores.reading.sections import CALIBRATION, LAYOUT
-from ergon.scores.tables.fields import Values
-from ergon.scores.tables.shapes import MISSING, Context
-from ergon.scores.text.document import Scalar
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.files import Files
-from ergon.scores.text.values import Place
 
 START = Position()
 _BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}

@@ -12,6 +12,10 @@ from ergon.instruments.laws import LawText, is_name
 from ergon.instruments.model import Instrument, Layout, Module
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import MISSING, Name
+from ergon.notation.text.errors import quote
+from ergon.notation.text.values import Place
 from ergon.scores.gesture.notation import MAX_EVENTS
 from ergon.scores.reading import build
 from ergon.scores.reading.piece import (
@@ -29,10 +33,6 @@ from ergon.scores.reading.rates import Rates
 from ergon.scores.reading.schedule import schedule
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Entry, Names, Uses
-from ergon.scores.tables.fields import Values
-from ergon.scores.tables.shapes import MISSING, Name
-from ergon.scores.text.errors import quote
-from ergon.scores.text.values import Place
 
 MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
 _Named = TypeVar("_Named", Gesture, TakeFile, Key | Instrument)

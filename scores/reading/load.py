@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ergon.notation.text.bounds import Bounds
+from ergon.notation.text.document import Document
+from ergon.notation.text.errors import Collector, Diagnostic, Severity
+from ergon.notation.text.files import Files
+from ergon.notation.text.lasting import lasting
+from ergon.notation.text.memory import Memory
 from ergon.scores.reading.check import Checker
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.uses import Uses
-from ergon.scores.text.bounds import Bounds
-from ergon.scores.text.document import Document
-from ergon.scores.text.errors import Collector, Diagnostic, Severity
-from ergon.scores.text.files import Files
-from ergon.scores.text.lasting import lasting
-from ergon.scores.text.memory import Memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field
+from ergon.notation.tables.shapes import Either, ListOf, Text, choice
+from ergon.scores.gesture.transforms import parse_chain, parse_do
 from ergon.scores.reading.piece import UNSAID, Manner
-from ergon.scores.tables import kinds as k
-from ergon.scores.tables.fields import Field
-from ergon.scores.tables.shapes import choice
 
+DO = Either(
+    scalar=Text(parse_chain, "transformations, such as scale 0.5, mirror", types=("string",)),
+    sequence=ListOf(Text(parse_do, "a transformation, such as scale 0.5", types=("string",))),
+)
 # What holds where neither says a thing is DEFAULT_MANNER.
 OF_GESTURE = (
     Field("touch", choice("open", "tracked"), "ergons for the free key, or exact", shown="open"),

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.scores.gesture import words
-from ergon.scores.reading.manner import OF_ENTRY, manner
-from ergon.scores.reading.piece import Play
-from ergon.scores.tables import kinds as k
-from ergon.scores.tables.fields import Field, Record, Values
-from ergon.scores.tables.shapes import (
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
     MISSING,
     Context,
     ListOf,
@@ -20,9 +17,12 @@ from ergon.scores.tables.shapes import (
     Text,
     wrong_shape,
 )
-from ergon.scores.text.document import Node, Scalar, Sequence
-from ergon.scores.text.errors import TextError
-from ergon.scores.text.values import Place
+from ergon.notation.text.document import Node, Scalar, Sequence
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.values import Place
+from ergon.scores.gesture import words
+from ergon.scores.reading.manner import DO, OF_ENTRY, manner
+from ergon.scores.reading.piece import Play
 
 MAX_ROWS = 1_000_000
 
@@ -73,7 +73,7 @@ PLAY = Record(
         _AT,
         Field("play", Reference("a gesture or a take"), "what is played", required=True),
         *_OPTIONS,
-        Field("do", k.DO, "transformations, left to right"),
+        Field("do", DO, "transformations, left to right"),
     ),
     _play,
 )

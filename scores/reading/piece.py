@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from ergon.instruments.model import Instrument, Layout, Module, Target
-from ergon.scores.clock.meter import Meter
-from ergon.scores.clock.positions import Length, Position
-from ergon.scores.clock.tempo import TempoMap
+from ergon.notation.clock.meter import Meter
+from ergon.notation.clock.positions import Length, Position
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.text.document import Scalar
+from ergon.notation.text.values import Place, Point
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Transform
-from ergon.scores.text.document import Scalar
-from ergon.scores.text.values import Place, Point
 
 Touch = Literal["open", "tracked"]
 Ergons = Literal["event", "particle"]

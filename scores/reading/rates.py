@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ergon.notation.tables.fields import Values
 from ergon.scores.reading.sections import RATE
-from ergon.scores.tables.fields import Values
 
 _WHOLE = 1e-6  # by so much a fraction may be off a whole one: what the digits of a rate leave
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ergon.scores.clock.occurrences import MAX_OCCURRENCES, starts
+from ergon.notation.clock.occurrences import MAX_OCCURRENCES, starts
+from ergon.notation.text.errors import Collector, TextError, quote
+from ergon.notation.text.values import Place, Time
 from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Middle, Transform, apply, apply_to_take
 from ergon.scores.reading.piece import Gesture, Piece, Play, Strikes
-from ergon.scores.text.errors import Collector, TextError, quote
-from ergon.scores.text.values import Place, Time
 
 # How long a gesture is, and what was lost by its transformations, a sentence each.
 _Length = tuple[Time, tuple[str, ...]]

@@ -7,12 +7,9 @@ from typing import Any
 
 from ergon.instruments.kinds import LINKS, tables
 from ergon.instruments.read import INSTRUMENT, MODULES_DOC, module_table
-from ergon.scores.reading.manner import OF_GESTURE
-from ergon.scores.reading.part import PART
-from ergon.scores.reading.piece import METHODS
-from ergon.scores.tables import kinds as k
-from ergon.scores.tables.fields import Field, Record, Values
-from ergon.scores.tables.shapes import (
+from ergon.notation.tables import kinds as k
+from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.shapes import (
     Context,
     Either,
     ListOf,
@@ -23,8 +20,11 @@ from ergon.scores.tables.shapes import (
     choice,
     wrong_shape,
 )
-from ergon.scores.text.document import Node, Scalar
-from ergon.scores.text.errors import TextError
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import TextError
+from ergon.scores.reading.manner import DO, OF_GESTURE
+from ergon.scores.reading.part import PART
+from ergon.scores.reading.piece import METHODS
 
 RATE = 44100.0  # frames a second of a score that says nothing
 MAX_CHANNELS = 1024
@@ -59,7 +59,7 @@ GESTURE = Record(
         Field("points", Raw("a table below '|': rows of t, x and a curve"), "points in rows"),
         Field("curve", CURVE, "the way into points without a curve word", "smooth"),
         Field("like", Reference("a gesture"), "begin with another gesture"),
-        Field("do", k.DO, "transformations, left to right (after those of `like`)"),
+        Field("do", DO, "transformations, left to right (after those of `like`)"),
         *OF_GESTURE,
     ),
 )

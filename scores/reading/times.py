@@ -6,14 +6,14 @@ from bisect import bisect_left
 from collections.abc import Callable
 from typing import Any
 
-from ergon.scores.clock.positions import Position
-from ergon.scores.clock.tempo import Entry, TempoError, TempoMap
+from ergon.notation.clock.positions import Position
+from ergon.notation.clock.tempo import Entry, TempoError, TempoMap
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.shapes import MISSING
+from ergon.notation.text.errors import Collector, TextError, quote
+from ergon.notation.text.values import Place
 from ergon.scores.reading import build
 from ergon.scores.reading.piece import Mark, Piece, TempoEntry
-from ergon.scores.tables.fields import Values
-from ergon.scores.tables.shapes import MISSING
-from ergon.scores.text.errors import Collector, TextError, quote
-from ergon.scores.text.values import Place
 
 
 class Times:

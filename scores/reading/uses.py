@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import Any
 
+from ergon.notation.tables.fields import Values
+from ergon.notation.tables.kinds import PATH
+from ergon.notation.tables.shapes import MISSING, Context, Name
+from ergon.notation.text.document import Document, Scalar
+from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.files import Files
+from ergon.notation.text.values import Place
 from ergon.scores.reading.sections import SCORE
-from ergon.scores.tables.fields import Values
-from ergon.scores.tables.kinds import PATH
-from ergon.scores.tables.shapes import MISSING, Context, Name
-from ergon.scores.text.document import Document, Scalar
-from ergon.scores.text.errors import Collector, quote
-from ergon.scores.text.files import Files
-from ergon.scores.text.values import Place
 
 SECTIONS = ("keys", "instruments", "gestures", "takes", "laws")  # whose names other files may use
 MAX_USES = 20  # files deep

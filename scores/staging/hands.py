@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypedDict, cast, overload
 
 from ergon import _core
-from ergon.scores.clock.meter import SAME
-from ergon.scores.clock.occurrences import starts
-from ergon.scores.clock.positions import Position
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.occurrences import starts
+from ergon.notation.clock.positions import Position
+from ergon.notation.text.errors import Collector, TextError, quote
+from ergon.notation.text.values import Place, Point, Time
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
 from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
@@ -25,8 +27,6 @@ from ergon.scores.reading.piece import (
     Player,
 )
 from ergon.scores.staging.takes import Takes
-from ergon.scores.text.errors import Collector, TextError, quote
-from ergon.scores.text.values import Place, Point, Time
 
 _DRAWN = ("jitter",)  # transformations that each occurrence draws anew
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
-from ergon.scores.clock.meter import SAME
+from ergon.notation.clock.meter import SAME
+from ergon.notation.text.errors import Collector, quote
 from ergon.scores.reading.piece import Key, Piece, Player
 from ergon.scores.staging.hands import Hands, Window
 from ergon.scores.staging.takes import Takes
-from ergon.scores.text.errors import Collector, quote
 
 if TYPE_CHECKING:
     import numpy as np

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.hands import StagedGesture
-from ergon.scores.text.errors import Collector, quote
-from ergon.scores.text.values import Place
 
 # What jitter moves at the seam of two repetitions is no cut that anyone wrote [s].
 _SEAM = 0.02

@@ -14,10 +14,10 @@ from typing import NamedTuple
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.kinds import LINKS
 from ergon.instruments.model import Module, Target
+from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import heard, targets_of
 from ergon.scores.staging.stage import add_network
-from ergon.scores.text.values import Place
 
 
 class Link(NamedTuple):

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from ergon import _core
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
-from ergon.scores.clock.positions import Position
-from ergon.scores.clock.shifted import NEVER, Elsewhere
+from ergon.notation.clock.positions import Position
+from ergon.notation.clock.shifted import NEVER, Elsewhere
+from ergon.notation.text.errors import Collector, Diagnostic, quote
+from ergon.notation.text.lasting import lasting
+from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Manner, Piece, Play, Player, of_scene
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
@@ -23,9 +26,6 @@ from ergon.scores.staging.planning import Pins, Store, make
 from ergon.scores.staging.striking import ANY, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
-from ergon.scores.text.errors import Collector, Diagnostic, quote
-from ergon.scores.text.lasting import lasting
-from ergon.scores.text.values import Place
 
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real

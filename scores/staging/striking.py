@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ergon import _core
-from ergon.scores.clock.occurrences import starts
+from ergon.notation.clock.occurrences import starts
+from ergon.notation.text.errors import Collector, TextError
+from ergon.notation.text.values import Time
 from ergon.scores.reading.piece import Piece, Strikes
-from ergon.scores.text.errors import Collector, TextError
-from ergon.scores.text.values import Time
 
 ANY = (-math.inf, math.inf)
 

@@ -6,10 +6,10 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 
 from ergon import _core
+from ergon.notation.text.errors import Collector, quote
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.takes import read
 from ergon.scores.reading.piece import Piece, TakeFile
-from ergon.scores.text.errors import Collector, quote
 
 
 @dataclass(slots=True)

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 from ergon import _core
 from ergon.instruments.assemble import Assembly
+from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Key, Piece
 from ergon.scores.staging.hands import StagedGesture
-from ergon.scores.text.errors import Collector, quote
-from ergon.scores.text.values import Place
 
 _SLACK = 1e-9  # metres: a written point on the very end of the travel is inside
 # Nearer to a multiple of half the key's period the strike that meets the next point grows without

@@ -1,0 +1,117 @@
+"""Pages that explain every code, with the checker's own words on real examples."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ergon import _core
+from ergon.notation.text.errors import Diagnostic, full
+from ergon.scores.reading.load import Loaded, load
+from ergon.scores.staging.stage import StageError, stage
+
+_TABLE = Path(__file__).with_name("codes.yaml")
+NAME = "score.yaml"  # what the examples are called
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """One report: what it means, a score that gets it, one that does not, files they use."""
+
+    code: str
+    title: str
+    why: str
+    bad: str
+    good: str
+    files: dict[str, str | bytes] = field(default_factory=dict)
+
+
+@cache
+def codes() -> dict[str, Code]:
+    """All codes that can be reported."""
+    table = yaml.safe_load(_TABLE.read_text(encoding="utf-8"))
+    return {code: Code(code, **entry) for code, entry in table.items()}
+
+
+def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
+    """Everything that is said about a text: when it is read, staged, and run for a second."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        for name, content in entry.files.items():
+            Path(name).parent.mkdir(parents=True, exist_ok=True)
+            Path(name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        loaded = load(NAME, text=text)
+        if loaded.piece is None:
+            return loaded.diagnostics, loaded
+        try:
+            played = stage(loaded.piece, planned=True)
+        except StageError as error:
+            return [*loaded.diagnostics, *error.diagnostics], loaded
+        reports = [*loaded.diagnostics, *played.diagnostics]
+        frames = np.zeros((min(played.n_frames, int(played.rate)), played.simulation.n_out))
+        try:
+            played.simulation.process(frames)
+        except _core.DivergedError as error:
+            reports.append(played.fault(error))
+        return reports, loaded
+
+
+def told(entry: Code, text: str) -> list[str]:
+    """The reports with this code alone, in full."""
+    reports, loaded = found(entry, text)
+    return [full(d, loaded.files) for d in reports if d.code == entry.code]
+
+
+def page(entry: Code) -> str:
+    """One page in Markdown."""
+    said = told(entry, entry.bad)
+    if not said:
+        raise AssertionError(f"the example of {entry.code} does not get it")
+    files = "".join(_shown(name, content) for name, content in entry.files.items())
+    return (
+        f"# {entry.code}: {entry.title}\n\n"
+        f"{entry.why.strip()}\n\n"
+        f"```yaml\n{entry.bad.rstrip()}\n```\n\n"
+        f"{files}"
+        f"is answered by\n\n"
+        f"```text\n{chr(10).join(said)}\n```\n\n"
+        f"and this is well:\n\n"
+        f"```yaml\n{entry.good.rstrip()}\n```\n"
+    )
+
+
+def _shown(name: str, content: str | bytes) -> str:
+    if isinstance(content, bytes):
+        return f"with `{name}`, {len(content)} bytes of a recording,\n\n"
+    return f"with `{name}`:\n\n```yaml\n{content.rstrip()}\n```\n\n"
+
+
+def pages() -> dict[str, str]:
+    """All pages by file name, with an index."""
+    found = {f"{entry.code}.md": page(entry) for entry in codes().values()}
+    rows = "\n".join(f"| [{c.code}]({c.code}.md) | {c.title} |" for c in codes().values())
+    found["README.md"] = (
+        "# What the checker says\n\n"
+        "E is an error, W a warning, N a note. "
+        "Made by `make docs`.\n\n"
+        f"| code | title |\n|---|---|\n{rows}\n"
+    )
+    return found
+
+
+def write(folder: str | Path) -> None:
+    """Write the pages into a folder."""
+    path = Path(folder)
+    path.mkdir(parents=True, exist_ok=True)
+    for name, text in pages().items():
+        (path / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write(sys.argv[1])

@@ -1,0 +1,91 @@
+"""The reference of all fields, from the tables that the checker reads with."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ergon.instruments.kinds import KINDS
+from ergon.instruments.read import INSTRUMENT
+from ergon.notation.tables.fields import Field, Record
+from ergon.scores.reading import sections as s
+from ergon.scores.reading.part import PLAY
+
+_SECTIONS: tuple[tuple[str, Record], ...] = (
+    ("rates", s.RATES),
+    ("tempo", s.TEMPO),
+    ("keys", s.KEY),
+    ("instruments", INSTRUMENT.si),
+    ("laws", s.LAW),
+    ("gestures", s.GESTURE),
+    ("takes", s.TAKE),
+    ("strikes", s.STRIKES),
+    ("players", s.PLAYER),
+    ("duet", s.COUPLING),
+    ("parts", PLAY),
+    ("mix", s.MIX),
+    ("mix: route", s.ROUTE),
+    ("mix: master", s.MASTER),
+    ("render", s.RENDER),
+    ("accuracy", s.ACCURACY),
+    ("files of `calib:`", s.CALIBRATION),
+    ("files of `layout:`", s.LAYOUT),
+)
+
+
+def _default(field: Field) -> str:
+    if field.required:
+        return "required"
+    if field.shown is not None:
+        return field.shown
+    if field.default in (None, ""):
+        return ""
+    value: Any = field.default
+    return f"{value:g}" if isinstance(value, float) else str(value).lower()
+
+
+def _rows(record: Record) -> Iterator[str]:
+    yield "| field | what is written | default | meaning |"
+    yield "|---|---|---|---|"
+    for field in record.fields:
+        cells = (f"`{field.name}`", field.shape.words(), _default(field), field.doc)
+        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    if record.free is not None:
+        yield f"| any other name | {record.free.words()} | | |"
+
+
+def _section(title: str, record: Record, level: str = "##") -> Iterator[str]:
+    yield f"{level} {title}"
+    yield ""
+    yield f"{record.doc[0].upper()}{record.doc[1:]}."
+    yield ""
+    if record.fields:
+        yield from _rows(record)
+        yield ""
+    if record.kinds:
+        yield f"And one of: {', '.join(f'`{kind}`' for kind in record.kinds)}."
+        yield ""
+
+
+def text() -> str:
+    """The whole reference in Markdown."""
+    lines = [
+        "# The fields of a score",
+        "",
+        "Made from the checker's tables by `make docs`.",
+        "",
+    ]
+    lines += _section("A score", s.SCORE)
+    for title, record in _SECTIONS:
+        lines += _section(title, record)
+    lines += ["## Modules", ""]
+    for kind in KINDS.values():
+        lines += _section(f"`{kind.name}`", kind.table, "###")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/reference.md")
+    path.write_text(text(), encoding="utf-8")

@@ -1,0 +1,98 @@
+"""Meters: how many beats a bar has, and where bars begin.
+
+A beat is the meter's lower number: in 7/8 a bar has seven beats, each an eighth, and bpm counts
+eighths. `3+2+2/8` is 7/8 with its groups told.
+"""
+
+import re
+from bisect import bisect_right
+from dataclasses import dataclass
+
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.numbers import stripped
+
+MAX_BEATS = 256  # in one bar
+SAME = 1e-9  # beats that are rounding, not music
+_METER = re.compile(r"([0-9]{1,3}(?:\+[0-9]{1,3})*+)/([0-9]{1,3})")
+_UNITS = (1, 2, 4, 8, 16, 32, 64)
+
+
+@dataclass(frozen=True, slots=True)
+class Meter:
+    """`beats` beats to the bar, each 1/`unit` of a whole note; `groups` sum to `beats`."""
+
+    beats: int = 4
+    unit: int = 4
+    groups: tuple[int, ...] = (4,)
+
+    def __str__(self) -> str:
+        """As a composer writes it."""
+        return f"{'+'.join(map(str, self.groups))}/{self.unit}"
+
+
+def parse_meter(text: str) -> Meter:
+    """Read `4/4`, `7/8` or `3+2+2/8`. Raises TextError."""
+    word, start = stripped(text)
+    match = _METER.fullmatch(word)
+    if match is None:
+        raise TextError(
+            f"'{word[:40]}' is not a meter such as 4/4 or 3+2+2/8",
+            offset=start,
+            length=max(1, len(word)),
+        )
+    groups = tuple(int(group) for group in match[1].split("+"))
+    if min(groups) < 1 or sum(groups) > MAX_BEATS:
+        raise TextError(
+            f"a bar has from 1 to {MAX_BEATS} beats", offset=start, length=len(match[1])
+        )
+    if int(match[2]) not in _UNITS:
+        raise TextError(
+            "a beat is a 1, 2, 4, 8, 16, 32 or 64th note",
+            offset=start + match.start(2),
+            length=len(match[2]),
+        )
+    return Meter(sum(groups), int(match[2]), groups)
+
+
+class Bars:
+    """Which bar a beat is in. Bars and their beats count from 1; beats of the piece from 0."""
+
+    def __init__(self) -> None:
+        """Start in 4/4."""
+        self._bars = [1]
+        self._starts = [0.0]
+        self._meters = [Meter()]
+
+    def change(self, at: float, meter: Meter) -> None:
+        """Go on in `meter` from beat `at`, in order of time. Raises TextError off a bar."""
+        if at > self._starts[-1] + SAME:
+            bar, beat = self.bar_beat(at)
+            if beat > 1.0 + SAME:
+                raise TextError(f"a meter begins on a bar, not on {bar}|{beat:g}")
+            self._starts.append(self.start(bar))
+            self._bars.append(bar)
+            self._meters.append(meter)
+        else:
+            self._meters[-1] = meter
+
+    def bar_beat(self, beats: float) -> tuple[int, float]:
+        """(bar, beat) of a beat of the piece; before the start, bars go on 0, -1, ..."""
+        i = max(0, bisect_right(self._starts, beats + SAME) - 1)
+        per_bar = self._meters[i].beats
+        into = beats - self._starts[i]
+        whole = int((into + SAME) // per_bar)
+        return self._bars[i] + whole, max(0.0, into - whole * per_bar) + 1.0
+
+    def start(self, bar: float) -> float:
+        """The beat of the piece on which `bar` begins; bar 2.5 begins halfway through bar 2."""
+        return self.bar(bar)[0]
+
+    def bar(self, bar: float) -> tuple[float, int]:
+        """The beat of the piece on which `bar` begins, and how many beats it has."""
+        i = max(0, bisect_right(self._bars, bar) - 1)
+        beats = self._meters[i].beats
+        return self._starts[i] + (bar - self._bars[i]) * beats, beats
+
+    def changes(self) -> list[tuple[float, int, Meter]]:
+        """Every meter as (beat of the piece, bar, meter)."""
+        return list(zip(self._starts, self._bars, self._meters, strict=True))

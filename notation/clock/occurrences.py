@@ -1,0 +1,79 @@
+"""When a play begins: `at`, `every`, `times`, `until` become starting beats.
+
+Without `every` an occurrence begins where the one before ends, final hold included. Without `times`
+and `until` there is one. `until` lets no occurrence begin at or after it; with both, the first to
+end the series ends it.
+"""
+
+import re
+from math import ceil
+
+from ergon._core import poll
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length
+from ergon.notation.clock.tempo import TempoMap
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.values import Time
+
+MAX_OCCURRENCES = 1_000_000  # in a piece
+
+
+def parse_times(text: str) -> int:
+    """Read how often. Raises TextError."""
+    word = text.strip()
+    if not re.fullmatch(r"[0-9]{1,7}", word) or not 1 <= int(word) <= MAX_OCCURRENCES:
+        raise TextError(
+            f"'{word[:40]}' is not a number of times, from 1 to {MAX_OCCURRENCES:,}",
+            length=max(1, len(text)),
+        )
+    return int(word)
+
+
+def starts(
+    tempo: TempoMap,
+    at: float,
+    length: Time,
+    *,
+    every: Length | None = None,
+    times: int | None = None,
+    until: float | None = None,
+    room: int = MAX_OCCURRENCES,
+) -> list[float]:
+    """Beats of the piece on which the occurrences of a gesture of `length` begin, from beat `at`.
+
+    `room` is how many more the piece may hold. Raises TextError when they would be more, or when
+    nothing separates them.
+    """
+    poll()
+    if times in (None, 1) and until is None and room > 0:
+        return [at]  # most lines of a part play once
+    step = Length(0.0, *length) if every is None else every
+    if times is None and until is None:
+        times = 1
+    if times != 1 and not max(step.bars, step.beats, step.seconds) > 0.0:
+        raise TextError(
+            "what is played lasts no time: say how far apart, such as every: 1"
+            if every is None
+            else "'every' must be longer than nothing"
+        )
+    count = room + 1 if times is None else times
+    stop = float("inf") if until is None else until - SAME
+    mixed = sum(part != 0.0 for part in (step.bars, step.beats, step.seconds)) > 1
+    if step.beats and not mixed:  # what goes on without end in a session: thousands of them
+        most = min(count, room)
+        if stop < at + step.beats * most:
+            most = max(0, ceil((stop - at) / step.beats))
+        elif count > room:
+            raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
+        return [at + step.beats * index for index in range(most)]
+    found: list[float] = []
+    beat = at
+    while len(found) < count and beat < stop:
+        if len(found) == room:
+            raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
+        if not len(found) % 1024:
+            poll()
+        found.append(beat)
+        # Counting from `at` does not drift; bars, beats and seconds together must follow the tempo.
+        beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(found)))
+    return found

@@ -1,0 +1,124 @@
+"""Where in the piece, and how long: `3|2.5`, `B+2`, `12.5s`, `4bar`, before any tempo is known.
+
+Bars and the beats in them count from 1, so `1|1` is the beginning. A bare number counts beats that
+have passed since the beginning, so `0` is `1|1` and `4` is `2|1` in 4/4.
+"""
+
+import re
+from dataclasses import dataclass, field
+
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.numbers import NUMBER, UNIT, stripped, time_of
+
+# bars, beats, seconds in one of each unit, times a divisor that rounds once
+_UNITS = {
+    "": ("beats", 1.0),
+    "beat": ("beats", 1.0),
+    "beats": ("beats", 1.0),
+    "bar": ("bars", 1.0),
+    "bars": ("bars", 1.0),
+    "s": ("seconds", 1.0),
+    "ms": ("seconds", 1e3),
+}
+_LENGTH = rf"({NUMBER})(?:/({NUMBER}))?({UNIT})"
+_ONLY_LENGTH = re.compile(_LENGTH)
+_PLUS = rf"(?:([+-]){_LENGTH})?"
+_BAR_BEAT = re.compile(rf"([0-9]{{1,9}})\|({NUMBER})(?:/({NUMBER}))?{_PLUS}")
+# A minus before a digit takes away; before a letter it belongs to the name.
+_MARK = re.compile(rf"([^\W\d]\w*+(?:-[^\W\d]\w*+)*+){_PLUS}")
+
+
+@dataclass(frozen=True, slots=True)
+class Length:
+    """A stretch of the piece as written: in bars, beats or seconds; the others are 0."""
+
+    bars: float = 0.0
+    beats: float = 0.0
+    seconds: float = 0.0
+
+    def times(self, count: float) -> "Length":
+        """The length `count` times over."""
+        return Length(self.bars * count, self.beats * count, self.seconds * count)
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """An instant as written: from a mark, else from a bar and beat, else from the start; plus."""
+
+    mark: str | None = None
+    bar: int | None = None
+    beat: float = 1.0
+    plus: Length = field(default_factory=Length)
+    text: str = ""
+
+
+_NOTHING = Length()  # most positions add nothing: they share it
+
+
+def parse_length(text: str) -> Length:
+    """Read `4bar`, `2`, `1/4`, `500ms`, `12s`. Raises TextError."""
+    word, start = stripped(text)
+    match = _ONLY_LENGTH.fullmatch(word)
+    if match is None:
+        raise TextError(
+            f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms",
+            offset=start,
+            length=max(1, len(word)),
+        )
+    return _length(match, 1, start)
+
+
+def parse_position(text: str) -> Position:
+    """Read `3|2.5`, `B`, `B+2`, `B-1bar`, `12.5s`, `250ms`, or beats from the start.
+
+    Marks are looked up when the position is resolved. Raises TextError.
+    """
+    word, start = stripped(text)
+    if match := _BAR_BEAT.fullmatch(word):
+        bar = int(match[1])
+        beat = time_of(match[2], match[3], start + match.start(2))
+        if bar < 1 or beat < 1.0:
+            raise TextError(
+                "bars and beats count from 1: the beginning is 1|1",
+                offset=start,
+                length=len(match[1]) + 1 + len(match[2]),
+            )
+        return Position(bar=bar, beat=beat, plus=_plus(match, 4, start), text=word)
+    if match := _ONLY_LENGTH.fullmatch(word):
+        length = _length(match, 1, start)
+        if length.bars:
+            raise TextError(
+                f"bars count from 1: write {match[1]}|1 for the bar, or add bars to a mark",
+                offset=start,
+                length=len(word),
+                suggestion=f"{match[1]}|1",
+            )
+        return Position(plus=length, text=word)
+    if match := _MARK.fullmatch(word):
+        return Position(mark=match[1], plus=_plus(match, 2, start), text=word)
+    raise TextError(
+        f"'{word[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
+        offset=start,
+        length=max(1, len(word)),
+    )
+
+
+def _plus(match: re.Match[str], first: int, start: int) -> Length:
+    sign = match[first]
+    if sign is None:
+        return _NOTHING
+    return _length(match, first + 1, start).times(-1.0 if sign == "-" else 1.0)
+
+
+def _length(match: re.Match[str], first: int, start: int) -> Length:
+    value = time_of(match[first], match[first + 1], start + match.start(first))
+    unit = match[first + 2]
+    if unit not in _UNITS:
+        raise TextError(
+            f"unit '{unit}' does not measure time (use beats without a unit, bar, ms, s)",
+            offset=start + match.start(first + 2),
+            length=len(unit),
+            code="E203",
+        )
+    name, divisor = _UNITS[unit]
+    return Length(**{name: value / divisor})

@@ -1,0 +1,265 @@
+"""The tempo map: bars and beats to seconds and back.
+
+A ramp is linear in bpm over beats, so Δb beats from b0 to b1 bpm last 60·Δb·ln(b1/b0)/(b1−b0)
+seconds. Before the beginning the first tempo holds, so times stay in order there. Without any entry
+a piece is in 4/4 at 60 bpm.
+"""
+
+import re
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ergon._core import exp, ln
+from ergon.notation.clock.meter import SAME, Bars, Meter
+from ergon.notation.clock.positions import Length, Position
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.numbers import MAX_TIME, NUMBER, stripped
+from ergon.notation.text.spelling import nearest
+from ergon.notation.text.values import Time
+
+SLOWEST, FASTEST = 0.1, 10_000.0  # bpm
+MAX_CHAIN = 64  # marks placed by marks
+NEARLY_ONE = 0.01  # below it ln(1+u)/u and its inverse are summed, or they would lose digits
+_BPM = re.compile(rf"({NUMBER})(?:\s*+->\s*+({NUMBER}))?")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line of `tempo:`. `bpm_end` and `over` make a ramp; without `bpm` the tempo goes on."""
+
+    at: Position
+    bpm: float | None = None
+    bpm_end: float | None = None
+    over: Length | None = None
+    meter: Meter | None = None
+
+
+class TempoError(TextError):
+    """A tempo entry that does not fit the others: `field` of entry number `entry` (from 0)."""
+
+    def __init__(self, message: str, entry: int, field: str) -> None:
+        """Keep which entry and which of its fields."""
+        super().__init__(message)
+        self.entry = entry
+        self.field = field
+
+
+def parse_bpm(text: str) -> tuple[float, float | None]:
+    """Read `60` or `60 -> 96`. Raises TextError."""
+    word, start = stripped(text)
+    match = _BPM.fullmatch(word)
+    if match is None:
+        raise TextError(
+            f"'{word[:40]}' is not a tempo such as 60 or 60 -> 96",
+            offset=start,
+            length=max(1, len(word)),
+        )
+    for i in (1, 2):
+        if match[i] is not None and not SLOWEST <= float(match[i]) <= FASTEST:
+            raise TextError(
+                f"a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm",
+                offset=start + match.start(i),
+                length=len(match[i]),
+            )
+    return float(match[1]), None if match[2] is None else float(match[2])
+
+
+@dataclass(frozen=True, slots=True)
+class _Stretch:
+    """From beat `start` (`seconds` into the piece) the tempo goes b0 → b1 over `span` beats."""
+
+    start: float
+    seconds: float
+    b0: float
+    b1: float
+    span: float
+
+    def seconds_in(self, beats: float) -> float:
+        """Duration of the first `beats` beats."""
+        if self.b1 == self.b0:
+            return 60.0 * beats / self.b0
+        u = (self.b1 - self.b0) * beats / (self.span * self.b0)
+        return 60.0 * beats / self.b0 * _log_ratio(u)
+
+    def beats_in(self, seconds: float) -> float:
+        """How many beats pass in the first `seconds` seconds."""
+        w = seconds * (self.b1 - self.b0) / (60.0 * self.span)
+        return seconds * self.b0 / 60.0 * _exp_ratio(w)
+
+    def bpm_in(self, beats: float) -> float:
+        """Tempo after `beats` beats."""
+        return self.b0 + (self.b1 - self.b0) * beats / self.span
+
+
+class TempoMap:
+    """When every beat of the piece is; beats of the piece count from 0."""
+
+    def __init__(
+        self, entries: Sequence[Entry] = (), marks: Mapping[str, Position] | None = None
+    ) -> None:
+        """Place the entries, which must be in order of time. Raises TempoError or TextError."""
+        self.bars = Bars()
+        self._marks = dict(marks or {})
+        self._stretches = [_Stretch(0.0, 0.0, 60.0, 60.0, MAX_TIME)]
+        self._starts = [0.0]
+        self._instants = [0.0]
+        self._ramp_end = 0.0
+        self._latest_bpm = -1.0  # beat of the last entry that says a tempo
+        self._ramp_in_bars = False  # whether that end would move with the meter
+        latest = 0.0
+        for i, entry in enumerate(entries):
+            at = self.resolve(entry.at)
+            if at < latest - SAME:
+                raise TempoError("tempo entries go in order of time", i, "at")
+            latest = max(at, latest)
+            self._place(i, entry, latest)
+
+    def resolve(self, position: Position) -> float:
+        """Beats from the start. Raises TextError (offsets in the position's text)."""
+        beats = self._resolve(position, ())
+        if beats < -SAME:
+            raise TextError("this is before the beginning", length=max(1, len(position.text)))
+        return max(0.0, beats)
+
+    def after(self, beats: float, length: Length) -> float:
+        """The beat that lies `length` after `beats`: bars first, then beats, then seconds."""
+        if length.bars:
+            bar, beat = self.bars.bar_beat(beats)
+            beats = self.bars.start(bar + length.bars) + (beat - 1.0)
+        beats += length.beats
+        return self.beats(self.seconds(beats) + length.seconds) if length.seconds else beats
+
+    def seconds(self, beats: float) -> float:
+        """Seconds from the start to a beat of the piece."""
+        if beats < 0.0:
+            return 60.0 * beats / self._stretches[0].b0
+        stretch = self._stretches[bisect_right(self._starts, beats) - 1]
+        return stretch.seconds + stretch.seconds_in(beats - stretch.start)
+
+    def beats(self, seconds: float) -> float:
+        """The beat of the piece at an instant."""
+        if seconds < 0.0:
+            return seconds * self._stretches[0].b0 / 60.0
+        stretch = self._stretches[bisect_right(self._instants, seconds) - 1]
+        return stretch.start + stretch.beats_in(seconds - stretch.seconds)
+
+    def bpm(self, beats: float) -> float:
+        """The tempo at a beat of the piece."""
+        stretch = self._stretches[max(0, bisect_right(self._starts, beats) - 1)]
+        return stretch.bpm_in(beats - stretch.start)
+
+    def instant(self, start_beats: float, time: Time) -> float:
+        """Seconds from the piece's start of a time counted from beat `start_beats`.
+
+        Negative when it lies before the beginning.
+        """
+        return self.seconds(start_beats + time.beats) + time.seconds
+
+    def bar_beat(self, beats: float) -> tuple[int, float]:
+        """(bar, beat) of a beat of the piece."""
+        return self.bars.bar_beat(beats)
+
+    def written(self, beats: float) -> str:
+        """A beat of the piece as `bar|beat`, with as many digits of the beat as a reader wants."""
+        bar, beat = self.bars.bar_beat(beats)
+        _, per_bar = self.bars.bar(bar)
+        rounded = round(beat, 3)
+        return f"{bar + 1}|1" if rounded >= per_bar + 1 else f"{bar}|{rounded:g}"
+
+    def _place(self, i: int, entry: Entry, at: float) -> None:
+        inside = at < self._ramp_end - SAME
+        if entry.meter is not None:
+            if inside and self._ramp_in_bars:
+                raise TempoError(
+                    "the meter changes inside a ramp measured in bars: give its length in beats",
+                    i,
+                    "meter",
+                )
+            try:
+                self.bars.change(at, entry.meter)
+            except TextError as error:
+                raise TempoError(error.message, i, "at") from None
+        if entry.bpm is None:
+            if entry.bpm_end is not None or entry.over is not None:
+                raise TempoError("a ramp says where it begins: bpm: 60 -> 96", i, "over")
+            return
+        if inside:
+            raise TempoError("this begins before the ramp above has ended", i, "at")
+        if (entry.bpm_end is None) != (entry.over is None):
+            raise TempoError(
+                "`over` belongs to a ramp: bpm: 60 -> 96"
+                if entry.bpm_end is None
+                else "a ramp needs a length, such as over: 4bar",
+                i,
+                "over" if entry.bpm_end is None else "bpm",
+            )
+        if at <= self._latest_bpm + SAME:
+            raise TempoError("an entry above gives the tempo from here on already", i, "at")
+        self._latest_bpm = at
+        self._append(at, entry.bpm, entry.bpm, MAX_TIME)
+        if entry.bpm_end is not None and entry.over is not None:
+            span = self._span(at, entry.bpm, entry.bpm_end, entry.over)
+            if not 0.0 < span <= MAX_TIME:
+                raise TempoError("a ramp lasts longer than nothing", i, "over")
+            self._ramp_end, self._ramp_in_bars = at + span, entry.over.bars != 0.0
+            self._append(at, entry.bpm, entry.bpm_end, span)
+            self._append(at + span, entry.bpm_end, entry.bpm_end, MAX_TIME)
+
+    def _span(self, at: float, b0: float, b1: float, over: Length) -> float:
+        beats = self.after(at, Length(over.bars, over.beats)) - at
+        # `over: 8s`: the mean tempo of a ramp is the logarithmic mean of its ends
+        return beats + over.seconds * b0 / (60.0 * _log_ratio((b1 - b0) / b0))
+
+    def _append(self, at: float, b0: float, b1: float, span: float) -> None:
+        stretch = _Stretch(at, self.seconds(at), b0, b1, span)
+        if at <= self._starts[-1] + SAME:  # nothing has passed since the last one began
+            stretch = _Stretch(self._starts[-1], self._instants[-1], b0, b1, span)
+            del self._stretches[-1], self._starts[-1], self._instants[-1]
+        self._stretches.append(stretch)
+        self._starts.append(stretch.start)
+        self._instants.append(stretch.seconds)
+
+    def _resolve(self, position: Position, chain: tuple[str, ...]) -> float:
+        # A name such as `verse-2` reads like a mark minus two beats; a mark of that name wins.
+        mark = position.text if position.text in self._marks else position.mark
+        if mark is None:
+            base = 0.0
+            if position.bar is not None:
+                start, per_bar = self.bars.bar(position.bar)
+                base = start + (position.beat - 1.0)
+                if position.beat >= per_bar + 1:
+                    raise TextError(
+                        f"bar {position.bar} has {per_bar} beats",
+                        length=max(1, len(position.text)),
+                    )
+            return self.after(base, position.plus)
+        if mark not in self._marks:
+            raise TextError(
+                f"unknown mark '{mark[:40]}'",
+                length=len(mark),
+                suggestion=nearest(mark, self._marks),
+            )
+        if len(chain) == MAX_CHAIN:
+            raise TextError(f"more than {MAX_CHAIN} marks placed by one another", length=len(mark))
+        if mark in chain:
+            circle = " -> ".join((*chain[chain.index(mark) :], mark))
+            raise TextError(f"marks placed by each other: {circle}", length=len(mark))
+        base = self._resolve(self._marks[mark], (*chain, mark))
+        return base if mark == position.text else self.after(base, position.plus)
+
+
+def _log_ratio(u: float) -> float:
+    """ln(1+u)/u."""
+    if abs(u) > NEARLY_ONE:
+        return ln(1.0 + u) / u
+    y = u / (2.0 + u)  # ln(1+u) = 2·artanh(y), and u = 2y/(1-y)
+    y2 = y * y
+    return (1.0 - y) * (1.0 + y2 * (1 / 3 + y2 * (1 / 5 + y2 * (1 / 7 + y2 * (1 / 9)))))
+
+
+def _exp_ratio(w: float) -> float:
+    """(exp(w)-1)/w."""
+    if abs(w) > NEARLY_ONE:
+        return (exp(w) - 1.0) / w
+    return 1.0 + w / 2 * (1 + w / 3 * (1 + w / 4 * (1 + w / 5 * (1 + w / 6 * (1 + w / 7)))))

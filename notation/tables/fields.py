@@ -1,0 +1,205 @@
+"""Records: the tables that say which names may be written, with what, and what they mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+from ergon.notation.tables.shapes import (
+    MAX_NAME,
+    MISSING,
+    NAME,
+    Context,
+    Shape,
+    Text,
+    wrong_shape,
+)
+from ergon.notation.text import document
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import TextError, quote, with_article
+from ergon.notation.text.spelling import nearest
+from ergon.notation.text.values import Place
+
+_NO_ARTICLE = ("rates", "strikes", "accuracy", "render", "mix", "master")
+
+
+@dataclass(frozen=True)
+class Field:
+    """One name that may be written, what it means, and what holds when it is not."""
+
+    name: str
+    shape: Shape
+    doc: str
+    default: Any = None
+    required: bool = False
+    shown: str | None = None  # the default in words, where the value would not tell
+
+
+@dataclass(slots=True)
+class Values:
+    """What was read of a record: by name, with the nodes for places."""
+
+    record: Record
+    node: Node
+    context: Context
+    given: dict[str, Any] = field(default_factory=dict)
+    nodes: dict[str, Node] = field(default_factory=dict)
+    free: dict[str, Any] = field(default_factory=dict)
+    kind: str = ""  # of a record with kinds: the one that was written
+    strange: int = 0  # names that mean nothing here, reported
+    is_foreign: bool = False  # one of them was a field of another kind of file
+
+    def __getitem__(self, name: str) -> Any:
+        """The value given, or the default."""
+        return self.given[name] if name in self.given else self.record.by_name[name].default
+
+    def written(self, *names: str) -> list[str]:
+        """Those of the names that stand in the text, right or wrong."""
+        return [name for name in names if name in self.nodes]
+
+    def place_of(self, name: str) -> Place:
+        """Where a field's value is written; else where the record is."""
+        node = self.nodes.get(name)
+        return node.place if node is not None else self.place
+
+    @property
+    def place(self) -> Place:
+        """Where the name of the record is written, or its beginning."""
+        return self.context.place or self.node.place
+
+    def error(self, code: str, message: str, name: str = "", **more: Any) -> None:
+        """Report about a field."""
+        self.context.error(code, message, self.place_of(name), **more)
+
+
+def _values(values: Values) -> Any:
+    return values
+
+
+@dataclass(frozen=True)
+class Record(Shape):
+    """Fixed fields; `kinds` are names of which one is written; `free` reads other names."""
+
+    noun: str
+    doc: str
+    fields: tuple[Field, ...]
+    build: Callable[[Values], Any] = _values
+    kinds: Mapping[str, Shape] = field(default_factory=dict)
+    kind_required: bool = False
+    free: Shape | None = None
+    refused: Mapping[str, str] = field(default_factory=dict)  # planned fields: name → sentence
+    foreign: Mapping[str, str] = field(default_factory=dict)  # fields of other files: name → help
+    by_name: dict[str, Field] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        """Index the table."""
+        self.by_name.update({f.name: f for f in self.fields})
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, Scalar) and node.is_empty:
+            entries: dict[str, tuple[Scalar, Node]] = {}
+        elif isinstance(node, document.Mapping):
+            entries = node.entries
+        else:
+            return wrong_shape(self, node, name, context)
+        nameless = not context.name and self.noun not in ("score", "module")
+        if nameless or not (context.owner or self.noun == "score"):
+            context = replace(context, owner=self.noun)
+        values = Values(self, node, context)
+        for word, (key, child) in entries.items():
+            if (known := self.by_name.get(word)) is not None:
+                values.nodes[word] = child
+                if context.memory is None:
+                    value = known.shape.read(child, word, context)
+                else:
+                    read = partial(known.shape.read, child, word, context)
+                    value = context.memory.made((child, word), read)
+                if value is not MISSING:
+                    values.given[word] = value
+            elif word in self.kinds:
+                self._read_kind(values, word, key, child)
+            else:
+                self._read_other(values, word, key, child)
+        return self.build(values) if self._complete(values) else MISSING
+
+    def _read_kind(self, values: Values, word: str, key: Scalar, child: Node) -> None:
+        if values.kind:
+            message = f"{values.context.of('')} is {values.kind} already; it has one kind"
+            values.context.error("E111", message, key.place)
+            return
+        values.kind = word
+        values.nodes[word] = child
+        values.given[word] = self.kinds[word].read(child, word, values.context)
+
+    def _read_other(self, values: Values, word: str, key: Scalar, child: Node) -> None:
+        context = values.context
+        names = (*self.by_name, *self.kinds)
+        if word in self.refused:
+            context.error("E108", f"{quote(word)}: {self.refused[word]}", key.place)
+        elif self.free is not None and self._is_free(self.free, word, child):
+            values.nodes[word] = child
+            value = self.free.read(child, word, context)
+            if value is not MISSING:
+                values.free[word] = value
+        else:
+            values.strange += 1
+            noun = "section" if not context.owner else "field"
+            where = f" in {context.owner}" if context.owner else ""
+            message = f"unknown {noun} {quote(word)}{where}"
+            if word in self.foreign:
+                if not values.is_foreign:  # one file in the place of another is one mistake
+                    context.error("E101", message, key.place, help=self.foreign[word])
+                values.is_foreign = True
+                return
+            help = "put a space after ':'" if ":" in word else None
+            context.error("E101", message, key.place, word=word, names=names, help=help)
+
+    def _is_free(self, free: Shape, word: str, child: Node) -> bool:
+        """Whether a name is one's own; a misspelt field with a value that does not fit is not."""
+        if not NAME.fullmatch(word) or len(word) > MAX_NAME:
+            return False
+        if not isinstance(free, Text) or nearest(word, self.by_name) is None:
+            return True
+        try:
+            free.parse(child.text if isinstance(child, Scalar) else "")
+        except TextError:
+            return False
+        return True
+
+    def _complete(self, values: Values) -> bool:
+        complete = True
+        for f in self.fields:
+            if f.required and f.name not in values.nodes:
+                message = f"{values.context.of('')} has no '{f.name}': {f.shape.words()}"
+                values.context.error("E103", message, values.place)
+            complete &= not f.required or f.name in values.given
+        if self.kind_required and not values.kind and not values.strange:
+            some = ", ".join(list(self.kinds)[:16])
+            message = f"{values.context.of('')} has no kind (one of {some})"
+            values.context.error("E103", message, values.place)
+        if self.kind_required and (not values.kind or values.given[values.kind] is MISSING):
+            complete = False
+        return complete
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        properties = {
+            f.name: {**f.shape.schema(), "description": f"{f.doc} ({f.shape.words()})"}
+            for f in self.fields
+        }
+        properties |= {kind: shape.schema() for kind, shape in self.kinds.items()}
+        schema: dict[str, Any] = {
+            "type": ["object", "null"],
+            "properties": properties,
+            "additionalProperties": self.free.schema() if self.free else False,
+        }
+        if required := [f.name for f in self.fields if f.required]:
+            schema["required"] = required
+        return schema
+
+    def words(self) -> str:
+        """In words."""
+        return self.noun if self.noun in _NO_ARTICLE else with_article(self.noun)

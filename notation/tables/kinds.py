@@ -1,0 +1,135 @@
+"""The scalar kinds of the score language: each a parser with its words and its pattern."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from ergon.notation.clock.meter import parse_meter
+from ergon.notation.clock.occurrences import parse_times
+from ergon.notation.clock.positions import parse_length, parse_position
+from ergon.notation.clock.tempo import parse_bpm
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError, quote, with_article
+
+_NUMBER = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?(/[0-9]+)?"
+_NOTE = r"[A-G][#b]?-?[0-9]([+-][0-9.]+cents?)?"
+_POSITION = r"[0-9]+\|[0-9./]+.*|[^0-9.|+-][^|]*|[0-9./]+ *(ms|s|beats?)?"
+_LENGTH = r"[0-9./eE+-]+ *(bars?|beats?|ms|s)?"
+MAX_TITLE = 1000  # characters
+MAX_CACHED = 4096  # texts of one kind: a score of 10,000 entries repeats a few hundred
+
+
+def _cached(parse: Callable[[str], Any]) -> Callable[[str], Any]:
+    # Errors are not cached: place_at changes nothing in them, but their offsets may.
+    return lru_cache(MAX_CACHED)(parse)
+
+
+def _units(dimension: q.Dimension) -> str:
+    return "|".join(re.escape(unit) for unit in dimension.units)
+
+
+def quantity(dimension: q.Dimension, doc: str = "") -> Text:
+    """A number with a unit, as an SI float."""
+    what = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
+    units = f" *({_units(dimension)}){'?' if dimension.bare else ''}" if dimension.units else ""
+    pattern = f"^({_NUMBER}{units}{'' if dimension.bare else '|0'})$"
+    return Text(_cached(lambda text: q.quantity(text, dimension)), what, pattern)
+
+
+def span(dimension: q.Dimension, example: str) -> Text:
+    """`low..high` as a pair of SI floats; a lone value is both ends."""
+
+    def read(text: str) -> float:
+        return q.frequency(text) if dimension is q.FREQUENCY else q.quantity(text, dimension)
+
+    def parse(text: str) -> tuple[float, float]:
+        if ".." in text:
+            return q.span(text, read, example)
+        value = read(text)
+        return value, value
+
+    one = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
+    what = f"{with_article(dimension.name)} or a range, such as {example}"
+    return Text(_cached(parse), what, rf"^{one}(\.\.{one})?$")
+
+
+def integer(low: int, high: int, example: str) -> Text:
+    """A whole number."""
+    what = f"a whole number from {low:,} to {high:,}, such as {example}"
+    return Text(_cached(lambda text: q.integer(text, low, high)), what, f"^{_NUMBER}$")
+
+
+def _title(text: str) -> str:
+    if len(text) > MAX_TITLE:
+        raise TextError(f"longer than {MAX_TITLE} characters", length=1, code="E202")
+    return " ".join(text.split())
+
+
+def _path(text: str) -> str:
+    if not text.strip() or len(text) > 1000 or "\x00" in text:
+        raise TextError("the name of a file is expected", length=max(1, len(text)), code="E201")
+    return text.strip()
+
+
+def _truth(text: str) -> bool:
+    if text in ("true", "false"):
+        return text == "true"
+    suggestion = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(text.lower())
+    message = f"{quote(text)} is neither true nor false"
+    raise TextError(message, length=max(1, len(text)), suggestion=suggestion, code="E206")
+
+
+MASS = quantity(q.MASS)
+STIFFNESS = quantity(q.STIFFNESS)
+DAMPING = quantity(q.DAMPING)
+POSITION = quantity(q.POSITION)
+SPEED = quantity(q.SPEED)
+FORCE = quantity(q.FORCE)
+PUSH = quantity(q.PUSH, "a force of either sign, such as -5N")
+HARDENING = quantity(q.HARDENING)
+HERTZ = quantity(q.FREQUENCY)
+RATE = quantity(q.RATE)
+DURATION = quantity(q.DURATION)
+PAUSE = quantity(q.INSTANT)  # a duration that may be none
+LEVEL = quantity(q.LEVEL)
+ERROR = quantity(q.ERROR)
+CENTS = quantity(q.CENTS)
+SHARE = quantity(q.SHARE)
+NUMBER = quantity(q.NUMBER)
+RATIO = quantity(q.RATIO)
+UNIT_RATIO = quantity(q.UNIT_RATIO)
+CONSTANT = quantity(q.CONSTANT, "a constant of the law, such as 900N/m")
+POSITIVE = quantity(q.FACTOR)
+EXPONENT = quantity(q.EXPONENT)
+PITCH = Text(
+    _cached(q.frequency),
+    "a frequency or a note, such as 220Hz or A3",
+    f"^({_NUMBER} *(Hz|kHz)?|{_NOTE})$",
+)
+TRAVEL = span(q.POSITION, "-15mm..15mm")
+PITCHES = span(q.FREQUENCY, "20Hz..10kHz")
+DURATIONS = span(q.DURATION, "0.5s..8s")
+TRIM = span(q.INSTANT, "0.4s..4s")
+IMPULSES = span(q.IMPULSE, "1uNs..4uNs")
+GAIN = Text(
+    _cached(q.gain),
+    "a level or a factor, such as -6dB or x0.5",
+    f"^({_NUMBER} *dB|x{_NUMBER})$",
+    types=("string",),
+)
+WHEN = Text(
+    _cached(parse_position),
+    "a position in the piece, such as 3|2.5, B+2, 12.5s or beats",
+    f"^({_POSITION})$",
+)
+LENGTH = Text(_cached(parse_length), "a length, such as 4bar, 1/2 (beats) or 250ms", f"^{_LENGTH}$")
+METER = Text(parse_meter, "a meter, such as 4/4", r"^[0-9]+(\+[0-9]+)*/[0-9]+$", types=("string",))
+BPM = Text(parse_bpm, "a tempo, such as 60 or 60 -> 96", rf"^{_NUMBER}( *-> *{_NUMBER})?$")
+TITLE = Text(_title, "a text", types=("string", "number", "boolean"))
+PATH = Text(_path, "the name of a file", types=("string",))
+TIMES = Text(_cached(parse_times), "how often, such as 8", "^[0-9]+$")
+TRUTH = Text(_truth, "true or false", types=("boolean",))

@@ -1,0 +1,276 @@
+"""Text to SI numbers: `400g`, `60N/m`, `A3`, `20Hz..10kHz`, `-6dB`, `1/8`.
+
+Every unit is a power of ten, so a number with its unit is one decimal literal, and the result is
+the float nearest to what is written: `1mm` is 0.001, not 1 · 0.001.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from ergon import _core
+from ergon.notation.text.errors import TextError, quote, with_article
+from ergon.notation.text.spelling import nearest
+
+MAX_TEXT = 64  # characters of one quantity
+MAX_SIZE = 1e18  # beyond every quantity of a key, a gong or a rate; far from overflow when squared
+
+_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eE]([+-]?\d{1,4}))?")
+_FRACTION = re.compile(r"([+-]?\d{1,15})/(\d{1,15})")
+_NOTE = re.compile(r"([A-G])([#♯b♭]?)(-?\d)(?:([+-]\d{1,4}(?:\.\d{1,4})?)cents?)?")
+_SEMITONES = {"C": -9, "D": -7, "E": -5, "F": -4, "G": -2, "A": 0, "B": 2}  # from A of the octave
+_ACCIDENTALS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
+
+Sign = Literal["any", "positive", "not negative"]
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """What a quantity measures: its units as powers of ten of the SI unit, and its bounds."""
+
+    name: str
+    units: Mapping[str, int]
+    example: str
+    sign: Sign = "any"
+    bare: bool = True  # whether a number without a unit is taken as SI
+    low: float = -MAX_SIZE
+    high: float = MAX_SIZE
+
+    @property
+    def si(self) -> str:
+        """The unit in which values and bounds are kept; "" for plain numbers."""
+        return next((unit for unit, power in self.units.items() if power == 0), "")
+
+
+def _dimension(
+    name: str,
+    units: str,
+    example: str,
+    sign: Sign = "any",
+    *,
+    bare: bool = True,
+    low: float = -MAX_SIZE,
+    high: float = MAX_SIZE,
+) -> Dimension:
+    table = {}
+    for word in units.split():
+        unit, _, power = word.partition(":")
+        table[unit] = int(power or 0)
+    return Dimension(name, table, example, sign, bare, low, high)
+
+
+_LENGTH = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
+_HARDENING = "N/m3 N/mm3:9 kN/m3:3 MN/m3:6"
+MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")
+STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
+DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
+POSITION = _dimension("length", _LENGTH, "1mm", high=1e3, low=-1e3)
+SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high=1e6, low=-1e6)
+PUSH = _dimension("force", "N mN:-3 kN:3", "-5N")
+FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
+IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs")
+HARDENING = _dimension("hardening", _HARDENING, "4e8N/m3", "not negative")
+FREQUENCY = _dimension("frequency", "Hz kHz:3", "220Hz", "positive", high=1e6)
+RATE = _dimension("rate", "Hz kHz:3", "44100Hz", "positive", low=1e3, high=2e6)
+DURATION = _dimension(
+    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", bare=False
+)
+INSTANT = _dimension(
+    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "0.4s", "not negative", bare=False
+)
+LEVEL = _dimension("level", "dB", "-6dB", bare=False, low=-400.0, high=200.0)
+ERROR = _dimension("error", "dB", "-60dB", bare=False, low=-160.0, high=-10.0)
+CENTS = _dimension("error of pitch in cents", "", "3", "positive", low=0.01, high=1200.0)
+SHARE = _dimension("share of the processor", "%:-2", "80%", "positive", bare=False, high=64.0)
+NUMBER = _dimension("plain number", "", "0.5")
+RATIO = _dimension("plain number", "", "0.5", "not negative")
+FACTOR = _dimension("number", "", "1.5", "positive")
+EXPONENT = _dimension("exponent", "", "1.5", low=1.0, high=16.0)
+UNIT_RATIO = _dimension("number from 0 to 1", "", "0.5", "not negative", high=1.0)
+
+# A constant of a law may have any of these; what it must measure depends on the law's text.
+_LAW_UNITS = (
+    f"{_HARDENING} N/m2 N/m N/mm:3 kN/m:3 Ns/m mNs/m:-3 Ns2/m2 N mN:-3 kN:3 m/s mm/s:-3 {_LENGTH} "
+    "s/m Ns/m2 Ns/m3 s ms:-3"
+)
+CONSTANT = _dimension("constant of a law", _LAW_UNITS, "900N/m")
+
+_ALL_UNITS = tuple(
+    (unit, d.name)
+    for d in (MASS, STIFFNESS, DAMPING, POSITION, SPEED, FORCE, IMPULSE, FREQUENCY, DURATION, LEVEL)
+    for unit in d.units
+)
+
+
+def quantity(text: str, dimension: Dimension) -> float:
+    """The SI value of a number with a unit. Raises TextError: E201, E202 or E203."""
+    word = _trimmed(text)
+    match = _FRACTION.match(word) or _NUMBER.match(word)
+    if match is None:
+        raise _not_a_number(word, dimension)
+    unit = word[match.end() :].strip()
+    power = _power(unit, word, len(word) - len(unit), dimension)
+    if match.re is _FRACTION:
+        if int(match[2]) == 0:
+            raise TextError("a number divided by zero", length=len(word), code="E202")
+        value = float(Fraction(int(match[1]), int(match[2])) * Fraction(10) ** power)
+    else:
+        value = float(f"{match[1]}e{int(match[2] or 0) + power}")
+    return bounded(value, word, dimension)
+
+
+def bounded(value: float, word: str, dimension: Dimension) -> float:
+    """The value when it lies within the dimension's bounds. Raises TextError E202."""
+    reason = ""
+    if not math.isfinite(value) or abs(value) > MAX_SIZE:
+        reason = "too large to mean anything"
+    elif dimension.sign == "positive" and value <= 0:
+        reason = f"not positive; {with_article(dimension.name)} is, such as {dimension.example}"
+    elif dimension.sign == "not negative" and value < 0:
+        reason = f"negative; {with_article(dimension.name)} is not, such as {dimension.example}"
+    elif value < dimension.low:
+        reason = f"below {dimension.low:g}{dimension.si}, the least that it can be"
+    elif value > dimension.high:
+        reason = f"above {dimension.high:g}{dimension.si}, the most that it can be"
+    if reason:
+        raise TextError(f"{quote(word)} is {reason}", length=len(word), code="E202")
+    return value
+
+
+def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
+    power = dimension.units.get(unit)
+    if power is not None:
+        return power
+    units = ", ".join(unit for unit in dimension.units if unit.isascii())
+    length = len(word)
+    if not unit:
+        if dimension.bare or not word.strip("+-0."):
+            return 0
+        first = next(iter(dimension.units))
+        message = f"{quote(word)} has no unit (use {units})"
+        raise TextError(message, length=length, suggestion=word + first, code="E203")
+    length = len(unit)
+    if unit[0] in ":_," or unit[0].isdigit():
+        raise _not_a_number(word, dimension)
+    if not units:
+        message = f"{with_article(dimension.name)} has no unit; {quote(unit)} is one too many"
+        raise TextError(message, offset=offset, length=length, code="E203")
+    measures = next((name for known, name in _ALL_UNITS if known == unit), None)
+    if measures is None:
+        near = nearest(unit, dimension.units)
+        message = f"unknown unit {quote(unit)} ({with_article(dimension.name)} has {units})"
+        raise TextError(message, offset=offset, length=length, suggestion=near, code="E203")
+    message = f"unit {quote(unit)} does not measure {dimension.name} (use {units})"
+    raise TextError(message, offset=offset, length=length, code="E203")
+
+
+def _trimmed(text: str) -> str:
+    word = text.strip()
+    if not word:
+        raise TextError("nothing is written here; a value is expected", code="E201")
+    if len(word) > MAX_TEXT:
+        raise TextError(f"{quote(word)} is too long for a value", length=MAX_TEXT, code="E201")
+    if not word.replace("µ", "u").replace("μ", "u").replace("♯", "#").replace("♭", "b").isascii():
+        message = f"{quote(word)} has a character that belongs to no number or unit"
+        raise TextError(message, length=len(word), code="E201")
+    return word
+
+
+def _not_a_number(word: str, dimension: Dimension) -> TextError:
+    what = with_article(dimension.name)
+    message = f"{quote(word)} is not a number; {what} is written like {dimension.example}"
+    if re.fullmatch(r"\d+:[\d:.]+", word):
+        message = f"{quote(word)} is a clock time; write seconds (90s), or bar|beat where one fits"
+    elif re.fullmatch(r"[+-]?[\d_,]+\D*", word) and ("_" in word or "," in word):
+        message = f"{quote(word)}: digits are written without '_' or ',', the point is '.'"
+    elif re.fullmatch(r"[+-]?\.?(nan|inf|infinity)", word, re.IGNORECASE):
+        message = f"{quote(word)} is not a finite number"
+    return TextError(message, length=len(word), code="E201")
+
+
+def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
+    """A frequency [Hz], or a note of equal temperament: `A3`, `C#4`, `Bb2`, `A3+20cents`."""
+    word = _trimmed(text)
+    match = _NOTE.fullmatch(word)
+    if match is None and word[:1].isalpha():
+        message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
+        raise TextError(message, length=len(word), code="E201")
+    if match is None:
+        return quantity(text, dimension)
+    letter, accidental, octave, cents = match.groups()
+    semitones = _SEMITONES[letter] + _ACCIDENTALS[accidental]
+    octaves, rest = divmod(semitones + 12 * (int(octave) - 4), 12)
+    steps = rest + float(cents or 0) / 100
+    ratio = _core.pow(2.0, steps / 12) if steps else 1.0  # every A is exact
+    return bounded(math.ldexp(440.0 * ratio, octaves), word, dimension)
+
+
+Read = Callable[[str], float]
+
+
+def span(text: str, read: Read, example: str) -> tuple[float, float]:
+    """`low..high`, each read by `read`; a bare number takes the other's unit."""
+    low, dots, high = text.strip().partition("..")
+    if not dots:
+        message = f"{quote(text.strip())} is not a range such as {example}"
+        raise TextError(message, length=len(text.strip()), code="E201")
+    low, high = low.strip(), high.strip()
+    if _NUMBER.fullmatch(low) and (unit := _unit_of(high)):
+        low += unit
+    elif _NUMBER.fullmatch(high) and (unit := _unit_of(low)):
+        high += unit
+    a = read(low)
+    try:
+        b = read(high)
+    except TextError as error:
+        error.offset += text.index("..") + 2
+        raise
+    if a > b:
+        message = f"the range {quote(text.strip())} runs downwards; write the lower end first"
+        raise TextError(message, length=len(text), suggestion=f"{high}..{low}", code="E202")
+    return a, b
+
+
+def _unit_of(word: str) -> str:
+    match = _NUMBER.match(word)
+    return word[match.end() :].strip() if match else ""
+
+
+def gain(text: str) -> float:
+    """A ratio of amplitudes from a level (`-6dB`) or a factor (`x0.5`)."""
+    if text.strip().startswith("x"):
+        return factor(text)
+    return _core.decibels(quantity(text, LEVEL))
+
+
+def factor(text: str) -> float:
+    """`x1.5`: a factor that is not negative."""
+    word = text.strip()
+    if not word.startswith("x"):
+        message = f"{quote(word)} is not a factor such as x1.5"
+        raise TextError(message, length=len(word), code="E201")
+    try:
+        return quantity(word[1:], RATIO)
+    except TextError as error:
+        error.offset += 1
+        raise
+
+
+def integer(text: str, low: int, high: int) -> int:
+    """A whole number within bounds; `1e4` is one."""
+    word = _trimmed(text)
+    if re.fullmatch(r"[+-]?\d{1,30}", word):  # not through a float: seeds have 64 bits
+        value = int(word)
+    elif (number := quantity(word, NUMBER)) == int(number):
+        value = int(number)
+    else:
+        raise TextError(f"{quote(word)} is not a whole number", length=len(word), code="E201")
+    if not low <= value <= high:
+        message = f"{quote(word)} is outside {low:,} to {high:,}"
+        raise TextError(message, length=len(word), code="E202")
+    return value

@@ -1,0 +1,327 @@
+"""Shapes: what may stand after a name, as texts, lists, names and choices among them.
+
+A shape reads one node. It reports what is wrong by itself and then gives MISSING, so that the rest
+of the file is still read and every mistake is told at once. The same shape makes its JSON Schema
+and its words in the reference.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from ergon.notation.text import document
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import Collector, TextError, quote
+from ergon.notation.text.memory import Memory
+from ergon.notation.text.spelling import nearest
+from ergon.notation.text.values import Place
+
+MISSING: Final = object()  # read, found wrong, reported
+MAX_NAME = 64  # characters: names are said aloud
+NAME = re.compile(r"[^\W\d][\w-]*")
+# The same for editors, whose \w knows ASCII only.
+NAME_PATTERN = "^[A-Za-z_\u00aa-\uffff][\\w\u00aa-\uffff-]*$"
+
+
+class Name(str):
+    """A word of the composer's that refers to something, with its place."""
+
+    __slots__ = ("place",)
+    place: Place
+
+    def __new__(cls, word: str, place: Place) -> Name:
+        """A string that remembers where it was written."""
+        name = super().__new__(cls, word)
+        name.place = place
+        return name
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """Where a reader stands: who collects, and whose fields these are (`key 'k1'`)."""
+
+    collector: Collector
+    owner: str = ""
+    name: str = ""
+    place: Place | None = None
+    memory: Memory | None = None  # of the sections of a score
+
+    def of(self, field_name: str) -> str:
+        """`M of key 'k1'`."""
+        if not field_name:
+            return self.owner or "the score"
+        return f"{field_name} of {self.owner}" if self.owner else f"'{field_name}'"
+
+    def inside(self, noun: str, name: str, place: Place) -> Context:
+        """The context of a named thing; a module is called by its instrument's name too."""
+        called = f"{self.name}.{name}" if noun == "module" and self.name else name
+        return Context(self.collector, f"{noun} {quote(called)}", name, place)
+
+    def error(self, code: str, message: str, place: Place, **more: Any) -> None:
+        """Report."""
+        self.collector.error(code, message, place, **more)
+
+    def text_error(self, error: TextError, node: Scalar, field_name: str, inside: bool) -> None:
+        """Report a mistake inside a scalar at its characters."""
+        if inside:  # "unknown word 'smoth' in gesture 'knock'"
+            what, semicolon, more = error.message.partition(";")
+            message = f"{what} in {self.owner}{semicolon}{more}" if self.owner else error.message
+        else:
+            message = f"{self.of(field_name)}: {error.message}"
+        place = node.place_at(error.offset, error.length)
+        self.collector.error(error.code, message, place, suggestion=error.suggestion)
+
+
+class Shape(ABC):
+    """What may stand after a name."""
+
+    @abstractmethod
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """The value, or MISSING after a report."""
+
+    @abstractmethod
+    def schema(self) -> dict[str, Any]:
+        """The same as JSON Schema, draft 7."""
+
+    @abstractmethod
+    def words(self) -> str:
+        """What is written, for the reference and for messages: `a mass, such as 400g`."""
+
+
+@dataclass(frozen=True)
+class Text(Shape):
+    """A scalar that `parse` turns into a value; TextErrors become reports in their place."""
+
+    parse: Callable[[str], Any]
+    what: str
+    pattern: str | None = None
+    types: tuple[str, ...] = ("string", "number")
+    choices: tuple[str | int, ...] = ()
+    inside: bool = False  # the message speaks of the whole text: "… in gesture 'knock'"
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, Scalar):
+            return wrong_shape(self, node, name, context)
+        try:
+            return self.parse(node.text)
+        except TextError as error:
+            context.text_error(error, node, name, self.inside)
+            return MISSING
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        schema: dict[str, Any] = {"type": list(self.types)}
+        if self.choices:
+            schema["enum"] = list(self.choices)
+        if self.pattern:
+            schema |= {"pattern": self.pattern, "patternErrorMessage": f"Expected: {self.what}"}
+        return schema
+
+    def words(self) -> str:
+        """In words."""
+        return self.what
+
+
+def choice(*words: str) -> Text:
+    """One of a few words."""
+
+    def parse(text: str) -> str:
+        if text in words:
+            return text
+        message = f"{quote(text)} is not one of {', '.join(words)}"
+        raise TextError(
+            message, length=max(1, len(text)), suggestion=nearest(text, words), code="E206"
+        )
+
+    shown = " or ".join(f"`{word}`" for word in words)
+    # `bits: 24` is a number for an editor.
+    numbers = tuple(int(word) for word in words if word.isdigit())
+    types = ("string", "number") if numbers else ("string",)
+    return Text(parse, shown, types=types, choices=(*words, *numbers))
+
+
+@dataclass(frozen=True)
+class Reference(Shape):
+    """The name of something; whether it exists is asked when everything is read."""
+
+    what: str
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, Scalar):
+            return wrong_shape(self, node, name, context)
+        if not node.text.strip() or len(node.text) > 4 * MAX_NAME:
+            context.error("E103", f"{context.of(name)}: {self.what} is expected", node.place)
+            return MISSING
+        return Name(node.text, node.place)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {"type": ["string", "number"]}
+
+    def words(self) -> str:
+        """In words."""
+        return self.what
+
+
+@dataclass(frozen=True)
+class ListOf(Shape):
+    """Items of one shape; `single` lets a lone item stand without brackets."""
+
+    item: Shape
+    least: int = 0
+    most: int = 1_000_000
+    single: bool = False
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, document.Sequence):
+            items = node.items
+        elif self.single:
+            items = [node]
+        elif isinstance(node, Scalar) and node.is_empty:
+            items = []
+        else:
+            return wrong_shape(self, node, name, context)
+        if not self.least <= len(items) <= self.most:
+            wanted = f"{self.least}" if self.least == self.most else f"at least {self.least}"
+            if len(items) > self.most > self.least:
+                wanted = f"at most {self.most:,}"
+            message = f"{context.of(name)}: {wanted} expected, {len(items)} written"
+            context.error("E106", message, node.place)
+            return MISSING
+        read = (self.item.read(item, name, context) for item in items)
+        values = tuple(value for value in read if value is not MISSING)
+        return values if len(values) >= self.least else MISSING  # a broken pair is no pair
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        array: dict[str, Any] = {"type": ["array"], "items": self.item.schema()}
+        if self.least:
+            array["minItems"] = self.least
+        return merged(array, self.item.schema()) if self.single else array
+
+    def words(self) -> str:
+        """In words."""
+        return f"a list, each {self.item.words()}"
+
+
+@dataclass(frozen=True)
+class Pair(Shape):
+    """Two items, each of its own shape."""
+
+    first: Shape
+    second: Shape
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, document.Sequence) or len(node.items) != 2:
+            return wrong_shape(self, node, name, context)
+        shapes = zip((self.first, self.second), node.items, strict=True)
+        values = tuple(shape.read(item, name, context) for shape, item in shapes)
+        return MISSING if MISSING in values else values
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        items = [self.first.schema(), self.second.schema()]
+        return {"type": ["array"], "items": items, "minItems": 2, "maxItems": 2}
+
+    def words(self) -> str:
+        """In words."""
+        return f"[{self.first.words()}; {self.second.words()}]"
+
+
+@dataclass(frozen=True)
+class Either(Shape):
+    """One shape for a text, one for a mapping, one for a list."""
+
+    scalar: Shape | None = None
+    mapping: Shape | None = None
+    sequence: Shape | None = None
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        shape = self.scalar
+        if isinstance(node, document.Mapping):
+            shape = self.mapping
+        elif isinstance(node, document.Sequence):
+            shape = self.sequence
+        if shape is None:
+            return wrong_shape(self, node, name, context)
+        return shape.read(node, name, context)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        schemas = [s.schema() for s in (self.scalar, self.mapping, self.sequence) if s]
+        return merged(*schemas)
+
+    def words(self) -> str:
+        """In words."""
+        shapes = (self.scalar, self.mapping, self.sequence)
+        return ", or ".join(shape.words() for shape in shapes if shape)
+
+
+@dataclass(frozen=True)
+class NamesOf(Shape):
+    """Free names, each with the same shape; a broken one stays in the result as MISSING."""
+
+    item: Shape
+    noun: str
+    doc: str = ""
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, Scalar) and node.is_empty:
+            return {}
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        result: dict[str, Any] = {}
+        for word, (key, child) in node.entries.items():
+            if not NAME.fullmatch(word) or len(word) > MAX_NAME:
+                message = f"{quote(word)} is not a name for a {self.noun}: "
+                message += "a name has letters, digits, '-' and '_', and begins with a letter"
+                help = "put a space after ':'" if ":" in word else None
+                context.error("E110", message, key.place, help=help)
+                continue
+            result[word] = self.item.read(child, "", context.inside(self.noun, word, key.place))
+        return result
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        return {
+            "type": ["object", "null"],
+            "propertyNames": {"pattern": NAME_PATTERN},
+            "additionalProperties": self.item.schema(),
+        }
+
+    def words(self) -> str:
+        """In words."""
+        return f"names, each {self.item.words()}"
+
+
+def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
+    """Keywords of one type say nothing about another, so a union of types needs no `anyOf`."""
+    result: dict[str, Any] = {}
+    types: list[str] = []
+    for schema in schemas:
+        types += [t for t in schema.get("type", []) if t not in types]
+        result |= schema
+    if types:
+        result["type"] = types
+    return result
+
+
+def wrong_shape(shape: Shape, node: Node, name: str, context: Context) -> Any:
+    """Report a mapping, list or text that stands where another is expected."""
+    written = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(type(node), "a text")
+    if isinstance(node, Scalar) and node.is_empty:
+        message = f"{context.of(name)} is empty; expected: {shape.words()}"
+    else:
+        message = f"{context.of(name)} is {written}; expected: {shape.words()}"
+    context.error("E106", message, node.place)
+    return MISSING

@@ -1,0 +1,377 @@
+"""YAML text as nodes with places; every scalar stays the text that the composer wrote.
+
+YAML guesses types (`1e-3` is a string, `1:30` is 90, `012` is 10), so nothing here is resolved:
+each field parses its own text. Nodes are built from libyaml's events with an explicit stack, so
+depth, size and aliases are bounded while reading, before anything big exists.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.syntax import MAX_BYTES, MAX_LINES, explained
+from ergon.notation.text.values import Place
+
+MAX_DEPTH = 64  # nested deeper than any score a person writes; keeps later recursion safe
+MAX_NODES = 2_000_000  # with aliases written out; about 1 GB of nodes at the very worst
+
+_STYLES = ("'", '"', "|", ">")
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(eq=False, slots=True)
+class Node:
+    """A piece of a document between two character indices."""
+
+    document: Document = field(repr=False)
+    start: int
+    end: int
+
+    @property
+    def place(self) -> Place:
+        """Where the node begins; its length ends with its first line."""
+        line_end = self.document.line_end(self.start)
+        return self.document.place(self.start, max(1, min(self.end, line_end) - self.start))
+
+
+@dataclass(eq=False, slots=True)
+class Scalar(Node):
+    """A text; `style` is None for a plain one, or the character that began it (' " | >)."""
+
+    text: str
+    style: str | None
+
+    @property
+    def is_empty(self) -> bool:
+        """Nothing written after the colon."""
+        return self.style is None and self.text in ("", "~", "null")
+
+    def place_at(self, offset: int, length: int = 1) -> Place:
+        """Where `length` characters at `offset` of the text are, or the scalar's place."""
+        if self.style == "|":
+            return self._literal_place(offset, length)
+        index = self._flow_index(offset)
+        if index is None:
+            return self.place
+        room = max(1, self.document.line_end(index) - index)
+        return self.document.place(index, max(1, min(length, room)))
+
+    def _literal_place(self, offset: int, length: int) -> Place:
+        """Lines of a literal block are the ends of the source's lines below the `|`."""
+        table = self.document.table(self)
+        if table.indent is None:
+            table.indent = self._indent(table)
+        if table.indent < 0:
+            return self.place
+        row = bisect_right(table.starts, offset) - 1
+        column = offset - table.starts[row]
+        room = len(table.row_text(self.text, row)) - column
+        line = self.document.first_row + table.first_row + row + 1
+        column += table.indent + 1
+        return Place(self.document.file, line, column, max(1, min(length, room)))
+
+    def _indent(self, table: Table) -> int:
+        """How far the block stands in, one for all its rows; -1 where text and source disagree."""
+        for row in range(len(table.starts)):
+            text = table.row_text(self.text, row)
+            if text:  # an empty row may stand in less
+                start, end = self.document.line_span(table.first_row + row)
+                indent = end - start - len(text)
+                agree = indent >= 0 and self.document.text.startswith(text, start + indent)
+                return indent if agree else -1
+        return 0
+
+    def _flow_index(self, offset: int) -> int | None:
+        """Walk text and source together: folding makes one space of a break and its indent."""
+        if self.style == ">":
+            return None
+        source = self.document.text
+        index = self.start + (self.style is not None)
+        for character in self.text[:offset]:
+            if index >= self.end:
+                return None
+            if character == source[index]:
+                index += 1
+            elif character.isspace() and source[index].isspace():
+                index = _skip_space(source, index, self.end)
+            else:
+                return None  # an escape, or a doubled quote
+        if offset < len(self.text) and index < self.end and source[index] != self.text[offset]:
+            index = _skip_space(source, index, self.end)
+        return index
+
+
+@dataclass(eq=False, slots=True)
+class Sequence(Node):
+    """Items in the order written."""
+
+    items: list[Node]
+
+
+@dataclass(eq=False, slots=True)
+class Mapping(Node):
+    """Names and what they stand for, in the order written; a name written twice counts once."""
+
+    entries: dict[str, tuple[Scalar, Node]]
+
+    def get(self, name: str) -> Node | None:
+        """The node under a name."""
+        entry = self.entries.get(name)
+        return entry[1] if entry else None
+
+
+@dataclass(eq=False, slots=True)
+class Table:
+    """Rows of a literal block: the first one's line (from 0), and where each begins in the text."""
+
+    first_row: int
+    starts: list[int]
+    indent: int | None = None  # of the block in its source, once it is asked for
+
+    def row_text(self, text: str, row: int) -> str:
+        """One row, without its line break."""
+        end = self.starts[row + 1] - 1 if row + 1 < len(self.starts) else len(text)
+        return text[self.starts[row] : end]
+
+
+@dataclass(eq=False, slots=True)
+class Document:
+    """The text of one file with its root node; turns character indices into places."""
+
+    file: str
+    text: str
+    root: Node | None = None
+    folder: Path = field(default_factory=Path)  # paths in the file are relative to it
+    first_row: int = 0  # where the text begins in its file
+    size: int = 0  # how many nodes there are, aliases written out
+    _starts: list[int] = field(default_factory=list, repr=False)
+    _tables: dict[int, Table] = field(default_factory=dict, repr=False)
+
+    def _line_starts(self) -> list[int]:
+        if not self._starts:
+            self._starts.extend(_line_starts(self.text))
+        return self._starts
+
+    def row(self, index: int) -> int:
+        """Line of a character, from 0."""
+        return bisect_right(self._line_starts(), index) - 1
+
+    def line_span(self, row: int) -> tuple[int, int]:
+        """First index of a line and the index of its end, without the line break."""
+        starts = self._line_starts()
+        if row >= len(starts):
+            return len(self.text), len(self.text)
+        end = starts[row + 1] if row + 1 < len(starts) else len(self.text)
+        while end > starts[row] and self.text[end - 1] in "\r\n":
+            end -= 1
+        return starts[row], end
+
+    def line_end(self, index: int) -> int:
+        """Index where the line of a character ends."""
+        return self.line_span(self.row(index))[1]
+
+    def line(self, number: int) -> str:
+        """The text of a line, numbered from 1."""
+        start, end = self.line_span(number - 1)
+        return self.text[start:end]
+
+    def place(self, index: int, length: int = 1) -> Place:
+        """The place of a character."""
+        row = self.row(index)
+        line = self.first_row + row + 1
+        return Place(self.file, line, index - self._line_starts()[row] + 1, length)
+
+    def table(self, scalar: Scalar) -> Table:
+        """The rows of a literal block, found once: a table of 100,000 asks one by one."""
+        table = self._tables.get(scalar.start)
+        if table is None:
+            table = Table(self.row(scalar.start) + 1, _line_starts(scalar.text))
+            self._tables[scalar.start] = table
+        return table
+
+
+class _Refused(Exception):
+    """What ends the reading of a file: code, message, index, length."""
+
+    def __init__(self, code: str, message: str, index: int, length: int = 1) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+        self.index = index
+        self.length = length
+
+
+def compose(text: str, file: str, collector: Collector, first_row: int = 0) -> Document:
+    """Nodes of a YAML text; `root` is None when nothing is written or the text is refused."""
+    document = Document(file, text, first_row=first_row)
+    if len(text) > MAX_BYTES:
+        message = f"the file has more than {MAX_BYTES // 2**20} MB; long gestures are takes"
+        collector.error("E105", message, Place(file, 1, 1))
+        return document
+    if max(text.count("\n"), text.count("\r")) > MAX_LINES:
+        message = f"the file has more than {MAX_LINES:,} lines; long gestures are takes"
+        collector.error("E105", message, Place(file, 1, 1))
+        return document
+    try:
+        document.root = _Composer(document, collector).run()
+    except _Refused as refused:
+        place = document.place(refused.index, refused.length)
+        collector.error(refused.code, refused.message, place)
+    except (yaml.YAMLError, UnicodeError, RecursionError) as error:
+        index, message = explained(text, error)
+        collector.error("E100", message, document.place(min(index, len(text))))
+    return document
+
+
+@dataclass(slots=True)
+class _Open:
+    """A mapping or sequence whose end has not come yet."""
+
+    event: yaml.CollectionStartEvent
+    children: list[Node]
+    size: int = 1
+    height: int = 1
+
+    def add(self, node: Node, size: int, height: int) -> None:
+        self.children.append(node)
+        self.size += size
+        self.height = max(self.height, height + 1)
+
+
+class _Composer:
+    """Builds nodes from events; refuses what a score has no use for."""
+
+    def __init__(self, document: Document, collector: Collector) -> None:
+        self.document = document
+        self.collector = collector
+        self.anchors: dict[str, tuple[Node, int, int]] = {}
+        self.stack: list[_Open] = []
+        self.root: Node | None = None
+        self.total = 0
+
+    def run(self) -> Node | None:
+        documents = 0
+        for event in yaml.parse(self.document.text, _LOADER):
+            if isinstance(event, yaml.ScalarEvent):
+                self.scalar(event)
+            elif isinstance(event, (yaml.MappingStartEvent, yaml.SequenceStartEvent)):
+                self.open(event)
+            elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
+                self.close(_end(event))
+            elif isinstance(event, yaml.AliasEvent):
+                self.alias(event)
+            elif isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    message = "a second document begins here ('---'); a file is one score"
+                    raise _Refused("E104", message, _start(event), 3)
+        self.document.size = self.total
+        return self.root
+
+    def scalar(self, event: yaml.ScalarEvent) -> None:
+        start = _start(event)
+        self.no_tag(event)
+        self.count(1, start)
+        style = event.style if event.style in _STYLES else None  # libyaml calls plain ''
+        node = Scalar(self.document, start, _end(event), event.value, style)
+        self.add(node, event.anchor, 1, 1)
+
+    def open(self, event: yaml.CollectionStartEvent) -> None:
+        self.no_tag(event)
+        self.count(1, _start(event))
+        if len(self.stack) >= MAX_DEPTH:
+            message = f"nested more than {MAX_DEPTH} deep"
+            raise _Refused("E105", message, _start(event))
+        self.stack.append(_Open(event, []))
+
+    def close(self, end: int) -> None:
+        frame = self.stack.pop()
+        start = _start(frame.event)
+        node: Node
+        if isinstance(frame.event, yaml.SequenceStartEvent):
+            node = Sequence(self.document, start, end, frame.children)
+        else:
+            node = Mapping(self.document, start, end, self.entries(frame.children))
+        self.add(node, frame.event.anchor, frame.size, frame.height)
+
+    def alias(self, event: yaml.AliasEvent) -> None:
+        start, name = _start(event), event.anchor or ""
+        length = len(name) + 1
+        if any(frame.event.anchor == name for frame in self.stack):
+            message = f"alias {quote('*' + name)} stands inside what it stands for"
+            raise _Refused("E104", message, start, length)
+        if name not in self.anchors:
+            message = f"no anchor '&{name[:40]}' above; a word that begins with '*' needs quotes"
+            raise _Refused("E104", message, start, length)
+        node, size, height = self.anchors[name]
+        if len(self.stack) + height > MAX_DEPTH:
+            raise _Refused("E105", f"nested more than {MAX_DEPTH} deep by an alias", start, length)
+        self.count(size, start)
+        self.add(node, None, size, height)
+
+    def add(self, node: Node, anchor: str | None, size: int, height: int) -> None:
+        if anchor:
+            self.anchors[anchor] = (node, size, height)
+        if self.stack:
+            self.stack[-1].add(node, size, height)
+        else:
+            self.root = node
+
+    def count(self, size: int, index: int) -> None:
+        self.total += size
+        if self.total > MAX_NODES:
+            message = f"more than {MAX_NODES:,} entries, aliases written out"
+            raise _Refused("E105", message, index)
+
+    def entries(self, children: list[Node]) -> dict[str, tuple[Scalar, Node]]:
+        entries: dict[str, tuple[Scalar, Node]] = {}
+        for key, value in zip(children[::2], children[1::2], strict=True):
+            if not isinstance(key, Scalar):
+                self.collector.error("E106", "a name is expected before ':'", key.place)
+            elif key.text == "<<" and key.style is None:
+                message = "merge keys ('<<') are not part of the score language; use 'like:'"
+                self.collector.error("E104", message, key.place)
+            elif key.text in entries:
+                first = entries[key.text][0].place
+                message = f"{quote(key.text)} is already defined on line {first.line}"
+                self.collector.error("E102", message, key.place)
+            else:
+                entries[key.text] = (key, value)
+        return entries
+
+    def no_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
+        if event.tag is not None and event.tag != "!":
+            message = f"tag {quote(event.tag)}: tags are refused, a score is plain text"
+            raise _Refused("E104", message, _start(event))
+
+
+def _start(event: yaml.Event) -> int:
+    return event.start_mark.index if event.start_mark else 0
+
+
+def _end(event: yaml.Event) -> int:
+    return event.end_mark.index if event.end_mark else 0
+
+
+def _line_starts(text: str) -> list[int]:
+    """Indices where lines begin: after \\n, \\r\\n or a lone \\r, as editors count."""
+    starts = [0]
+    index = 0
+    for line in text.split("\n"):
+        if "\r" in line[:-1]:
+            starts.extend(index + at + 1 for at, c in enumerate(line[:-1]) if c == "\r")
+        index += len(line) + 1
+        starts.append(index)
+    starts.pop()
+    return starts
+
+
+def _skip_space(source: str, index: int, end: int) -> int:
+    while index < end and source[index].isspace():
+        index += 1
+    return index

@@ -1,0 +1,320 @@
+"""Edits of a YAML text that change what they name and leave every other byte as it was.
+
+A text is never written anew from its values: characters are replaced where they stand, then the
+result is read again and refused unless it says exactly what was there with the one thing changed.
+A path is the names and indices (from 0) that lead to a value; what is set is one line of YAML.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+from ergon.notation.text import document
+from ergon.notation.text.document import Document, Node, Scalar, compose
+from ergon.notation.text.errors import Collector, quote
+from ergon.notation.text.spans import Layout, Span, Splice, layout
+from ergon.notation.text.splices import Changes, named
+from ergon.notation.text.splices import EditError as EditError
+from ergon.notation.text.splices import Path as Path
+
+Tree = str | list[Any] | dict[str, Any] | None  # what a text says; nothing and empty are one
+
+
+@lru_cache(maxsize=16)  # what is checked after one edit is what the next one begins with
+def read(text: str, file: str) -> Document:
+    """The nodes of a text, for looking only. Raises EditError."""
+    collector = Collector()
+    document = compose(text, file, collector)
+    if collector.has_errors():
+        raise EditError(collector.finish()[0].message)
+    return document
+
+
+def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) -> str:
+    """Set the value at a path; its last name and mappings on the way are made where missing.
+
+    A new section goes where `order` has it. Raises EditError.
+    """
+    edit = _Edit(document)
+    chain = edit.follow(path)
+    if len(chain) > len(path):
+        number = chain[-2].index(path[-1]) if path else None
+        if number is None:
+            raise EditError("a whole text is not a value")
+        splices = edit.changes.replaced(chain[-2], number, text)
+        in_flow = chain[-2].flow
+    else:
+        splices = edit.changes.added(chain, path, text, order, is_item=False)
+        in_flow = False
+    value = _value(text, in_flow)
+    return edit.checked(splices, _with(edit.tree, path, lambda _: value))
+
+
+def insert(document: Document, path: Path, text: str) -> str:
+    """Put an item before the one at a path, whose last name is its index. Raises EditError."""
+    edit = _Edit(document)
+    chain = edit.follow(path)
+    number = path[-1] if path else None
+    if len(chain) <= len(path) or not isinstance(number, int):
+        raise EditError(f"there is no {named(path)}")
+    value = _value(text, in_flow=True)
+    splices = edit.changes.before(chain[-2], number, text)
+
+    def longer(old: Any) -> Tree:
+        return [*old[:number], value, *old[number:]]
+
+    return edit.checked(splices, _with(edit.tree, path[:-1], longer))
+
+
+def append(document: Document, path: Path, text: str, order: Sequence[str] = ()) -> str:
+    """Add an item at the end of a sequence, which is made where missing.
+
+    A lone value where a list may stand becomes the first of two. Raises EditError.
+    """
+    edit = _Edit(document)
+    chain = edit.follow(path)
+    node = chain[-1] if chain else None
+    value = _value(text, in_flow=True)
+    if len(chain) <= len(path) or node is None or node.is_empty:
+        splices = edit.changes.added(chain, path, text, order, is_item=True)
+        return edit.checked(splices, _with(edit.tree, path, lambda _: [value]))
+    if node.kind == "sequence":
+        splices = edit.changes.item(node, text)
+        return edit.checked(splices, _with(edit.tree, path, lambda old: [*(old or ()), value]))
+    splices = edit.changes.wrapped(chain[-2], node, text)
+    return edit.checked(splices, _with(edit.tree, path, lambda old: [old, value]))
+
+
+def remove(document: Document, *paths: Path) -> str:
+    """Take away entries or items, each with the comment at the end of its line.
+
+    Raises EditError.
+    """
+    edit = _Edit(document)
+    splices: list[Splice] = []
+    for path in paths:
+        chain = edit.follow(path)
+        if not path or len(chain) <= len(path):
+            raise EditError(f"there is no {named(path)}")
+        number = chain[-2].index(path[-1])
+        assert number is not None
+        cut = edit.changes.cut_flow if chain[-2].flow else edit.changes.cut_block
+        splices += cut(chain[-2], number)
+    return edit.checked(splices, _without(edit.tree, list(paths)))
+
+
+def rows(text: str) -> list[str]:
+    """The lines of a table's text."""
+    return text.rstrip("\n").split("\n") if text.strip() else []
+
+
+def add_row(document: Document, path: Path, text: str) -> str:
+    """Add a line at the end of a table, as far in as those above it. Raises EditError."""
+    edit = _Edit(document)
+    written, span = edit.table(path)
+    lines = [*rows(written), text]
+    if not span.is_block:
+        return put(document, path, json.dumps("\n".join(lines), ensure_ascii=False))
+    lay = edit.layout
+    end = lay.line_end(span.end)
+    indent = lay.step + edit.indent_of(path)
+    for start, stop in reversed(edit.changes.rows(span)):
+        if line := lay.text[start:stop].strip():
+            indent = lay.text[start:stop].index(line)
+            break
+    splices = [Splice(end, end, f"{lay.newline}{' ' * indent}{text}")]
+    return edit.checked_rows(splices, path, lines)
+
+
+def put_row(document: Document, path: Path, row: int, text: str | None) -> str:
+    """Set a line (from 0) of a table, its comment kept; None takes the line away.
+
+    Raises EditError.
+    """
+    return put_rows(document, path, {row: text})
+
+
+def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) -> str:
+    """Set lines of a table by their numbers, or take them away. Raises EditError."""
+    edit = _Edit(document)
+    written, span = edit.table(path)
+    lines: list[str | None] = [*rows(written)]
+    splices, lay = [], edit.layout
+    places = edit.changes.rows(span) if span.is_block else []
+    for row, text in changes.items():
+        if not 0 <= row < len(lines):
+            raise EditError(f"{named(path)} has no line {row + 1}")
+        comment = _comment(lines[row] or "")
+        lines[row] = None if text is None else text + comment
+        if span.is_block:
+            start, stop = places[row]
+            indent = len(lay.text[start:stop]) - len(lay.text[start:stop].lstrip())
+            place = (
+                lay.whole_lines(start, stop)
+                if text is None
+                else (start + indent, stop - len(comment))
+            )
+            splices.append(Splice(*place, text or ""))
+    left = [line for line in lines if line is not None]
+    if not span.is_block:
+        return put(document, path, quoted("\n".join(left)))
+    return edit.checked_rows(splices, path, left)
+
+
+def quoted(text: str) -> str:
+    """A text as a YAML scalar, in quotes only where it needs them."""
+    if text not in ("", "~", "null") and "\n" not in text and text == text.strip():
+        collector = Collector()
+        items = getattr(compose(f"[{text}]", "", collector).root, "items", [])
+        if not collector.has_errors() and len(items) == 1 and tree(items[0]) == text:
+            return text
+    return json.dumps(text, ensure_ascii=False)
+
+
+def flow(said: Tree) -> str:
+    """What a text says in one line."""
+    if isinstance(said, dict):
+        return "{" + ", ".join(f"{name}: {flow(value)}" for name, value in said.items()) + "}"
+    if isinstance(said, list):
+        return "[" + ", ".join(map(flow, said)) + "]"
+    return "{}" if said is None else quoted(said)
+
+
+class _Edit:
+    """One document, laid out for an edit, and what it says."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.layout: Layout = layout(document.text)
+        self.changes = Changes(self.layout)
+        self.tree = tree(document.root)
+
+    def follow(self, path: Path) -> list[Span]:
+        """The spans from the root to what a path names, or as far as they are written."""
+        if self.layout.root is None:
+            return []
+        chain = [self.layout.root]
+        for depth, name in enumerate(path):
+            span = chain[-1]
+            if span.kind == "alias":
+                shared = f"{named(path[:depth])} is `*{span.value}`, which stands for what is "
+                raise EditError(f"{shared}written elsewhere; write it out to change it here")
+            number = span.index(name)
+            if number is None:
+                break
+            chain.append(span.items[number])
+        return chain
+
+    def table(self, path: Path) -> tuple[str, Span]:
+        """The text and the span of a table."""
+        chain = self.follow(path)
+        if len(chain) <= len(path) or chain[-1].kind != "scalar":
+            raise EditError(f"{named(path)} is no table")
+        return chain[-1].value, chain[-1]
+
+    def indent_of(self, path: Path) -> int:
+        """How far in the line stands that names a value."""
+        parent = self.follow(path)[-2]
+        number = parent.index(path[-1])
+        return self.layout.column(self.layout.mark(parent, number or 0))
+
+    def checked(self, splices: list[Splice], wanted: Tree) -> str:
+        """The new text, which says what is wanted and nothing else."""
+        text = self.layout.spliced(splices)
+        again = read(text, self.document.file)
+        if tree(again.root) != wanted:
+            raise EditError("this cannot be changed without changing something else; write it out")
+        return text
+
+    def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
+        """The new text, in which the table has these lines."""
+        text = self.layout.spliced(splices)
+        node = read(text, self.document.file).root
+        for name in path:
+            node = _child(node, name)
+        if not isinstance(node, Scalar) or rows(node.text) != [*rows("\n".join(lines))]:
+            raise EditError("this line cannot stand in the table")
+        return self.checked(splices, _with(self.tree, path, lambda _: node.text.rstrip("\n")))
+
+
+def _child(node: Node | None, name: str | int) -> Node | None:
+    if isinstance(node, document.Mapping):
+        return node.get(str(name))
+    if isinstance(node, document.Sequence) and isinstance(name, int):
+        return node.items[name]
+    return None
+
+
+def _comment(row: str) -> str:
+    """The comment at the end of a table's line, with the spaces before it."""
+    code = row.rstrip()
+    for at, character in enumerate(row):
+        if character == "#" and (at == 0 or row[at - 1].isspace()):
+            code = row[:at].rstrip()
+            break
+    return row[len(code) :]
+
+
+def _value(text: str, in_flow: bool) -> Tree:
+    """What one line of YAML says where it is to stand."""
+    collector = Collector()
+    source = f"[{text}\n]" if in_flow else f"k: {text}"
+    root = compose(source, "", collector).root
+    if "\n" in text or collector.has_errors():
+        raise EditError(f"{quote(text)} is not one value")
+    if isinstance(root, document.Sequence) and len(root.items) == 1:
+        return tree(root.items[0])
+    if isinstance(root, document.Mapping) and len(root.entries) == 1:
+        return tree(root.entries["k"][1])
+    raise EditError(f"{quote(text)} is not one value")
+
+
+def tree(node: Node | None, known: dict[int, Tree] | None = None) -> Tree:
+    """What a node says, its aliases followed: texts, lists and mappings of them."""
+    if node is None:
+        return None
+    known = {} if known is None else known
+    if id(node) not in known:
+        said: Tree
+        if isinstance(node, document.Mapping):
+            said = {name: tree(child, known) for name, (_, child) in node.entries.items()} or None
+        elif isinstance(node, document.Sequence):
+            said = [tree(child, known) for child in node.items] or None
+        else:
+            assert isinstance(node, Scalar)
+            text = node.text.rstrip("\n") if node.style in ("|", ">") else node.text
+            said = None if node.is_empty else text
+        known[id(node)] = said
+    return known[id(node)]
+
+
+def _with(tree: Tree, path: Path, change: Callable[[Any], Tree]) -> Tree:
+    """The tree with the value at a path changed; the old one stays as it was."""
+    if not path:
+        return change(tree)
+    name = path[0]
+    if isinstance(tree, list) and isinstance(name, int):
+        items = list(tree)
+        items[name] = _with(items[name], path[1:], change)
+        return items
+    entries = dict(tree) if isinstance(tree, dict) else {}
+    entries[str(name)] = _with(entries.get(str(name)), path[1:], change)
+    return entries
+
+
+def _without(said: Tree, paths: list[Path]) -> Tree:
+    """The tree without what paths name, all of one parent, or one path alone."""
+    parents = {tuple(path[:-1]) for path in paths}
+    if len(parents) > 1:
+        raise EditError("what is taken away together stands together")
+    gone = {path[-1] for path in paths}
+
+    def dropped(parent: Any) -> Tree:
+        if isinstance(parent, list):
+            return [item for i, item in enumerate(parent) if i not in gone] or None
+        return {name: value for name, value in parent.items() if name not in gone} or None
+
+    return _with(said, parents.pop(), dropped)

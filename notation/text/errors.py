@@ -1,0 +1,246 @@
+"""What a mistake is: a message with a place, a code, a suggestion; and how it is shown."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from ergon.common.terminal import json_text, printable
+from ergon.notation.text.spelling import nearest
+from ergon.notation.text.values import Place
+
+MAX_SHOWN = 20  # of each severity: more is a wall, not a help
+MAX_KEPT = 10_000  # found before sorting; the rest is only counted, so that memory is bounded
+_MAX_NAMES = 2_000  # names that did-you-mean compares with: about 10 ms
+_MAX_LISTED = 12  # names that are told where none is near
+_MAX_LINE = 160  # columns of source shown; longer lines are shown round the caret
+
+Severity = Literal["error", "warning", "note"]
+_SEVERITIES: dict[str, Severity] = {"E": "error", "W": "warning", "N": "note"}
+
+
+class TextError(ValueError):
+    """A mistake inside one scalar; `offset` and `length` count characters of its text."""
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        offset: int = 0,
+        length: int = 1,
+        suggestion: str | None = None,
+        code: str = "E204",
+    ) -> None:
+        """Keep what a report needs once the scalar's place is known."""
+        super().__init__(message)
+        self.message = message
+        self.offset = offset
+        self.length = length
+        self.suggestion = suggestion
+        self.code = code
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One mistake, warning or note, in its place."""
+
+    code: str
+    message: str
+    place: Place
+    suggestion: str | None = None
+    help: str | None = None
+
+    @property
+    def severity(self) -> Severity:
+        """The code's letter: E error, W warning, N note."""
+        return _SEVERITIES[self.code[0]]
+
+
+class Source(Protocol):
+    """A file whose lines can be shown."""
+
+    def line(self, number: int) -> str:
+        """The text of a line, numbered from 1."""
+        ...
+
+
+class Collector:
+    """Gathers diagnostics; `finish` gives them in file order, each kind up to 20."""
+
+    told: int  # how often something was reported, the same twice too
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self.clear()
+
+    def clear(self) -> None:
+        """None was reported."""
+        self.told = 0
+        self._found: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
+        self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
+        self._files: dict[str, int] = {}
+
+    def error(
+        self,
+        code: str,
+        message: str,
+        place: Place,
+        *,
+        suggestion: str | None = None,
+        help: str | None = None,
+        word: str | None = None,
+        names: Iterable[str] = (),
+    ) -> None:
+        """Add one of any severity; with `word`, the nearest of `names` becomes the suggestion."""
+        self.told += 1
+        message = printable(message)  # a name of a file may hold what moves a terminal
+        if (code, message, place) in self._found:  # an alias is read at each of its places
+            return
+        diagnostic = Diagnostic(code, message, place, suggestion, help)
+        self._counts[diagnostic.severity] += 1
+        if len(self._found) < MAX_KEPT:
+            # The search waits for `finish`: of 10,000 mistakes only 20 are shown.
+            known = (word, *names) if word is not None else ()
+            self._found[code, message, place] = (diagnostic, known)
+
+    def file(self, name: str) -> None:
+        """Files are reported in the order in which they were opened."""
+        self._files.setdefault(name, len(self._files))
+
+    def has_errors(self) -> bool:
+        """Whether any error was added."""
+        return self._counts["error"] > 0
+
+    def finish(self) -> list[Diagnostic]:
+        """Everything found, in file order: at most 20 of each severity, with suggestions."""
+        found = sorted(
+            self._found.values(),
+            key=lambda item: (
+                self._files.get(item[0].place.file, len(self._files)),
+                item[0].place.line,
+                item[0].place.column,
+                item[0].code,
+            ),
+        )
+        shown: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
+        result = []
+        for diagnostic, known in found:
+            shown[diagnostic.severity] += 1
+            if shown[diagnostic.severity] <= MAX_SHOWN:
+                result.append(_with_suggestion(diagnostic, known))
+        return result
+
+    def left_out(self) -> dict[Severity, int]:
+        """How many of each severity `finish` does not show."""
+        return {kind: max(0, n - MAX_SHOWN) for kind, n in self._counts.items()}
+
+
+def _with_suggestion(diagnostic: Diagnostic, known: tuple[str, ...]) -> Diagnostic:
+    if diagnostic.suggestion is not None or not known:
+        return diagnostic
+    suggestion = nearest(known[0], known[1 : 1 + _MAX_NAMES])
+    if suggestion == known[0]:
+        suggestion = None
+    help = diagnostic.help
+    if suggestion is None and help is None and 1 < len(known) <= _MAX_LISTED + 1:
+        help = f"known here: {', '.join(known[1:])}"
+    return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help)
+
+
+def quote(word: str) -> str:
+    """A word of the composer's between quotes, shortened, with nothing that moves a terminal."""
+    shown = word if len(word) <= 40 else word[:37] + "..."
+    return f"'{printable(shown)}'"
+
+
+_SPOKEN_VOWEL = (*"aeiou", "ENF", "ENX", "LNL")
+
+
+def with_article(noun: str) -> str:
+    """`a mass`, `an impulse`; kinds are spelled: `a MAS`, `an LNL`."""
+    return f"{'an' if noun.startswith(_SPOKEN_VOWEL) else 'a'} {noun}"
+
+
+# --- showing ------------------------------------------------------------------------------------
+
+
+def concise(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
+    """One line: `file:line:column: error[E101] …     did you mean 'players'?`."""
+    d = diagnostic
+    asked = f"     did you mean {quote(d.suggestion)}?" if d.suggestion else ""
+    return f"{d.place}: {d.severity}[{d.code}] {d.message}{asked}"
+
+
+def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
+    """The sentence, the source line, a caret with the suggestion, and one line of help."""
+    d = diagnostic
+    source = (sources or {}).get(d.place.file)
+    if source is None:
+        return concise(d) + (f"\n    = {d.help}" if d.help else "")
+    lines = [f"{d.place}: {d.severity}[{d.code}] {d.message}"]
+    number = f" {d.place.line} | "
+    text, before, marked = _window(source.line(d.place.line), d.place)
+    asked = f" did you mean {quote(d.suggestion)}?" if d.suggestion else ""
+    lines.append(number + text)
+    lines.append(" " * (len(number) - 2) + "| " + " " * before + "^" * marked + asked)
+    if d.help:
+        lines.append(" " * (len(number) - 2) + f"= {d.help}")
+    return "\n".join(lines)
+
+
+def _window(line: str, place: Place) -> tuple[str, int, int]:
+    """The part of a line round the caret, columns before the caret, and its width."""
+    start = place.column - 1
+    first = max(0, start - _MAX_LINE // 2) if len(line) > _MAX_LINE else 0
+    cut = "".join(c if c.isprintable() else " " for c in line[first : first + _MAX_LINE])
+    before = _width(cut[: start - first])
+    marked = max(1, _width(cut[start - first : start - first + place.length]))
+    return cut.rstrip(), before, marked
+
+
+def _width(text: str) -> int:
+    """Columns on a terminal."""
+    wide = sum(unicodedata.east_asian_width(c) in "WF" for c in text)
+    return len(text) + wide - sum(unicodedata.combining(c) > 0 for c in text)
+
+
+def github(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
+    """A workflow command that GitHub shows beside the line."""
+    d = diagnostic
+    kind = "notice" if d.severity == "note" else d.severity
+    message = d.message + (f"; did you mean {quote(d.suggestion)}?" if d.suggestion else "")
+    where = f"file={_escaped(d.place.file)},line={d.place.line},col={d.place.column}"
+    return f"::{kind} {where},title={d.code}::{message.replace('%', '%25')}"
+
+
+def _escaped(value: str) -> str:
+    for character, code in (("%", "%25"), ("\r", "%0D"), ("\n", "%0A"), (":", "%3A"), (",", "%2C")):
+        value = value.replace(character, code)
+    return value
+
+
+def json_line(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
+    """One JSON object, for other programs."""
+    d = diagnostic
+    record = {
+        "v": 1,
+        "event": d.severity,
+        "code": d.code,
+        "file": d.place.file,
+        "line": d.place.line,
+        "column": d.place.column,
+        "message": d.message,
+        "suggestion": d.suggestion,
+    }
+    return json_text(record)
+
+
+Renderer = Callable[[Diagnostic, Mapping[str, Source] | None], str]
+RENDERERS: dict[str, Renderer] = {
+    "full": full,
+    "concise": concise,
+    "github": github,
+    "json": json_line,
+}

@@ -1,0 +1,184 @@
+"""Files of a score: found beside the file that names them or in the library, read once.
+
+`Files.locate` alone decides which file a name of a score stands for, and whether it may.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
+
+from ergon.common.regular import read_bounded
+from ergon.notation.text.bounds import INSTRUMENTS, SHIPPED, Bounds
+from ergon.notation.text.document import Document, compose
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.memory import Memory
+from ergon.notation.text.sections import remembered
+from ergon.notation.text.syntax import MAX_BYTES, decode
+from ergon.notation.text.values import Place
+
+MAX_FILES = 256  # that one score reads
+_LIBRARY = {"instruments": INSTRUMENTS}
+_HELP = "copy it into the folder of the score, or say --trust"
+
+
+def is_file(path: Path) -> bool:
+    """Whether a regular file is there; a name that no file can have is not."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def shipped(path: Path) -> str | None:
+    """The name by which scores use a file that ships; None for one of their own."""
+    for prefix, root in (*_LIBRARY.items(), ("", SHIPPED)):
+        if path.is_relative_to(root):
+            return str(PurePosixPath(prefix, path.relative_to(root).as_posix()))
+    return None
+
+
+def installed(name: str) -> Path:
+    """Where a file that ships is installed, by the name by which scores use it."""
+    first, *rest = PurePosixPath(name).parts
+    root = _LIBRARY.get(first)
+    return SHIPPED / name if root is None else root.joinpath(*rest)
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a file is, or would be, in the installed library, by whatever name and link."""
+    real = os.path.realpath(path)
+    roots = (os.path.realpath(root) for root in (*_LIBRARY.values(), SHIPPED))
+    return any(real == root or real.startswith(root + os.sep) for root in roots)
+
+
+def is_below(path: Path, folder: Path) -> bool:
+    """Whether a file is, or would be, in a folder or below it, with all links followed."""
+    real, root = os.path.realpath(path), os.path.realpath(folder)
+    return real.startswith(root.rstrip(os.sep) + os.sep)
+
+
+class Files:
+    """Reads YAML files; `overlay` holds texts that stand for files (an editor's, a test's).
+
+    Where it is `sealed` no text is read from the disk that is neither in `overlay` nor ships, and
+    no other file from outside `home`.
+
+    A file in `home`, the score's folder, stands for the one that ships under the same name, for
+    files of the library too: so a copy that is changed is the one that is meant.
+    """
+
+    def __init__(
+        self,
+        collector: Collector,
+        home: Path,
+        overlay: Mapping[str, str] | None = None,
+        memory: Memory | None = None,
+        bounds: Bounds | None = None,
+        *,
+        sealed: bool = False,
+    ) -> None:
+        """Start with nothing read, but for what is remembered; `bounds` are those of `home`."""
+        self.collector = collector
+        self.memory = memory
+        self.documents: dict[str, Document] = {}
+        self.home = home
+        self.bounds = Bounds.around(home) if bounds is None else bounds
+        self._overlay = {str(Path(name)): text for name, text in (overlay or {}).items()}
+        self._sealed = sealed
+
+    def find(self, name: str, folder: Path, *, is_text: bool = True) -> Path | None:
+        """A file relative to a folder or to `home`, or one that ships; None when there is none.
+
+        The one that is found may lie outside the bounds. What is no text (a take) is never in the
+        overlay.
+        """
+        for path in self._candidates(name, folder):
+            if self._holds(path):
+                return path
+            if self._sealed and is_text and shipped(path) is None:
+                continue
+            if not self.bounds.allow(path) or is_file(path):
+                return path
+        return None
+
+    def _candidates(self, name: str, folder: Path) -> list[Path]:
+        found = [folder / name]
+        parts = PurePosixPath(name).parts
+        if parts and ".." not in parts and not Path(name).is_absolute():
+            if folder != self.home:
+                found.append(self.home / name)
+            if parts[0] in _LIBRARY and len(parts) > 1:
+                found.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
+            found.append(SHIPPED / name)
+        return found
+
+    def _holds(self, path: Path) -> bool:
+        return str(path) in self._overlay
+
+    def locate(
+        self, name: str, folder: Path, asked: Place, who: str = "", *, is_text: bool = True
+    ) -> Path | None:
+        """The file that a name in a file of `folder` stands for; None after a report."""
+        path = self.find(name, folder, is_text=is_text)
+        if path is None:
+            message = f"{who}no file {name} beside {asked.file} or in the library"
+            self._refuse("E107", message, name, asked)
+            return None
+        return path if self._is_inside(path, name, asked, who) else None
+
+    def target(self, name: str, folder: Path, asked: Place, who: str = "") -> Path | None:
+        """The file that a score wants written; None after a report."""
+        path = folder / name
+        return path if self._is_inside(path, name, asked, who) else None
+
+    def _is_inside(self, path: Path, name: str, asked: Place, who: str) -> bool:
+        inside = self._holds(path) or self.bounds.allow(path)
+        if not inside:
+            message = f"{who}{name} lies outside the score's folder"
+            self.collector.error("E112", message, asked, help=_HELP)
+        return inside
+
+    def text(self, name: str, text: str, folder: Path) -> Document:
+        """A document from a text that is at hand."""
+        self.collector.file(name)
+        text = text.removeprefix("\ufeff")
+        if self.memory is not None:
+            document = remembered(text, name, folder, self.collector, self.memory)
+        else:
+            document = compose(text, name, self.collector)
+        document.folder = folder
+        self.documents[name] = document
+        return document
+
+    def open(self, path: Path, asked: Place | None) -> Document | None:
+        """A document from a file; None after a report at the place that asked for it."""
+        name = str(path)
+        if name in self.documents:
+            return self.documents[name]
+        if len(self.documents) >= MAX_FILES:
+            self._refuse("E105", f"more than {MAX_FILES} files", name, asked)
+            return None
+        if name in self._overlay:
+            return self.text(name, self._overlay[name], path.parent)
+        try:
+            data = read_bounded(path, MAX_BYTES)
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+            self._refuse("E107", f"{name} cannot be read: {reason}", name, asked)
+            return None
+        self.collector.file(name)
+        text = decode(data, name, self.collector)
+        if text is None:
+            self.documents[name] = Document(name, "")
+            return None
+        return self.text(name, text, path.parent)
+
+    def required(self, name: str, folder: Path, asked: Place) -> Document | None:
+        """The document that a file names; None after a report."""
+        path = self.locate(name, folder, asked)
+        return None if path is None else self.open(path, asked)
+
+    def _refuse(self, code: str, message: str, name: str, asked: Place | None) -> None:
+        self.collector.error(code, message, asked or Place(name, 1, 1))

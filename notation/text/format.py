@@ -1,0 +1,204 @@
+"""`ergon fmt`: canonical spacing, and nothing else.
+
+Changed are spaces inside flow maps and lists (`{ a:1,b: 2 }`), columns of tables that are not
+aligned, spaces at ends of lines, and the end of the file. Comments stay byte for byte. What the
+score means is compared before and after; the text is refused rather than changed in meaning.
+"""
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import yaml
+
+from ergon.notation.text.document import MAX_DEPTH
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.syntax import MAX_BYTES
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_COLUMN_GAP = "   "
+_OPENERS = (yaml.FlowMappingStartToken, yaml.FlowSequenceStartToken)
+_CLOSERS = (yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
+
+
+class _Text(NamedTuple):
+    """A scalar of more than one line: its span and the names that lead to it."""
+
+    start: int
+    end: int
+    path: tuple[str, ...]
+    style: str | None
+
+    @property
+    def columns(self) -> int:
+        """Of how many columns it is a table; 0 when it is none."""
+        if self.style == "|" and self.path[-1:] == ("points",):
+            return 3  # t x curve
+        return 2 if self.style == "|" and self.path[:1] == ("parts",) else 0  # at, play
+
+
+def formatted(text: str) -> str:
+    """Return the score with canonical spacing. Raises TextError where it is not YAML."""
+    if len(text) > MAX_BYTES:
+        raise TextError(f"more than {MAX_BYTES // 2**20} MB of text", code="E105")
+    try:
+        meaning = _meaning(text)
+        result = _trimmed(_aligned(_spaced(text)))
+        if _meaning(result) == meaning:
+            return result
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        raise TextError(
+            f"only a score that can be read can be formatted: {getattr(error, 'problem', error)}",
+            offset=min(mark.index, len(text)) if mark else 0,
+            code="E100",
+        ) from None
+    raise TextError("this score cannot be formatted without changing what it means", code="E100")
+
+
+def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
+    """Every event with the names that lead to it."""
+    path: list[str | None] = []  # one per open collection: the key being read, "" in a list
+    keys: list[bool] = []  # whether the next scalar of that collection is a key
+    for event in yaml.parse(text, Loader=_LOADER):
+        if len(path) > MAX_DEPTH:  # libyaml takes quadratic time over brackets
+            raise TextError(f"nested more than {MAX_DEPTH} deep", code="E105")
+        if isinstance(event, yaml.CollectionEndEvent):
+            path.pop()
+            keys.pop()
+        if isinstance(event, yaml.ScalarEvent) and keys and keys[-1]:
+            path[-1] = event.value
+        yield event, tuple(name or "" for name in path)
+        if keys and isinstance(event, (yaml.ScalarEvent, yaml.AliasEvent, yaml.CollectionEndEvent)):
+            keys[-1] = not keys[-1] if path[-1] is not None else False
+        if isinstance(event, yaml.MappingStartEvent):
+            path.append("")
+            keys.append(True)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            path.append(None)
+            keys.append(False)
+
+
+def _texts(text: str) -> list[_Text]:
+    """The scalars that span lines."""
+    found = []
+    for event, path in _events(text):
+        start, end = event.start_mark, event.end_mark
+        if isinstance(event, yaml.ScalarEvent) and start and end and start.line != end.line:
+            found.append(_Text(start.index, end.index, path, event.style))
+    return found
+
+
+def _meaning(text: str) -> list[object]:
+    """What must not change: every event, tables as their words."""
+    meaning: list[object] = []
+    for event, path in _events(text):
+        if isinstance(event, yaml.ScalarEvent):
+            value: object = event.value
+            if _Text(0, 0, path, event.style).columns:
+                value = [line.split() for line in event.value.rstrip().split("\n")]
+            meaning.append((value, event.style, event.anchor, event.tag))
+        else:
+            meaning.append((type(event), getattr(event, "anchor", None)))
+    return meaning
+
+
+def _spaced(text: str) -> str:
+    """Set the spaces between the tokens of flow maps and lists that share a line."""
+    pieces: list[str] = []
+    done = depth = 0
+    before: yaml.Token | None = None
+    for token in yaml.scan(text, Loader=_LOADER):
+        if isinstance(token, yaml.KeyToken):  # no character of its own in the flow
+            continue
+        if before is not None and depth:
+            gap = slice(before.end_mark.index, token.start_mark.index)
+            if not text[gap].strip(" "):
+                pieces += (text[done : gap.start], _gap(before, token))
+                done = gap.stop
+        depth += isinstance(token, _OPENERS) - isinstance(token, _CLOSERS)
+        before = token
+    return "".join((*pieces, text[done:]))
+
+
+def _gap(before: yaml.Token, after: yaml.Token) -> str:
+    if isinstance(before, _OPENERS) or isinstance(
+        after, (*_CLOSERS, yaml.FlowEntryToken, yaml.ValueToken)
+    ):
+        return ""
+    return " "
+
+
+def _aligned(text: str) -> str:
+    """Align the columns of tables that are not."""
+    pieces: list[str] = []
+    done = 0
+    for block in _texts(text):
+        if not block.columns:
+            continue
+        first = text.find("\n", block.start) + 1
+        lines = text[first : block.end].split("\n")
+        pieces += (text[done:first], "\n".join(_columns(lines, block.columns)))
+        done = block.end
+    return "".join((*pieces, text[done:]))
+
+
+def _columns(lines: list[str], columns: int) -> list[str]:
+    """Rows with their words under each other; comments and blank lines as they were."""
+    rows: dict[int, tuple[str, list[str], str]] = {}
+    for i, line in enumerate(lines):
+        code, comment = _without_comment(line)
+        words = code.split(maxsplit=columns - 1)
+        if words:
+            words[-1] = words[-1] if columns == 3 else " ".join(words[-1].split())
+            rows[i] = (line[: len(line) - len(line.lstrip())], words, comment)
+    if _is_aligned(lines, rows.values(), rows):
+        return lines
+    widths = [
+        max((len(row[k]) for _, row, _ in rows.values() if len(row) > k), default=0)
+        for k in range(columns)
+    ]
+    indent = min((row[0] for row in rows.values()), key=len)
+    out = list(lines)
+    for i, (_, words, comment) in rows.items():
+        cells = [word.ljust(width) for word, width in zip(words, widths, strict=False)]
+        row = indent + _COLUMN_GAP.join(cells).rstrip()
+        out[i] = f"{row}  {comment}" if comment else row
+    return out
+
+
+def _without_comment(line: str) -> tuple[str, str]:
+    match = re.search(r"(?:^|(?<=\s))#", line)
+    return (line[: match.start()], line[match.start() :].rstrip()) if match else (line, "")
+
+
+def _is_aligned(
+    lines: list[str], rows: Iterable[tuple[str, list[str], str]], numbers: Iterable[int]
+) -> bool:
+    """Whether every column begins at one place already."""
+    begins: list[set[int]] = [set(), set(), set()]
+    for i, (_, words, _) in zip(numbers, rows, strict=True):
+        at = 0
+        for k, word in enumerate(words):
+            at = lines[i].find(word, at)
+            if at < 0:  # words of a play with more than one space between them
+                return False
+            begins[k].add(at)
+            at += len(word)
+    return all(len(places) <= 1 for places in begins)
+
+
+def _trimmed(text: str) -> str:
+    """Take away spaces at ends of lines, where they are not text, and end with one newline."""
+    kept = [(block.start, block.end) for block in _texts(text) if not block.columns]
+    pieces: list[str] = []
+    done = i = 0
+    for match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", text, re.MULTILINE):
+        while i < len(kept) and kept[i][1] <= match.start():
+            i += 1
+        if i == len(kept) or match.end() <= kept[i][0]:
+            pieces.append(text[done : match.start()])
+            done = match.end()
+    trimmed = "".join((*pieces, text[done:]))
+    ended = trimmed.rstrip("\r\n") + ("\r\n" if "\r\n" in trimmed else "\n")
+    return ended if _meaning(ended) == _meaning(trimmed) else trimmed

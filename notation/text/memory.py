@@ -1,0 +1,44 @@
+"""What was read of a text, kept for the next reading: what has not changed is read once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
+
+from ergon.notation.text.errors import Collector
+
+_Made = TypeVar("_Made")
+
+
+class Memory:
+    """Belongs to whoever reads one text again and again; keeps what the last two readings needed.
+
+    What is kept may report later through the collector that it was read with, so all readings share
+    one.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing read."""
+        self._collector = Collector()
+        self._now: dict[Hashable, Any] = {}
+        self._before: dict[Hashable, Any] = {}
+
+    def begin(self) -> Collector:
+        """Another reading; where it reports."""
+        self._before, self._now = self._now, {}
+        self._collector.clear()
+        return self._collector
+
+    def made(self, key: Hashable, make: Callable[[], _Made]) -> _Made:
+        """What was made under a key, or is made now; what gave reason to report is not kept."""
+        made: _Made
+        if key in self._now:
+            made = self._now[key]
+        elif key in self._before:
+            made = self._now[key] = self._before[key]
+        else:
+            told = self._collector.told
+            made = make()
+            if self._collector.told == told:
+                self._now[key] = made
+        return made

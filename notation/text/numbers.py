@@ -1,0 +1,28 @@
+"""How a number with a unit is written, wherever one is."""
+
+from ergon.notation.text.errors import TextError
+
+# Possessive quantifiers (*+): a hostile line is read once, never by backtracking.
+NUMBER = r"(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
+UNIT = r"[^\W\d_]*+"
+MAX_TIME = 1e9  # beats or seconds, thirty years: keeps every sum finite
+
+
+def stripped(text: str) -> tuple[str, int]:
+    """The text without space round it, and where it begins."""
+    return text.strip(), len(text) - len(text.lstrip())
+
+
+def time_of(number: str, part: str | None, offset: int) -> float:
+    """A time, or with `part` a fraction of one; `number` begins at `offset`. Raises TextError."""
+    value = float(number)
+    length = len(number)
+    if part is not None:
+        length += 1 + len(part)
+        divisor = float(part)
+        if divisor == 0.0:
+            raise TextError("a time divided by zero", offset=offset, length=length)
+        value /= divisor
+    if not value <= MAX_TIME:
+        raise TextError("this time is too large", offset=offset, length=length)
+    return value

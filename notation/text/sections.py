@@ -1,0 +1,79 @@
+"""A text whose sections are composed one by one, so that those that have not changed stay."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from ergon.notation.text import document
+from ergon.notation.text.document import MAX_NODES, Document, Node, Scalar, compose
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.memory import Memory
+
+# A line that begins at the margin with a name: in a block mapping nothing else does.
+_SECTION = re.compile(r"^[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|$)", re.MULTILINE)
+# What stands before the first: nothing, or remarks.
+_HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
+_MARKER = re.compile(r"^(?:---|\.\.\.|%)", re.MULTILINE)  # of documents, of which there is one
+
+
+@dataclass(frozen=True, slots=True)
+class _Section:
+    name: Scalar
+    value: Node
+    size: int
+
+
+def lines(text: str, section: str) -> tuple[int, int] | None:
+    """Where a section's lines begin and end; None where it is not written at the margin."""
+    return next(((first, end) for name, first, end in _cut(text) if name == section), None)
+
+
+def _cut(text: str) -> Iterator[tuple[str, int, int]]:
+    matches = list(_SECTION.finditer(text))
+    ends = [*(match.start() for match in matches[1:]), *([len(text)] if matches else [])]
+    for match, end in zip(matches, ends, strict=True):
+        yield match.group()[:-1].rstrip(), match.start(), end
+
+
+def remembered(
+    text: str, file: str, folder: Path, collector: Collector, memory: Memory
+) -> Document:
+    """The nodes of a text, as `compose` makes them, with those of sections that are known.
+
+    Whatever is out of the common is left to `compose`: an alias of another section, a name that
+    stands twice, a mistake.
+    """
+    whole = Document(file, text)
+    entries: dict[str, tuple[Scalar, Node]] = {}
+    total, begin = 1, 0
+    for name, first, end in _cut(text):
+        row, own = whole.row(first), text[first:end]
+        if not entries:
+            begin = first
+            if not _HEAD.fullmatch(text, 0, first):
+                break
+        section = memory.made((file, row, own), partial(_section, own, file, folder, row))
+        if section is None or section.name.text != name or name in entries:
+            break
+        entries[name] = section.name, section.value
+        total += section.size
+    else:
+        if entries and total <= MAX_NODES and not _MARKER.search(text):
+            whole.root = document.Mapping(whole, begin, len(text), entries)
+            return whole
+    return compose(text, file, collector)
+
+
+def _section(text: str, file: str, folder: Path, row: int) -> _Section | None:
+    """A section alone, if it can be read so."""
+    collector = Collector()
+    own = compose(text, file, collector, row)
+    own.folder = folder
+    if collector.told or not isinstance(own.root, document.Mapping) or len(own.root.entries) != 1:
+        return None
+    (entry,) = own.root.entries.values()
+    return _Section(*entry, own.size)

@@ -1,0 +1,248 @@
+"""What is replaced in a text so that a value is set, added or taken away: each kind of change.
+
+The texts given are one line each; what stands beside the change is found by `Layout`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ergon.notation.text.errors import quote
+from ergon.notation.text.spans import Layout, Span, Splice
+
+Path = Sequence[str | int]
+
+
+class EditError(Exception):
+    """Why a text cannot be edited so, in one sentence."""
+
+
+def named(path: Path) -> str:
+    """A path as one writes it."""
+    return quote(".".join(map(str, path)))
+
+
+class Changes:
+    """The splices of each kind of change in one layout."""
+
+    def __init__(self, layout: Layout) -> None:
+        """Take the layout of the text."""
+        self.layout = layout
+
+    def rows(self, span: Span) -> list[tuple[int, int]]:
+        """Where the lines of a block begin and end in the text."""
+        found, start = [], self.layout.next_line(self.layout.header_end(span))
+        while start < span.end:
+            found.append((start, self.layout.line_end(start)))
+            start = self.layout.next_line(start)
+        return found
+
+    # --- setting ---------------------------------------------------------------------------------
+
+    def replaced(self, parent: Span, number: int, text: str) -> list[Splice]:
+        """Another value for a child; a value of several lines leaves with all of them."""
+        lay, child = self.layout, parent.items[number]
+        if child.start == child.end:  # nothing after the colon or dash
+            if parent.kind == "sequence":
+                return [Splice(child.start, child.start, f" {text}")]
+            colon = lay.token(parent.keys[number].end)
+            if lay.text[colon : colon + 1] == ":":
+                return [Splice(colon + 1, colon + 1, f" {text}")]
+            end = parent.keys[number].end
+            return [Splice(end, end, f": {text}")]
+        if child.is_block:
+            head = Splice(child.start, lay.header_end(child), text)
+            return [head, *self.lines_after(child.start, child.end)]
+        on_own_lines = child.kind in ("mapping", "sequence") and lay.begins_line(child.start)
+        if on_own_lines and not child.flow:
+            mark = lay.mark(parent, number)
+            after = parent.keys[number].end if parent.kind == "mapping" else mark
+            place = lay.token(after) + 1
+            return [
+                Splice(place, place, f" {text}"),
+                Splice(*lay.whole_lines(child.start, child.end), ""),
+            ]
+        return [Splice(child.start, child.end, text)]
+
+    def lines_after(self, start: int, end: int) -> list[Splice]:
+        """Away with the lines after that of one character, to that of another."""
+        lay = self.layout
+        below = lay.next_line(start)
+        return [Splice(*lay.whole_lines(below, end), "")] if below <= end and below > start else []
+
+    def added(
+        self, chain: list[Span], path: Path, text: str, order: Sequence[str], is_item: bool
+    ) -> list[Splice]:
+        """An entry that is not there yet, below the last of what is."""
+        if not chain:
+            whole = self.layout.newline.join(self.nested(path, text, 0, is_item))
+            source = self.layout.text
+            lead = self.layout.newline if source and not source.endswith(("\n", "\r")) else ""
+            return [Splice(len(source), len(source), lead + whole + self.layout.newline)]
+        node, rest = chain[-1], path[len(chain) - 1 :]
+        if node.is_empty and len(chain) > 1:
+            return self.filled(chain[-2], node, path[len(chain) - 2], rest, text, is_item)
+        if node.kind != "mapping" or not rest or isinstance(rest[0], int):
+            raise EditError(f"there is no {named(path)}")
+        if node.flow:
+            return self.item(node, _flow(rest, text, is_item))
+        indent = self.layout.column(node.keys[0].start)
+        lines = self.nested(rest, text, indent, is_item)
+        if len(chain) == 1:
+            return self.section(node, str(rest[0]), lines, order)
+        return [self.below(node.end, lines)]
+
+    def filled(
+        self, parent: Span, node: Span, name: str | int, rest: Path, text: str, is_item: bool
+    ) -> list[Splice]:
+        """What an empty value is to hold: lines below its name, or the flow style in its place."""
+        number = parent.index(name)
+        assert number is not None
+        if parent.flow or node.start != node.end or not (rest or is_item):
+            return self.replaced(parent, number, _flow(rest, text, is_item, outermost=True))
+        indent = self.layout.column(self.layout.mark(parent, number)) + self.layout.step
+        # Without a name left to make, the value itself is the list.
+        lines = self.nested(rest, text, indent, is_item) if rest else [" " * indent + f"- {text}"]
+        return [self.below(node.end, lines)]
+
+    def nested(self, names: Path, text: str, indent: int, is_item: bool) -> list[str]:
+        """Lines of names below names, the last with the value, or with a list of it."""
+        step = self.layout.step
+        lines = [f"{' ' * (indent + step * i)}{name}:" for i, name in enumerate(names)]
+        if is_item:
+            return [*lines, f"{' ' * (indent + step * len(names))}- {text}"]
+        return [*lines[:-1], f"{lines[-1]} {text}"]
+
+    def below(self, index: int, lines: Sequence[str]) -> Splice:
+        """Lines of their own after the line of a character."""
+        end = self.layout.line_end(index)
+        return Splice(end, end, "".join(self.layout.newline + line for line in lines))
+
+    def section(
+        self, root: Span, name: str, lines: list[str], order: Sequence[str]
+    ) -> list[Splice]:
+        """A section in its place, with an empty line above where the others have one."""
+        rank = order.index(name) if name in order else len(order)
+        before = [
+            i for i, key in enumerate(root.keys) if key.value in order[:rank] or rank == len(order)
+        ]
+        lay = self.layout
+        if not before:
+            start = root.keys[0].start
+            return [Splice(start, start, "".join(line + lay.newline for line in lines))]
+        end = root.items[before[-1]].end
+        below = lay.next_line(end)
+        is_spaced = lay.is_blank(below)
+        if below == len(lay.text):
+            is_spaced = lay.newline * 2 in lay.text
+        return [self.below(end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
+
+    def item(self, node: Span, text: str) -> list[Splice]:
+        """One more at the end of a list, or (in the flow style) of a mapping."""
+        lay = self.layout
+        if not node.flow:
+            dash = lay.column(lay.mark(node, 0))
+            return [self.below(node.end, [f"{' ' * dash}- {text}"])]
+        if not node.items:
+            opener = lay.text.index("[" if node.kind == "sequence" else "{", node.start)
+            return [Splice(opener + 1, opener + 1, text)]
+        last = node.items[-1]
+        end = max(last.end, node.keys[-1].end) if node.keys else last.end
+        start = lay.mark(node, len(node.items) - 1)
+        if not lay.begins_line(start):
+            return [Splice(end, end, f", {text}")]
+        comma = lay.token(end)
+        has_comma = lay.text[comma : comma + 1] == ","
+        splices = [] if has_comma else [Splice(end, end, ",")]
+        line = " " * lay.column(start) + text + ("," if has_comma else "")
+        closer = node.end - 1
+        if lay.line_end(end) > closer:  # the bracket closes in the last item's line
+            return [Splice(end, end, f", {text}")]
+        return [*splices, self.below(end, [line])]
+
+    def before(self, node: Span, number: int, text: str) -> list[Splice]:
+        """One more in a list, before another: in its line, or in a line above it."""
+        lay = self.layout
+        start = lay.mark(node, number)
+        lead = text if node.flow else f"- {text}"
+        if lay.begins_line(start):
+            after = ("," if node.flow else "") + lay.newline + " " * lay.column(start)
+            return [Splice(start, start, lead + after)]
+        if not node.flow:
+            raise EditError("no line begins here for one more to stand above")
+        return [Splice(start, start, f"{text}, ")]
+
+    def wrapped(self, parent: Span, node: Span, text: str) -> list[Splice]:
+        """A lone value becomes the first of a list of two."""
+        lay = self.layout
+        if node.flow or parent.flow or node.kind == "scalar":
+            if node.is_block:
+                raise EditError("a text of several lines is not the first of a list")
+            return [Splice(node.start, node.start, "["), Splice(node.end, node.end, f", {text}]")]
+        if node.kind == "alias" or not lay.begins_line(node.start):
+            raise EditError("this is written in a way that cannot become a list")
+        indent, splices = lay.column(node.start), []
+        start = lay.line_start(node.start)
+        while start <= node.end:
+            if lay.text[start : lay.line_end(start)].strip():
+                lead = "- " if start == lay.line_start(node.start) else "  "
+                splices.append(Splice(start + indent, start + indent, lead))
+            if lay.next_line(start) == start or lay.next_line(start) > node.end:
+                break
+            start = lay.next_line(start)
+        return [*splices, self.below(node.end, [f"{' ' * indent}- {text}"])]
+
+    # --- taking away -----------------------------------------------------------------------------
+
+    def cut_block(self, parent: Span, number: int) -> list[Splice]:
+        """An entry with its lines; one of two empty lines that would meet goes too."""
+        lay = self.layout
+        start, end = lay.mark(parent, number), parent.items[number].end
+        if not lay.begins_line(start):
+            if len(parent.items) == 1:
+                return [Splice(start, lay.line_end(end), "")]
+            after = lay.mark(parent, 1)
+            if "#" in lay.text[lay.line_end(end) : after]:
+                raise EditError("a comment stands between this and the next; move it first")
+            return [Splice(start, after, "")]
+        first, after = lay.line_start(start), lay.next_line(end)
+        is_end = after == len(lay.text)
+        if first and lay.is_blank(first - 1) and (is_end or lay.is_blank(after)):
+            first = lay.line_start(first - 1)
+        return [Splice(*lay.broken(first, after), "")]
+
+    def cut_flow(self, parent: Span, number: int) -> list[Splice]:
+        """An item with its comma; with its lines where it has lines of its own."""
+        lay = self.layout
+        start, end = lay.mark(parent, number), parent.items[number].end
+        if parent.keys:
+            end = max(end, parent.keys[number].end)
+        comma = lay.token(end)
+        stop = comma + 1 if lay.text[comma : comma + 1] == "," else end
+        is_last = number + 1 == len(parent.items)
+        before = parent.items[number - 1].end if number else start
+        if parent.keys and number:
+            before = max(before, parent.keys[number - 1].end)
+        rest = lay.text[stop : lay.line_end(stop)].strip()
+        if lay.begins_line(start) and (not rest or rest.startswith("#")):
+            splices = [Splice(*lay.whole_lines(start, stop), "")]
+            if is_last and number and stop == end:  # the list had no comma at its end
+                comma = lay.token(before)
+                splices.append(Splice(comma, comma + 1, ""))
+            return splices
+        if not is_last or not number:
+            gap = lay.text[stop : lay.token(stop)]
+            spaces = len(gap) - len(gap.lstrip(" ")) if stop > end else 0
+            return [Splice(start, stop + spaces, "")]
+        if "#" in lay.text[before:start]:
+            return [Splice(start, end, "")]  # the comma before may end a list
+        return [Splice(before, end, "")]
+
+
+def _flow(names: Path, text: str, is_item: bool, outermost: bool = False) -> str:
+    """`a: {b: text}`; the outermost name in braces too where it stands for a value."""
+    inner = f"[{text}]" if is_item else text
+    for depth, name in enumerate(reversed(names)):
+        is_first = depth == len(names) - 1
+        inner = f"{name}: {inner}" if is_first and not outermost else f"{{{name}: {inner}}}"
+    return inner

@@ -1,0 +1,84 @@
+"""What is wrong with a text that is not YAML, or not text at all, in a composer's words."""
+
+import yaml
+from yaml.composer import ComposerError
+
+from ergon.notation.text.errors import Collector
+from ergon.notation.text.values import Place
+
+MAX_BYTES = 64 * 2**20  # bigger data are takes, and takes are files of their own
+MAX_LINES = 5_000_000  # five times the rows of the longest table: places need an index of them
+PURE_PARSER_LIMIT = 200_000  # characters: the pure parser's better message costs about 1 s here
+
+# libyaml and PyYAML say what the parser wanted; a composer needs what to do.
+_SENTENCES = (
+    ("found character '\\t'", "a tab: YAML indents with spaces only"),
+    ("tab character", "a tab: YAML indents with spaces only"),
+    ("<block end>", "this line is indented differently from the lines that it belongs to"),
+    ("did not find expected key", "this line is indented differently from the lines around it"),
+    ("mapping values are not allowed", "a second ':' or a wrong indentation: no name fits here"),
+    ("could not find expected ':'", "a name without ':' after it"),
+    ("expected ',' or ']'", "a list that begins with '[' is not closed with ']'"),
+    ("expected ',' or '}'", "a group that begins with '{' is not closed with '}'"),
+    ("found character '@'", "YAML does not let a word begin with '@'"),
+    ("found character '`'", "YAML does not let a word begin with a backquote"),
+    ("found character '%'", "YAML does not let a word begin with '%'"),
+    ("undefined alias", "a word that begins with '*' is an alias in YAML; this one has no anchor"),
+    ("while scanning an alias", "a word that begins with '*' is an alias in YAML: quote it"),
+    ("while scanning an anchor", "a word that begins with '&' is an anchor in YAML: quote it"),
+    ("quoted scalar", "a quoted text is not closed"),
+    ("special characters are not allowed", "a control character: a score is plain text"),
+    ("control characters are not allowed", "a control character: a score is plain text"),
+)
+
+
+def explained(text: str, error: Exception) -> tuple[int, str]:
+    """Where and why: the pure parser's words when the text up to the error is short."""
+    if _index_of(error) <= PURE_PARSER_LIMIT and not isinstance(error, ComposerError):
+        try:
+            for _ in yaml.parse(text[: 2 * PURE_PARSER_LIMIT], yaml.SafeLoader):
+                pass
+        except yaml.YAMLError as better:
+            error = better
+        except (RecursionError, ValueError):
+            pass  # the first message stands
+    words = str(error)
+    for needle, sentence in _SENTENCES:
+        if needle in words:
+            return _index_of(error, unclosed="closed" in sentence), sentence
+    problem = getattr(error, "problem", None) or words.split("\n")[0]
+    return _index_of(error), f"not YAML: {problem}"
+
+
+def _index_of(error: Exception, unclosed: bool = False) -> int:
+    """Where an error was met; for what is never closed, on a later line, where it was opened."""
+    met = getattr(error, "problem_mark", None)
+    opened = getattr(error, "context_mark", None)
+    if unclosed and met is not None and opened is not None and opened.line < met.line:
+        return int(opened.index)
+    mark = met if met is not None else opened
+    if mark is not None:
+        return int(mark.index)
+    position = getattr(error, "position", getattr(error, "start", 0))
+    return position if isinstance(position, int) else 0
+
+
+def decode(data: bytes, file: str, collector: Collector) -> str | None:
+    """UTF-8 text of a file's bytes, with or without BOM; None after saying what is wrong."""
+    if len(data) > MAX_BYTES:
+        message = f"the file has more than {MAX_BYTES // 2**20} MB; long gestures are takes"
+        collector.error("E105", message, Place(file, 1, 1))
+        return None
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        message = "the file is UTF-16; save it as UTF-8"
+        collector.error("E107", message, Place(file, 1, 1))
+        return None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line_start = data.rfind(b"\n", 0, error.start) + 1
+        column = len(data[line_start : error.start].decode("utf-8", "replace")) + 1
+        place = Place(file, data.count(b"\n", 0, error.start) + 1, column)
+        message = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        collector.error("E107", message, place)
+        return None

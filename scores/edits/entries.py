@@ -1,0 +1,170 @@
+"""A line of a part as written, in a list or in a table: read, closed, taken away, added."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.text import document, edit
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import TextError
+from ergon.scores.edits.texts import Texts
+from ergon.scores.gesture import words
+from ergon.scores.reading.piece import Piece, Play
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What is played and how, every field as its text; transformations one by one."""
+
+    fields: Mapping[str, str]  # at, play and options, in the order written
+    do: tuple[str, ...] = ()
+
+    def said(self, **fields: str | None) -> Entry:
+        """The same with other fields; None takes one away."""
+        said = {**self.fields, **fields}
+        return replace(self, fields={name: text for name, text in said.items() if text is not None})
+
+    def flow(self) -> str:
+        """As an item of a list."""
+        said: dict[str, edit.Tree] = dict(self.fields)
+        if self.do:
+            said["do"] = list(self.do)
+        return edit.flow(said)
+
+    def words(self) -> str:
+        """As the words of a row, after its position."""
+        said = [self.fields["play"]]
+        for name, text in self.fields.items():
+            if name in words.OPTIONS and name != "at":
+                is_flag = words.OPTIONS[name] is None
+                said += ([name] if text == "true" else []) if is_flag else [name, text]
+        return " ".join([*said, *(["do", ", ".join(self.do)] if self.do else [])])
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """An entry in its place: its number in the list or row in the table, and when it plays."""
+
+    number: int
+    entry: Entry
+    play: Play
+    begin: float  # [beats of the piece]
+    starts: Sequence[float] | None  # None: only the take's file tells
+    row: str | None = None  # of a table, as written
+
+    def is_open(self, at: float, piece: Piece) -> bool:
+        """Whether it began before a beat and would begin again from there on."""
+        if self.begin >= at - SAME:
+            return False
+        if self.starts is not None:
+            return bool(self.starts) and self.starts[-1] >= at - SAME
+        if self.play.until is not None:
+            return piece.tempo_map.resolve(self.play.until) > at + SAME
+        return self.play.times not in (None, 1)
+
+
+def of_words(text: str, at: str) -> Entry:
+    """The entry that the words of a line stand for. Raises EditError."""
+    try:
+        return _of_play(words.parse(text), text, at)
+    except TextError as error:
+        raise EditError(error.message) from None
+
+
+def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
+    """The entries of a player's part, in the order written."""
+    node = _part(texts, player)
+    found: list[tuple[int, Entry, str | None]] = []
+    if isinstance(node, document.Sequence):
+        found = [(i, _of_item(item), None) for i, item in enumerate(node.items)]
+    elif isinstance(node, Scalar) and not node.is_empty:
+        number = done = 0
+        for row, offset in words.rows(node.text):
+            number, done = number + node.text.count("\n", done, offset), offset
+            read = words.parse_row(row, offset)
+            found.append((number, _of_play(read.play, node.text, read.at.text), row))
+    pairs = zip(piece.parts, piece.starts, strict=True)
+    plays = [pair for pair in pairs if pair[0].player == player]
+    return [
+        Line(number, entry, play, piece.tempo_map.resolve(play.at), starts, row)
+        for (number, entry, row), (play, starts) in zip(found, plays, strict=True)
+    ]
+
+
+def stop(
+    texts: Texts, player: str, until: str, closed: Sequence[Line], dropped: Sequence[Line] = ()
+) -> Texts:
+    """Some entries play until a position, others go."""
+    path = ("parts", player)
+    if isinstance(_part(texts, player), Scalar):
+        rows: dict[int, str | None] = {line.number: _closed(line, until) for line in closed}
+        rows |= dict.fromkeys(line.number for line in dropped)
+        if not rows:
+            return texts
+        return texts.edited("parts", lambda own: edit.put_rows(own, path, rows))
+    for line in closed:
+        try:
+            texts = texts.put((*path, line.number, "until"), until)
+        except EditError:  # an alias: this one is written out
+            texts = texts.put((*path, line.number), line.entry.said(until=until).flow())
+    return texts.remove(*((*path, line.number) for line in dropped)) if dropped else texts
+
+
+def add(texts: Texts, player: str, entry: Entry) -> Texts:
+    """One more entry, as the part's others are written."""
+    node = _part(texts, player)
+    path = ("parts", player)
+    if not isinstance(node, Scalar) or node.is_empty:
+        return texts.append(path, entry.flow())
+    row = _aligned(entry, node.text)
+    return texts.edited("parts", lambda own: edit.add_row(own, path, row))
+
+
+def _part(texts: Texts, player: str) -> Node | None:
+    parts = texts.section("parts")
+    return parts.get(player) if isinstance(parts, document.Mapping) else None
+
+
+def _of_item(item: Node) -> Entry:
+    assert isinstance(item, document.Mapping)
+    fields = {
+        name: child.text
+        for name, (_, child) in item.entries.items()
+        if isinstance(child, Scalar) and name != "do"
+    }
+    do = item.get("do")
+    chain: list[str] = []
+    if isinstance(do, document.Sequence):
+        chain = [node.text for node in do.items if isinstance(node, Scalar)]
+    elif isinstance(do, Scalar) and not do.is_empty:
+        chain = [text.strip() for text in do.text.split(",")]
+    return Entry(fields, tuple(chain))
+
+
+def _of_play(play: words.PlayWords, text: str, at: str) -> Entry:
+    options = {name: word.text for name, word in play.options.items()}
+    do = tuple(text[t.offset : t.offset + t.length] for t in play.do)
+    return Entry({"at": at, "play": play.what.text, **options}, do)
+
+
+def _closed(line: Line, until: str) -> str:
+    """A row that ends at a position; its words and their spaces stay."""
+    row = line.row or ""
+    said = words.parse_row(row).play.options.get("until")
+    if said is None:
+        return f"{row.strip()} until {until}"
+    return (row[: said.offset] + until + row[said.offset + len(said.text) :]).strip()
+
+
+def _aligned(entry: Entry, table: str) -> str:
+    """A row whose words stand below those of the last one."""
+    width = 0
+    for row, _ in words.rows(table):
+        cell = re.match(r"\S+\s+", row.strip())
+        width = cell.end() if cell else width
+    at = entry.fields["at"]
+    return f"{at.ljust(width - 1)} {entry.words()}"

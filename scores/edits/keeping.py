@@ -1,0 +1,180 @@
+"""Some bars of what was played, as a score of their own that can be played again.
+
+It is the whole score with the same keys, instruments, gestures and mix, and with only those bars in
+its parts, from 1|1 on: it can be checked, rendered, loaded, copied from, or brought back.
+"""
+
+from __future__ import annotations
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.occurrences import starts
+from ergon.notation.text import edit
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.values import Time
+from ergon.scores.edits import entries, parts
+from ergon.scores.edits.lists import dropped, items, place
+from ergon.scores.edits.positions import written
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.piece import Piece, Strikes
+
+
+def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Texts:
+    """What begins from one beat on and before another, as a score that begins there.
+
+    Raises EditError when nothing does.
+    """
+    window = _Window(piece, start, stop)
+    kept = texts.put(("title",), edit.quoted(name))
+    found = False
+    for player in piece.players:
+        lines = entries.lines(texts, piece, player)
+        chosen = [entry for line in lines if (entry := window.of(line)) is not None]
+        found = found or bool(chosen)
+        kept = entries.stop(kept, player, "", (), lines)
+        for entry in chosen:
+            kept = entries.add(kept, player, entry)
+    for strikes in piece.strikes:
+        kept, is_in = window.strikes(kept, strikes)
+        found = found or is_in
+    if not found:
+        raise EditError(f"nothing begins from {written(piece, start)} to {written(piece, stop)}")
+    kept = window.duet(kept)
+    if piece.render.file is not None:
+        kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
+    # The tempo last: until then every position is read by the old one.
+    return window.tempo(kept)
+
+
+def bring(texts: Texts, piece: Piece, kept: Piece, said: Texts, at: float) -> Texts:
+    """What was kept is played from a beat on by its players; the others rest. Raises EditError."""
+    texts = parts.rest(texts, piece, None, at)
+    for player in kept.players:
+        for line in entries.lines(said, kept, player):
+            entry = line.entry.said(at=written(piece, at + line.begin))
+            if line.play.until is not None:
+                until = at + kept.tempo_map.resolve(line.play.until)
+                entry = entry.said(until=written(piece, until))
+            if player not in piece.players:
+                raise EditError(f"no player is called {player} here")
+            texts = entries.add(texts, player, entry)
+    return texts
+
+
+class _Window:
+    """Beats from `start` to `stop` of a piece, told from `start` on."""
+
+    def __init__(self, piece: Piece, start: float, stop: float) -> None:
+        self.piece = piece
+        self.map = piece.tempo_map
+        self.start = start
+        self.stop = stop
+
+    def within(self, beats: list[float]) -> list[float]:
+        return [beat for beat in beats if self.start - SAME <= beat < self.stop - SAME]
+
+    def at(self, beats: float) -> str:
+        """A beat of the piece as beats from the window's beginning, in its own bars."""
+        beats = max(0.0, beats - self.start)
+        bar, _ = self.map.bar_beat(self.start)
+        whole, beat = self.map.bar_beat(self.start + beats)
+        if abs(self.map.bars.start(bar) - self.start) < SAME:
+            return f"{whole - bar + 1}|{beat:.12g}"
+        return f"{beats:.12g}"  # not from a bar on: beats alone
+
+    def of(self, line: entries.Line) -> entries.Entry | None:
+        """An entry as far as it begins here."""
+        if line.starts is None:
+            if not self.within([line.begin]):
+                return None
+            entry = line.entry.said(at=self.at(line.begin))
+            if line.play.until is None:
+                return entry
+            return entry.said(until=self.at(min(self.stop, self.map.resolve(line.play.until))))
+        inside = self.within(list(line.starts))
+        if not inside:
+            return None
+        entry = line.entry.said(at=self.at(inside[0]), until=None)
+        if len(inside) == 1:
+            return entry.said(every=None, times=None)
+        return entry.said(times=str(len(inside)))
+
+    def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
+        """Strikes as far as they fall here."""
+        path = ("strikes", strikes.name)
+        begin = self.map.resolve(strikes.at)
+        stop = begin if strikes.until is None else self.map.resolve(strikes.until)
+        if strikes.span is not None:
+            stop = self.map.after(begin, strikes.span)
+        said: dict[str, str | None] = {"for": None, "until": None}
+        if strikes.rate is not None:
+            first, last = max(begin, self.start), min(stop, self.stop)
+            if last <= first + SAME:
+                return texts.remove(path), False
+            said |= {"at": self.at(first), "until": self.at(last)}
+        else:
+            until = stop if strikes.until is not None or strikes.span is not None else None
+            every, times = strikes.every, strikes.times
+            found = starts(self.map, begin, Time(), every=every, times=times, until=until)
+            inside = self.within(found)
+            if not inside:
+                return texts.remove(path), False
+            said |= {"at": self.at(inside[0])}
+            if every is not None:
+                said |= {"times": str(len(inside))}
+        return self._said(texts, path, said), True
+
+    def duet(self, texts: Texts) -> Texts:
+        """Couplings as far as they hold here."""
+        for number in reversed(range(len(self.piece.duet))):
+            coupling = self.piece.duet[number]
+            begin = self.map.resolve(coupling.at)
+            end = self.stop if coupling.until is None else self.map.resolve(coupling.until)
+            if begin >= self.stop - SAME or end <= self.start + SAME:
+                texts = dropped(texts, "duet", number)
+                continue
+            until = self.at(end) if coupling.until is not None and end < self.stop else None
+            said = {"at": self.at(begin), "until": until}
+            texts = self._said(texts, place(texts, "duet", number), said)
+        return texts
+
+    def tempo(self, texts: Texts) -> Texts:
+        """The tempo and meter that hold at the beginning, and the changes that follow."""
+        _, _, meter = [c for c in self.map.bars.changes() if c[0] <= self.start + SAME][-1]
+        first: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
+        first["meter"] = str(meter)
+        said = [first]
+        for entry in self.piece.tempo:
+            begin = self.map.resolve(entry.at)
+            end = begin if entry.over is None else self.map.after(begin, entry.over)
+            if begin >= self.stop - SAME or max(begin, end) <= self.start + SAME:
+                continue
+            if begin <= self.start + SAME:  # a ramp under way goes on
+                first["bpm"] = f"{first['bpm']} -> {entry.bpm_end:.12g}"
+                first["over"] = f"{end - self.start:.12g}"
+                continue
+            more: dict[str, edit.Tree] = {"at": self.at(begin)}
+            if entry.bpm is not None:
+                is_ramp = entry.bpm_end is not None
+                more["bpm"] = f"{entry.bpm:.12g}" + (f" -> {entry.bpm_end:.12g}" if is_ramp else "")
+            if entry.over is not None:
+                more["over"] = f"{end - begin:.12g}"
+            if entry.meter is not None:
+                more["meter"] = str(entry.meter)
+            said.append(more)
+        if items(texts, "tempo"):
+            texts = texts.remove(("tempo",))
+        for one in said:
+            texts = texts.append(("tempo",), edit.flow(one))
+        return texts
+
+    def _said(self, texts: Texts, path: edit.Path, fields: dict[str, str | None]) -> Texts:
+        """Fields of an entry set or taken away."""
+        for name, text in fields.items():
+            if text is not None:
+                texts = texts.put((*path, name), text)
+                continue
+            try:
+                texts = texts.remove((*path, name))
+            except EditError:  # it does not say so
+                continue
+        return texts

@@ -1,0 +1,237 @@
+"""A physical parameter or a gain gets another value, in whatever file it is written."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ergon.instruments.kinds import KINDS
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables.fields import Values
+from ergon.notation.text import document, edit
+from ergon.notation.text.document import Scalar
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import TextError, quote
+from ergon.scores.edits.lists import items, place
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.sections import KEY
+
+# What is said twice over: a CEL and a key have one pair or the other.
+_TUNED, _PLAIN = ("f", "t60"), ("K", "Z")
+_OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
+_RETUNED = ("f", "t60", "M")  # of a single generator, beside `like` or `from`
+_UNITS = {
+    **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
+    **{"X0": "m", "V0": "m/s", "hardening": "N/m3"},
+}
+_LN_1000 = 6.907755278982137  # a decay by 60 dB
+_AMOUNT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.+-]*[^\s.+-]*)")
+
+Changes = Mapping[str, str | None]  # fields and their new texts; None: it goes
+
+
+@dataclass(frozen=True, slots=True)
+class _Spot:
+    """A module's or key's fields: as they hold, and where one may be written."""
+
+    part: str  # the key or instrument, as the score calls it
+    section: str
+    own: Values  # the key or instrument as its own file has it
+    module: str  # "" where it bears the name of its part
+    kind: str  # "" for a key of M, K, Z
+    said: Values  # the fields as `like` and `from` leave them
+    is_ca: bool
+
+    @property
+    def file(self) -> str:
+        """Where its key or instrument is written."""
+        return self.own.node.document.file
+
+    @property
+    def base(self) -> tuple[str, ...]:
+        """The path of its key or instrument."""
+        return (self.section, self.own.context.name)
+
+    def home(self, name: str) -> tuple[str, ...] | None:
+        """The path of the mapping for a field; None where it stands in what this began with."""
+        if self.module:
+            modules = self.own["modules"]
+            if isinstance(modules, dict) and self.module in modules:
+                return (*self.base, "modules", self.module, self.kind)
+            return None
+        if not self.kind:
+            return self.base
+        if name in _RETUNED and (self.own.written(name) or not self.own.kind):
+            return self.base
+        return (*self.base, self.kind) if self.own.kind else None
+
+
+def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
+    """`bell.m.K`, `k1.M` or `gong.f` gets a value, or a factor (`x1.5`) of the one it has.
+
+    What is shared by `like` or `from` is written out for this one alone. K and Z take the place of
+    f and t60, and the other way round, without a change of the other one. Raises EditError.
+    """
+    spot, name = _spot(texts, target)
+    changes = _changes(spot, piece, target, name, value)
+    home = spot.home(name)
+    if home is not None:
+        here = edit.tree(_node(texts, home, spot.file))
+        for field, text in changes.items():
+            if text is not None:
+                texts = texts.put((*home, field), text, spot.file)
+            elif isinstance(here, dict) and field in here:
+                texts = texts.remove((*home, field), file=spot.file)
+        return texts
+    body = edit.tree(spot.said.node)
+    assert isinstance(body, dict)
+    copy = {field: text for field, text in {**body, **changes}.items() if text is not None}
+    if not spot.module:
+        return texts.put((*spot.base, spot.kind), edit.flow(copy), spot.file)
+    path = (*spot.base, "modules", spot.module)
+    return texts.put(path, edit.flow({spot.kind: copy}), spot.file)
+
+
+def gain(texts: Texts, name: str | None, level: str) -> Texts:
+    """The gain of an instrument's routes, or of all channels (None). Raises EditError."""
+    if name is None:
+        if _node(texts, ("mix",), texts.path) is None:
+            raise EditError("the score has no mix, whose gain this would be")
+        return texts.put(("mix", "master", "gain"), level)
+    found = False
+    for number, route in enumerate(items(texts, "mix", "route")):
+        source = route.get("from") if isinstance(route, document.Mapping) else None
+        if isinstance(source, Scalar) and (
+            source.text == name or source.text.startswith(f"{name}.")
+        ):
+            texts = texts.put((*place(texts, "mix", number, "route"), "gain"), level)
+            found = True
+    if not found:
+        raise EditError(f"no route comes from {quote(name)}")
+    return texts
+
+
+def _spot(texts: Texts, target: str) -> tuple[_Spot, str]:
+    names, uses = texts.names()
+    words = target.split(".")
+    for count in range(len(words) - 1, 0, -1):  # names that a file brings in have dots themselves
+        part = ".".join(words[:count])
+        for section in ("keys", "instruments"):
+            entry = names.tables[section].get(part)
+            if entry is None or not isinstance(entry.values, Values):
+                continue
+            values, _ = uses.resolved(section, entry)
+            if values is None:
+                raise EditError(f"{quote(part)} cannot be read where it is written")
+            module, name = ".".join(words[count:-1]), words[-1]
+            said, kind = _fields(values, module, target)
+            is_ca = section == "instruments" and values["units"] == "ca"
+            spot = _Spot(part, section, entry.values, module, kind, said, is_ca)
+            known = KINDS[kind].table if kind else KEY
+            if name not in known.by_name and name not in said.free:
+                fields = ", ".join([*known.by_name, *said.free])
+                raise EditError(f"{quote(target)}: there is no {quote(name)}, but {fields}")
+            return spot, name
+    raise EditError(f"{quote(target)} leads to no field of a key or an instrument")
+
+
+def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
+    """The fields of a module, or of what bears its part's name, and its kind."""
+    kind, said = values.kind, values
+    if module:
+        body = (values["modules"] or {}).get(module)
+        if not isinstance(body, Values):
+            known = ", ".join(values["modules"] or {})
+            raise EditError(f"{quote(target)}: no module {quote(module)} is there, but {known}")
+        kind, said = body.kind, body
+    elif values.written("modules"):
+        known = ", ".join(values["modules"] or {})
+        raise EditError(f"{quote(target)}: say which of its modules: {known}")
+    inner = said.given.get(kind) if kind else said
+    assert isinstance(inner, Values)
+    return inner, kind
+
+
+def _changes(spot: _Spot, piece: Piece, target: str, name: str, value: str) -> Changes:
+    """What is written for a value, and what goes because it would say something else."""
+    now = _now(spot, piece)
+    changes: dict[str, str | None] = {}
+    others = _OTHERS.get(name, ()) if spot.kind in ("", "CEL") else ()
+    if spot.said.written(*others):
+        twin = _plain(now) if others == _TUNED else _tuned(now, target)
+        changes = dict.fromkeys(others)
+        changes |= {field: _text(x, field, spot) for field, x in twin.items() if x}
+        now = {**now, **twin}
+    if not value.startswith("x"):
+        return {**changes, name: value}
+    try:
+        factor = q.factor(value)
+    except TextError as error:
+        raise EditError(error.message) from None
+    node = spot.said.nodes.get(name)
+    if "calib" in spot.said.nodes and not spot.own.written(name):
+        node = None  # what was measured holds, not what is written
+    if (scaled := _scaled(node.text, factor) if isinstance(node, Scalar) else None) is not None:
+        return {**changes, name: scaled}
+    amount = now.get(name)
+    if not isinstance(amount, float):
+        raise EditError(f"{quote(target)} has no value yet; give it one")
+    return {**changes, name: _text(amount * factor, name, spot)}
+
+
+def _now(spot: _Spot, piece: Piece) -> Mapping[str, object]:
+    """The values that hold, in SI units, a measured key's too."""
+    made = piece.keys.get(spot.part) or piece.instruments.get(spot.part)
+    for module in made.modules if made is not None else ():
+        if module.name == spot.module:
+            return module.fields
+    return spot.said.given
+
+
+def _plain(now: Mapping[str, object]) -> dict[str, float]:
+    """K and Z of a damped frequency and its decay."""
+    mass, f, t60 = (_number(now, name) for name in ("M", "f", "t60"))
+    sigma = _LN_1000 / t60 if t60 else 0.0
+    omega = 2.0 * math.pi * f
+    return {"K": mass * (omega * omega + sigma * sigma), "Z": 2.0 * mass * sigma}
+
+
+def _tuned(now: Mapping[str, object], target: str) -> dict[str, float]:
+    """The damped frequency and decay of K and Z."""
+    mass, k, z = (_number(now, name) for name in ("M", "K", "Z"))
+    sigma = z / (2.0 * mass)
+    square = k / mass - sigma * sigma
+    if square <= 0.0:
+        raise EditError(f"{quote(target)}: it creeps and has no frequency; set K and Z")
+    return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": _LN_1000 / sigma if sigma else 0.0}
+
+
+def _number(now: Mapping[str, object], name: str) -> float:
+    value = now.get(name)
+    return value if isinstance(value, float) else 0.0
+
+
+def _scaled(text: str, factor: float) -> str | None:
+    """A number or a range times a factor, its unit kept; None for a note or a fraction."""
+    ends = []
+    for end in text.split(".."):
+        match = _AMOUNT.fullmatch(end.strip())
+        if match is None or match[2].startswith("/"):
+            return None
+        ends.append(f"{float(match[1]) * factor:.9g}{match[2]}")
+    return "..".join(ends)
+
+
+def _text(value: float, name: str, spot: _Spot) -> str:
+    is_plain = spot.is_ca and name in ("M", "K", "Z")
+    return f"{value:.9g}{'' if is_plain else _UNITS.get(name, '')}"
+
+
+def _node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:
+    node = texts.document(file).root
+    for name in path:
+        node = node.get(name) if isinstance(node, document.Mapping) else None
+    return node

@@ -1,0 +1,46 @@
+"""What a name stands for: gestures, takes, the seed."""
+
+from __future__ import annotations
+
+from ergon.notation.tables.fields import Values
+from ergon.notation.text import document, edit
+from ergon.notation.text.document import Scalar
+from ergon.notation.text.edit import EditError
+from ergon.scores.edits.texts import Texts
+
+
+def define(texts: Texts, name: str, notation: str) -> Texts:
+    """A gesture is written so, in the file where it stands; its other options stay.
+
+    Raises EditError.
+    """
+    names, _ = texts.names()
+    entry = names.tables["gestures"].get(name)
+    said = edit.quoted(notation)
+    if entry is None:
+        if "." in name:
+            raise EditError(f"no file brings in a gesture {name}")
+        return texts.put(("gestures", name), said)
+    if not isinstance(entry.values, Values):
+        raise EditError(f"{name} cannot be read where it is written")
+    node, file = entry.values.node, entry.values.node.document.file
+    path = ("gestures", entry.values.context.name)
+    if isinstance(node, Scalar) and not node.is_empty:
+        return texts.put(path, said, file)
+    if isinstance(node, document.Mapping) and "points" in node.entries:
+        if len(node.entries) == 1:
+            return texts.put(path, said, file)
+        texts = texts.put((*path, "notation"), said, file)
+        return texts.remove((*path, "points"), file=file)
+    return texts.put((*path, "notation"), said, file)
+
+
+def take(texts: Texts, name: str, file: str, channel: str | None = None) -> Texts:
+    """A recording gets a name by which it is played. Raises EditError."""
+    said: dict[str, edit.Tree] = {"file": file, **({"channel": channel} if channel else {})}
+    return texts.put(("takes", name), edit.flow(said))
+
+
+def seed(texts: Texts, number: int) -> Texts:
+    """Another number from which every chance derives."""
+    return texts.put(("seed",), str(number))

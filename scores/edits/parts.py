@@ -1,0 +1,115 @@
+"""What a player plays from a beat on: in place of the rest of the part, or nothing more."""
+
+from __future__ import annotations
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import quote
+from ergon.scores.edits import entries
+from ergon.scores.edits.positions import END, end, written
+from ergon.scores.edits.texts import Texts
+from ergon.scores.gesture.transforms import Middle, apply
+from ergon.scores.reading.piece import Piece
+
+
+def play(texts: Texts, piece: Piece, player: str, at: float, words: str) -> Texts:
+    """The player plays the words of a line from a beat on; `every` alone goes on without end.
+
+    Raises EditError.
+    """
+    entry = entries.of_words(words, written(piece, at))
+    if "every" in entry.fields and not {"times", "until"} & set(entry.fields):
+        entry = entry.said(until=end(piece, at))
+    return entries.add(rest(texts, piece, player, at), player, entry)
+
+
+def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Texts:
+    """The same goes on with more done to it, its next occurrence where it would have been.
+
+    What begins just there begins so; a gesture that plays once and is still under way begins
+    again. Raises EditError.
+    """
+    chain = tuple(text.strip() for text in do.split(","))
+    lines = entries.lines(texts, piece, _known(piece, player))
+    playing = [line for line in lines if line.is_open(at, piece)]
+    begins = [line for line in lines if abs(line.begin - at) < SAME]
+    if not (playing or begins):
+        playing = [line for line in lines if _is_under_way(line, piece, at)][-1:]
+    if not (playing or begins):
+        raise EditError(f"{player} plays nothing at {written(piece, at)}")
+    for line in playing:
+        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
+        if not line.is_open(at, piece):
+            more = more.said(at=written(piece, at), every=None, times=None, until=None)
+            texts = entries.add(texts, player, more)
+            continue
+        texts = entries.stop(texts, player, written(piece, at), [line])
+        left = [start for start in line.starts or () if start >= at - SAME]
+        more = more.said(at=written(piece, left[0] if left else at))
+        if left and "times" in more.fields:
+            more = more.said(times=str(len(left)))
+        texts = entries.add(texts, player, more)
+    for line in begins:
+        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
+        texts = entries.add(texts, player, more)
+    return entries.stop(texts, player, written(piece, at), [], begins)
+
+
+def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
+    """Nothing of a player (None: of anyone) begins from a beat on. Raises EditError."""
+    for name in piece.players if player is None else (_known(piece, player),):
+        lines = entries.lines(texts, piece, name)
+        closed = [line for line in lines if line.is_open(at, piece)]
+        later = [line for line in lines if line.begin >= at - SAME]
+        texts = entries.stop(texts, name, written(piece, at), closed, later)
+    return texts
+
+
+def hush(texts: Texts, piece: Piece, at: float) -> Texts:
+    """No ergon begins from a beat on: players rest, strikes end. Raises EditError."""
+    texts = rest(texts, piece, None, at)
+    tempo = piece.tempo_map
+    for strikes in piece.strikes:
+        begin = tempo.resolve(strikes.at)
+        path = ("strikes", strikes.name)
+        if begin >= at - SAME:
+            texts = texts.remove(path)
+            continue
+        stop = begin if strikes.until is None else tempo.resolve(strikes.until)
+        if strikes.span is not None:
+            stop = tempo.after(begin, strikes.span)
+            texts = texts.remove((*path, "for")) if stop > at else texts
+        elif strikes.times is not None and strikes.every is not None and strikes.until is None:
+            stop = tempo.after(begin, strikes.every.times(strikes.times))
+        if stop > at + SAME:
+            texts = texts.put((*path, "until"), written(piece, at))
+    return texts
+
+
+def finish(texts: Texts, piece: Piece, at: float) -> Texts:
+    """What would go on without end stops at a beat, as the piece that is saved does."""
+    for name in piece.players:
+        for line in entries.lines(texts, piece, name):
+            if END.fullmatch(line.entry.fields.get("until", "")) is None:
+                continue
+            # What was to begin only later is left as a single time.
+            until = written(piece, max(at, line.begin + 1.0))
+            texts = entries.stop(texts, name, until, [line])
+    return texts
+
+
+def _known(piece: Piece, player: str) -> str:
+    if player not in piece.players:
+        raise EditError(f"no player is called {quote(player)}")
+    return player
+
+
+def _is_under_way(line: entries.Line, piece: Piece, at: float) -> bool:
+    """Whether the last occurrence of an entry has begun and not ended."""
+    tempo, gesture = piece.tempo_map, piece.gestures.get(line.play.what)
+    begin = line.starts[-1] if line.starts else line.begin
+    if begin >= at - SAME or gesture is None:
+        return False
+    beat = 60.0 / tempo.bpm(begin)
+    points, _ = apply(gesture.points, (*gesture.do, *line.play.do), Middle(), beat)
+    return tempo.instant(begin, points[-1].at) > tempo.seconds(at)

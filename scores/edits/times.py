@@ -1,0 +1,83 @@
+"""The tempo from a beat on, and names of instants."""
+
+from __future__ import annotations
+
+from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, parse_length
+from ergon.notation.text import edit
+from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import TextError
+from ergon.scores.edits.lists import dropped, items, place
+from ergon.scores.edits.positions import written
+from ergon.scores.edits.texts import Texts
+from ergon.scores.reading.piece import Piece
+
+
+def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = None) -> Texts:
+    """The tempo from a beat on: `72`, or `60 -> 84` over a length.
+
+    A ramp under way ends there; tempos that were to come go, their meters stay. Raises EditError.
+    """
+    over = None if over is None else _over(piece, at, over)
+    begins = [piece.tempo_map.resolve(entry.at) for entry in piece.tempo]
+    here: int | None = None  # the entry that says the tempo here already
+    below: int | None = None  # the first that stays and comes later
+    for number in reversed(range(len(piece.tempo))):
+        entry, begin = piece.tempo[number], begins[number]
+        if begin > at + SAME:
+            if entry.bpm is not None and entry.meter is None:
+                texts = dropped(texts, "tempo", number)
+                below = None if below is None else below - 1
+                continue
+            below = number
+            for name in ("bpm", "over"):
+                texts = _without(texts, number, name)
+        elif begin >= at - SAME:
+            here = number if entry.bpm is not None else here
+        elif entry.bpm_end is not None:
+            texts = _cut(texts, piece, number, begin, at)
+    if here is not None:
+        texts = texts.put((*place(texts, "tempo", here), "bpm"), bpm)
+        if over is None:
+            return _without(texts, here, "over")
+        return texts.put((*place(texts, "tempo", here), "over"), over)
+    said: dict[str, edit.Tree] = {"at": written(piece, at), "bpm": bpm}
+    text = edit.flow(said if over is None else {**said, "over": over})
+    if below is None:
+        return texts.append(("tempo",), text)
+    path = place(texts, "tempo", below)
+    if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
+        texts = texts.put(path, f"[{edit.flow(edit.tree(items(texts, 'tempo')[0]))}]")
+    return texts.edited("tempo", lambda own: edit.insert(own, ("tempo", below), text))
+
+
+def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
+    """A beat gets a name; what stands by that name already moves there. Raises EditError."""
+    return texts.put(("marks", name), written(piece, at))
+
+
+def _over(piece: Piece, at: float, over: str) -> str:
+    """The length of a ramp, in beats where the meter changes on its way: bars would be two."""
+    try:
+        length = parse_length(over)
+    except TextError as error:
+        raise EditError(error.message) from None
+    end = piece.tempo_map.after(at, length)
+    changes = any(at + SAME < begin < end - SAME for begin, *_ in piece.tempo_map.bars.changes())
+    return f"{end - at:.12g}" if length.bars and changes else over
+
+
+def _without(texts: Texts, number: int, name: str) -> Texts:
+    entry = edit.tree(items(texts, "tempo")[number])
+    if not isinstance(entry, dict) or name not in entry:
+        return texts
+    return texts.remove((*place(texts, "tempo", number), name))
+
+
+def _cut(texts: Texts, piece: Piece, number: int, begin: float, at: float) -> Texts:
+    """A ramp that is under way at a beat ends there, on the tempo that it has reached."""
+    entry, path, tempo = piece.tempo[number], place(texts, "tempo", number), piece.tempo_map
+    if tempo.after(begin, entry.over or Length()) <= at + SAME:
+        return texts
+    texts = texts.put((*path, "bpm"), f"{entry.bpm:.12g} -> {tempo.bpm(at):.12g}")
+    return texts.put((*path, "over"), f"{at - begin:.12g}")
