@@ -31,18 +31,22 @@ impl Laws {
             scratch: Vec::new(),
             native: Vec::new(),
         };
-        let mut alone = Vec::new();
+        let mut longest: Vec<usize> = Vec::new();
         for run in &scheme.runs {
             if let Kind::Lnl { law, room, .. } = &run.kind {
-                laws.e.resize(laws.e.len().max(run.len), 0.0);
-                if *room == laws.scratch.len() {
-                    laws.scratch.push(law.scratch_alone());
+                // A law whose runs have all left the scheme keeps its number, and needs no room.
+                let n_laws = laws.scratch.len().max(room + 1);
+                laws.scratch.resize_with(n_laws, Scratch::default);
+                longest.resize(n_laws, 0);
+                if longest[*room] == 0 {
+                    laws.scratch[*room] = law.scratch_alone();
                     laws.native.resize(laws.native.len().max(law.room()), 0.0);
-                    alone.push(true);
                 }
-                if run.len > 1 && std::mem::take(&mut alone[*room]) {
+                if longest[*room] <= 1 && run.len > 1 {
                     laws.scratch[*room] = law.scratch();
                 }
+                longest[*room] = longest[*room].max(run.len);
+                laws.e.resize(laws.e.len().max(run.len), 0.0);
             }
         }
         laws.v.clone_from(&laws.e);

@@ -1,0 +1,124 @@
+"""Scores by chance: modules of every kind in one network, keys that play it, gestures, strikes."""
+
+import random
+
+LAWS = {
+    "cubic": "k*d + q*d**3, k: 200N/m, q: 4e7N/m3",
+    "soft": "k*tanh(d/w), k: 0.3N, w: 1mm",
+    "bow": "f*v*exp(-(v/w)**2), f: 0.4N, w: 0.1m/s",
+    "magnet": "-f/(1 + (d/w)**2), f: 0.05N, w: 3mm",
+}
+METHODS = ("", "{error: -40dB}", "{cents: 3}", "{error: -80dB, cpu: 5%}", "{method: ca}")
+
+
+class Score:
+    """One score of a seed: `text`, and the names of its gesture and its instrument."""
+
+    gesture = "go"
+
+    def __init__(self, seed: int) -> None:
+        self.dice = random.Random(seed)
+        self.points: list[str] = []  # MATs that links may join
+        self.moving: list[str] = []  # those that may be heard and struck
+        self.modules: list[str] = []
+        for _ in range(self.dice.randint(1, 4)):
+            self.body(f"m{len(self.modules)}")
+        for _ in range(self.dice.randint(0, 6)):
+            self.link(f"l{len(self.modules)}")
+        self.link("hand", first="k")
+        if self.dice.random() < 0.3:
+            self.drive()
+        self.text = self.score()
+
+    def by_ratio(self, low: float, high: float) -> str:
+        return f"{low * (high / low) ** self.dice.random():.4g}"
+
+    def body(self, name: str) -> None:
+        """A mass, a cell, a point or a generator, hardening or not."""
+        pitch = f"f: {self.by_ratio(60, 900)}Hz, t60: {self.by_ratio(0.2, 4)}s"
+        mass = f"M: {self.by_ratio(1e-3, 0.3)}kg"
+        hard = self.dice.choice(("", "", f", hardening: {self.by_ratio(1e4, 1e9)}N/m3"))
+        count = self.dice.randint(1, 24)
+        start = self.dice.choice(("", "", f", X0: {self.by_ratio(1e-5, 1e-3)}m", ", V0: 0.1m/s"))
+        shape = self.dice.choice(("hex", "square"))
+        rim = self.dice.choice(("free", "fixed"))
+        radius = self.dice.randint(1, 4)
+        ends = self.dice.choice(("fixed", "free", "left"))
+        spread = self.dice.choice(("random", "even"))
+        kinds = {
+            "MAS": f"{mass}{start}",
+            "CEL": f"{mass}, {pitch}{start}",
+            "SOL": "",
+            "STRING": f"masses: {count + 2}, {mass}, {pitch}, ends: {ends}{hard}{start}",
+            "PLATE": f"shape: {shape}, radius: {radius}, rim: {rim}, {mass}, {pitch}{hard}{start}",
+            "BANK": f"count: {count}, {mass}, f: 80Hz..3kHz, t60: 0.2s..3s, spread: {spread}",
+        }
+        kind = self.dice.choice(("CEL", *kinds))
+        self.modules.append(f"{name}: {{{kind}: {{{kinds[kind]}}}}}")
+        ports = {"STRING": [f"{name}.1", f"{name}.2"], "BANK": [f"{name}.{count - 1}"]}
+        ports["PLATE"] = [f"{name}.centre", f"{name}.0"]
+        own = ports.get(kind, [name])
+        self.points += own
+        self.moving += [] if kind == "SOL" else own
+
+    def link(self, name: str, first: str = "") -> None:
+        """Any link between two of the points, or between the key and one of them."""
+        if not self.moving or len(self.points) + bool(first) < 2:
+            self.modules.append(f"for_{name}: {{CEL: {{M: 20g, f: 220Hz, t60: 1s}}}}")
+            self.points.append(f"for_{name}")
+            self.moving.append(f"for_{name}")
+        a = first or self.dice.choice(self.moving)
+        rest = [point for point in (self.moving if first else self.points) if point != a]
+        b = self.dice.choice(rest) if rest else self.moving[0]
+        stiff = f"K: {self.by_ratio(1, 1e4)}N/m"
+        damp = f"Z: {self.by_ratio(1e-3, 1)}Ns/m"
+        gap = self.dice.choice(("0mm", "0.2mm"))
+        law = self.dice.choice(tuple(LAWS))
+        word = "damping" if law == "bow" else "law"
+        contact = self.dice.choice(("plain", "exact"))
+        kinds = {
+            "RES": stiff,
+            "FRO": damp,
+            "REF": f"{stiff}, {damp}",
+            "BUT": f"contact: {contact}, gap: {gap}, {stiff}, {damp}",
+            "LNL": self.dice.choice(
+                (f"{word}: {law}", "points: [[-1mm, -1N], [0mm, 0N], [1mm, 2N]]")
+            ),
+        }
+        kind = "BUT" if first and self.dice.random() < 0.7 else self.dice.choice(tuple(kinds))
+        self.modules.append(f"{name}: {{{kind}: {{between: [{a}, {b}], {kinds[kind]}}}}}")
+
+    def drive(self) -> None:
+        """A point that goes where a file says, or a force that a file gives."""
+        to = self.dice.choice(self.moving)
+        self.modules.append(f"drive: {{ENF: {{to: {to}, from: {self.by_ratio(1e-3, 1)}N}}}}")
+
+    def score(self) -> str:
+        modules = "\n".join(f"      {module}" for module in self.modules)
+        laws = "\n".join(f"  {name}: {{law: {law}}}" for name, law in LAWS.items() if name != "bow")
+        heard = ", ".join(
+            f"o{i}: {{SOX: {point}}}" for i, point in enumerate(sorted({*self.moving[:3]}))
+        )
+        touch, ergons = self.dice.choice(
+            (("open", "event"), ("open", "particle"), ("tracked", "event"))
+        )
+        method = self.dice.choice(METHODS)
+        struck = self.dice.choice(self.moving)
+        return (
+            "ergon: 1\n"
+            "seed: 7\n"
+            "keys: {k: {M: 300g, K: 60N/m, Z: 1Ns/m}}\n"
+            f"laws:\n{laws}\n  bow: {{damping: {LAWS['bow']}}}\n"
+            f"instruments:\n  thing:\n    modules:\n{modules}\n    out: {{{heard}}}\n"
+            f"gestures:\n  go: {{notation: 0mm@0 smooth 4mm@40ms throw 0mm@90ms,"
+            f" touch: {touch}, ergons: {ergons}}}\n"
+            f"strikes: {{tap: {{to: thing.{struck}, at: 20ms, impulse: 1mNs}}}}\n"
+            "players: {ada: {key: k}}\n"
+            "parts: {ada: [{at: 1|1, play: go}]}\n"
+            "render: {tail: 60ms}\n" + (f"accuracy: {method}\n" if method else "")
+        )
+
+
+def score(seed: int) -> str:
+    """The text of one score."""
+    return Score(seed).text

@@ -1,0 +1,78 @@
+"""What `check` accepts every other command accepts: scores of all kinds of modules together."""
+
+from pathlib import Path
+
+import pytest
+from random_scores import score
+
+from ergon.cli import app
+
+# All that reads a score and comes to an end by itself.
+COMMANDS = {
+    "check --simulate": ["check", "--simulate", "s.yaml"],
+    "plan": ["plan", "s.yaml"],
+    "render": ["render", "s.yaml", "-o", "x.wav", "-f"],
+    "info": ["info", "s.yaml"],
+    "compile": ["compile", "s.yaml", "-o", "ergons.csv", "-f"],
+    "plot": ["plot", "s.yaml", "go"],
+    "export": ["export", "s.yaml", "-o", "exported", "-f"],
+}
+SHORT, LONG = 8, 400  # scores
+
+
+def outcomes(seed: int, capsys: pytest.CaptureFixture[str]) -> dict[str, int]:
+    """The exit code of each command; no command says that the fault is ergon's."""
+    Path("s.yaml").write_text(score(seed))
+    codes = {}
+    for name, arguments in ({"check": ["check", "s.yaml"]} | COMMANDS).items():
+        codes[name] = app.run(arguments)
+        said = capsys.readouterr().err
+        assert "internal error" not in said, f"seed {seed}, {name}: {said}"
+        assert "Traceback" not in said, f"seed {seed}, {name}: {said}"
+    return codes
+
+
+def every_command_agrees(seeds: range, capsys: pytest.CaptureFixture[str]) -> None:
+    accepted = 0
+    for seed in seeds:
+        codes = outcomes(seed, capsys)
+        # What is accepted may still diverge: an explicit law makes energy. Then all say so.
+        assert len(set(codes.values())) == 1 or set(codes.values()) == {0, 4}, f"{seed}: {codes}"
+        accepted += codes["check"] == 0
+    assert accepted > 0.9 * len(seeds)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+
+
+def test_every_command_accepts_what_check_accepts(capsys: pytest.CaptureFixture[str]):
+    every_command_agrees(range(SHORT), capsys)
+
+
+@pytest.mark.slow
+def test_every_command_accepts_what_check_accepts_long(capsys: pytest.CaptureFixture[str]):
+    every_command_agrees(range(SHORT, SHORT + LONG), capsys)
+
+
+def test_a_hardening_plate_beside_a_law(capsys: pytest.CaptureFixture[str]):
+    """The plate's springs go by a loop of their own; the law link keeps its number."""
+    text = (
+        "ergon: 1\n"
+        "keys: {k: {M: 50g, K: 60N/m, Z: 1Ns/m}}\n"
+        "instruments:\n  gong:\n    modules:\n"
+        "      p: {PLATE: {f: 110Hz, t60: 2s, radius: 2, M: 200g, hardening: 1e9N/m3}}\n"
+        "      b: {BUT: {between: [k, p.centre], K: 1kN/m, gap: 0mm}}\n"
+        "      m: {CEL: {M: 5g, f: 200Hz, t60: 1s}}\n"
+        "      q: {LNL: {between: [m, p.1], law: K*d**3, K: 1e6N/m3}}\n"
+        "    out: {SOX: p.centre}\n"
+        "gestures: {go: 0mm@0 smooth 6mm@60ms 0mm@160ms}\n"
+        "players: {ada: {key: k}}\n"
+        "parts: {ada: [{at: 1|1, play: go}]}\n"
+        "render: {tail: 100ms}\n"
+    )
+    Path("s.yaml").write_text(text)
+    for arguments in COMMANDS.values():
+        assert app.run(arguments) == 0, capsys.readouterr().err
