@@ -95,4 +95,9 @@ def test_what_is_played_passes_unchanged(tmp_path: Path, score: str, hand: dict[
     pushed = felt != 0
     part = asked[pushed][0] / felt[pushed][0]
     assert 0 < part <= 1
-    assert np.allclose(asked, part * felt, rtol=1e-12, atol=0)
+    # But for the probe that finds out which way the motor pushes: milliseconds (docs/live.md).
+    probed = np.flatnonzero(~np.isclose(asked, part * felt, rtol=1e-12, atol=0))
+    probes = np.split(probed, np.flatnonzero(np.diff(probed) > 20) + 1)
+    assert len(probes) <= 2
+    assert all(probe[-1] - probe[0] < 20 for probe in probes if len(probe))
+    assert np.abs(asked - part * felt).max() <= 3.0
