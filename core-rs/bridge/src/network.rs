@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ergon_engine::generator::{self, BankForm, GeneratorError, Topology};
 use ergon_engine::network::{self, But, Term, Tie};
-use ergon_engine::scheme::{Means, Scheme, Word};
+use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::PyIndexError;
@@ -370,9 +370,9 @@ impl Network {
                 Means::Lanczos => "lanczos",
             },
             word: match certificate.word {
-                Word::Proved => "proved",
-                Word::Guarded => "guarded",
-                Word::Tried => "tried",
+                StabilityGuarantee::Proved => "proved",
+                StabilityGuarantee::Guarded => "guarded",
+                StabilityGuarantee::Tried => "tried",
             },
             oversampling: certificate.oversampling(),
         })

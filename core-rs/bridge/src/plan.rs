@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::plan::{self, Budget, Measured, Reason, Told, What};
-use ergon_engine::scheme::Word;
+use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
 use crate::error::{from_engine, refused, word};
@@ -211,9 +211,9 @@ impl PlanRow {
             spectral_db: row.error.and_then(|error| error.spectral),
             cost: row.cost,
             word: row.word.map(|word| match word {
-                Word::Proved => "proved",
-                Word::Guarded => "guarded",
-                Word::Tried => "tried",
+                StabilityGuarantee::Proved => "proved",
+                StabilityGuarantee::Guarded => "guarded",
+                StabilityGuarantee::Tried => "tried",
             }),
             because: row.because.clone(),
             // At a multiple of the rate as many more steps make the same time.

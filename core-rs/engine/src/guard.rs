@@ -18,7 +18,7 @@ use std::sync::Arc;
 use crate::network::forest::{Forest, ends};
 use crate::network::{Error, Network};
 use crate::scheme::{Scheme, top};
-use crate::state::Was;
+use crate::state::PreviousState;
 use cells::Cells;
 use watch::{Watch, allow, nearest, watches};
 
@@ -186,7 +186,7 @@ impl Guard {
     }
 
     /// MATs that have nothing to do with links that stiffen go on as they did in the whole frame.
-    pub(crate) fn keep(&mut self, whole: &Was, x: &mut [f64], d: &mut [f64]) {
+    pub(crate) fn keep(&mut self, whole: &PreviousState, x: &mut [f64], d: &mut [f64]) {
         for &mat in &self.apart {
             (x[mat], d[mat]) = (whole.x[mat], whole.d[mat]);
             self.way[mat] = 0.5 * (self.d[mat] + whole.d[mat]);

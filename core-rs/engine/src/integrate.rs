@@ -28,7 +28,7 @@ pub(crate) use way::Way;
 use std::sync::Arc;
 
 use crate::guard::{Guard, Told};
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::units::Rate;
 use mesh::Mesh;
@@ -36,7 +36,7 @@ use mesh::Mesh;
 /// What every method does.
 trait Method {
     /// Go on one step of the mesh's rate; impulses [N·s] act at its beginning.
-    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>);
+    fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>);
     /// Be ready for a crew of so many threads, where that gains anything.
     fn share(&mut self, _threads: usize) {}
     /// Whether a crew can share its work.
@@ -128,11 +128,11 @@ impl Integrator {
     }
 
     /// From frame n to n+1: impulses (MAT, [N·s]) act at the beginning of the frame.
-    pub(crate) fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
+    pub(crate) fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let method = self.motion.method_mut();
-        method.step(impulses, crew);
+        method.step(impulses, team);
         for _ in 1..self.substeps {
-            method.step(&[], crew);
+            method.step(&[], team);
         }
     }
 

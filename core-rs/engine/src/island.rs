@@ -34,7 +34,7 @@ use crate::interrupt;
 use crate::island::hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
 use crate::kernel::Laws;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
@@ -143,7 +143,7 @@ impl Island {
         &mut self,
         out: &mut [f64],
         n_frames: usize,
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
         let mut unheard = std::mem::take(&mut self.state.unheard);
         let mut heard = Heard {
@@ -151,7 +151,7 @@ impl Island {
             unheard: &mut unheard,
             times: self.times as usize,
         };
-        let end = self.go(&mut heard, n_frames, crew);
+        let end = self.go(&mut heard, n_frames, team);
         self.state.unheard = unheard;
         end
     }
@@ -161,7 +161,7 @@ impl Island {
         &mut self,
         heard: &mut Heard<'_>,
         n_frames: usize,
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
         let (steps, may_coast) = (n_frames * heard.times, self.may_coast());
         let (mut done, mut looks) = (0, 0_usize);
@@ -174,7 +174,7 @@ impl Island {
                 done += self.coast(heard, done, steps)?;
             }
             if done < steps {
-                self.step(heard.at(done), crew)?;
+                self.step(heard.at(done), team)?;
                 done += 1;
             }
         }
@@ -182,7 +182,7 @@ impl Island {
     }
 
     /// One step: forces, outputs, hands, contacts, masses.
-    fn step(&mut self, out: &mut [f64], crew: &mut Crew<'_>) -> Result<(), Fault> {
+    fn step(&mut self, out: &mut [f64], team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;
         let mut gliding = state.scheme.take();
@@ -203,7 +203,7 @@ impl Island {
             }
         }
         hands::arrive(&script.grips, &mut state.touches, n, &mut state.body);
-        kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws, crew);
+        kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws, team);
         state.targets.clear();
         for drive in &script.drives {
             drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
@@ -237,21 +237,21 @@ impl Island {
             ledger.before(scheme, &state.targets, &state.body);
         }
         for body in &mut state.bodies {
-            body.step(n, &state.body.force, crew);
+            body.step(n, &state.body.force, team);
         }
         let mut sound = kernel::advance(
             scheme,
             &mut state.targets,
             &mut state.body,
-            state.laws.halves.as_ref(),
-            crew,
+            state.laws.mesh_partition.as_ref(),
+            team,
         );
         let mut bodies_sound = true;
         for body in &state.bodies {
             body.place(&mut state.body);
             bodies_sound &= body.sound();
         }
-        let finer = finer(scheme, state, crew);
+        let finer = finer(scheme, state, team);
         sound = finer.unwrap_or(sound);
         if let Some(ledger) = &mut state.ledger {
             let gates = script.gates.iter().zip(&state.leans);
@@ -283,7 +283,7 @@ impl Island {
     /// Whether a crew can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         let state = &self.state;
-        state.laws.halves.is_some() || state.bodies.iter().any(inside::Playing::is_shared)
+        state.laws.mesh_partition.is_some() || state.bodies.iter().any(inside::Playing::is_shared)
     }
 
     /// How many steps make a frame of the scene.
@@ -406,13 +406,13 @@ impl Island {
 }
 
 /// Go through the frame again, finer, where links have stiffened too much; says then whether all stayed within reason.
-fn finer(scheme: &Scheme, state: &mut State, crew: &mut Crew<'_>) -> Option<bool> {
+fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let (guard, body) = (state.guard.as_mut()?, &mut state.body);
     if !guard.is_over(&body.x, &body.d, &scheme.w) {
         return None;
     }
-    let then = body.was.as_mut()?;
-    then.turn(&mut body.x, &mut body.d);
+    let then = body.previous.as_mut()?;
+    then.swap(&mut body.x, &mut body.d);
     let led = state.targets.iter().map(|target| target.mat);
     let (x, then) = (&body.x, &then.x);
     guard.lead(led, |mat| (x[mat], then[mat]));
@@ -421,9 +421,9 @@ fn finer(scheme: &Scheme, state: &mut State, crew: &mut Crew<'_>) -> Option<bool
         gates: &state.gates,
         body,
         laws: &mut state.laws,
-        crew,
+        team,
     });
-    if let Some(whole) = &state.body.was {
+    if let Some(whole) = &state.body.previous {
         guard.keep(whole, &mut state.body.x, &mut state.body.d);
     }
     for body in &state.bodies {

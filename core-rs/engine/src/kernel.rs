@@ -1,10 +1,10 @@
 //! The inner loops: one file per kind of work. They know no names, no scores, no reasons.
 
 pub(crate) mod bank;
-pub(crate) mod crew;
+pub(crate) mod thread_team;
 pub(crate) mod dense;
 mod exact;
-pub(crate) mod halves;
+pub(crate) mod mesh_partition;
 mod laws;
 mod mats;
 pub(crate) mod ports;

@@ -28,7 +28,7 @@ use crate::timeline::Timeline;
 
 /// Modules that touch each other, if only now and then, and what happens to them.
 #[derive(Clone, Debug)]
-pub(crate) struct Isle {
+pub(crate) struct IslandPlan {
     pub(crate) network: Arc<Network>,
     pub(crate) timeline: Timeline,
     /// Bodies in it that go by a method of their own.
@@ -40,7 +40,7 @@ pub(crate) struct Isle {
     pub(crate) to_whole: Whole,
 }
 
-impl Isle {
+impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
         let bodies = self.bodies.iter().map(cost::body_cost);
@@ -83,7 +83,7 @@ pub(crate) struct BankPlan {
 /// One thing to compute.
 #[derive(Clone, Debug)]
 pub(crate) enum Unit {
-    Isle(Box<Isle>),
+    IslandPlan(Box<IslandPlan>),
     Bank(BankPlan),
 }
 
@@ -91,7 +91,7 @@ impl Unit {
     /// Nanoseconds a frame, by the table of costs.
     pub(crate) fn cost(&self) -> f64 {
         match self {
-            Self::Isle(isle) => isle.cost(),
+            Self::IslandPlan(isle) => isle.cost(),
             Self::Bank(bank) => cost::bank_cost(bank),
         }
     }
@@ -130,7 +130,7 @@ impl Plan {
             plan.rows
                 .push(Row::stepped(&network, timeline, certificate));
         }
-        plan.units.push(Unit::Isle(Box::new(Isle {
+        plan.units.push(Unit::IslandPlan(Box::new(IslandPlan {
             network,
             timeline: timeline.clone(),
             bodies: Vec::new(),

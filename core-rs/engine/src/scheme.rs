@@ -9,7 +9,7 @@ mod discretise;
 mod listen;
 mod spring;
 
-pub use certify::{Certificate, Means, Word};
+pub use certify::{Certificate, Means, StabilityGuarantee};
 pub(crate) use certify::{Top, top};
 pub(crate) use listen::Tap;
 pub(crate) use spring::{Pull, Spring};

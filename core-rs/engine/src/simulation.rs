@@ -16,9 +16,9 @@ use crate::bank::Bank;
 use crate::gesture::report::Report;
 use crate::interrupt;
 use crate::island::{Island, Taken};
-use crate::kernel::crew::{Crew, flushed};
+use crate::kernel::thread_team::{ThreadTeam, flushed};
 use crate::network::{Error, Network};
-use crate::plan::{Isle, Plan, Unit, whole};
+use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -50,7 +50,7 @@ struct Group {
     first: usize,
     units: Vec<Playing>,
     /// Threads that go through its large meshes together.
-    crew: usize,
+    team: usize,
     /// (STRETCH or LONG · n_out)
     sum: Vec<f64>,
     /// One island's   (STRETCH · its n_out)
@@ -87,7 +87,7 @@ impl Simulation {
         for range in plan.groups(GROUPS) {
             let mut group = Group {
                 first: range.start,
-                crew: 1,
+                team: 1,
                 units: Vec::with_capacity(range.len()),
                 sum: vec![0.0; n_out * stretch],
                 sound: Vec::new(),
@@ -130,9 +130,9 @@ impl Simulation {
     }
 
     /// The islands that are stepped, each with what it is in the whole.
-    fn islands(&self) -> impl Iterator<Item = (&Island, &Isle)> {
+    fn islands(&self) -> impl Iterator<Item = (&Island, &IslandPlan)> {
         self.units().filter_map(|pair| match pair {
-            (Playing::Island(island), Unit::Isle(isle)) => Some((&**island, &**isle)),
+            (Playing::Island(island), Unit::IslandPlan(isle)) => Some((&**island, &**isle)),
             _ => None,
         })
     }
@@ -186,7 +186,7 @@ impl Simulation {
             self.groups.iter_mut().filter_map(run).collect()
         } else {
             let (large, small): (Vec<_>, Vec<_>) =
-                self.groups.iter_mut().partition(|group| group.crew > 1);
+                self.groups.iter_mut().partition(|group| group.team > 1);
             let mut faults: Vec<Fault> = large.into_iter().filter_map(run).collect();
             faults.extend(shared(small, self.threads, &run));
             faults
@@ -228,7 +228,7 @@ impl Simulation {
         let mut all = vec![f64::NAN; self.plan.network.n_mat()];
         for (playing, unit) in self.units() {
             match (playing, unit) {
-                (Playing::Island(island), Unit::Isle(isle)) => {
+                (Playing::Island(island), Unit::IslandPlan(isle)) => {
                     for (local, &value) in of(island).iter().enumerate() {
                         all[whole(&isle.to_whole.mats, local)] = value;
                     }
@@ -312,7 +312,7 @@ impl Simulation {
         let mut all = Vec::new();
         let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         for (playing, unit) in units.zip(&self.plan.units) {
-            let (Playing::Island(island), Unit::Isle(isle)) = (playing, unit) else {
+            let (Playing::Island(island), Unit::IslandPlan(isle)) = (playing, unit) else {
                 continue;
             };
             all.extend(island.take_ergons().into_iter().map(|record| Taken {
@@ -397,8 +397,8 @@ impl Simulation {
 impl Group {
     fn add(&mut self, unit: &Unit, rate: Rate, options: Options) -> Result<(), Error> {
         self.units.push(match unit {
-            Unit::Isle(isle) => {
-                let Isle {
+            Unit::IslandPlan(isle) => {
+                let IslandPlan {
                     network,
                     timeline,
                     bodies,
@@ -427,12 +427,12 @@ impl Group {
         sum.fill(0.0);
         let mut fault: Option<Fault> = None;
         for (playing, unit) in self.units.iter_mut().zip(&plan.units[self.first..]) {
-            let crew = if playing.is_shared() { self.crew } else { 1 };
-            let found = Crew::with(crew, |crew| {
+            let team = if playing.is_shared() { self.team } else { 1 };
+            let found = ThreadTeam::with(team, |team| {
                 (0..n_frames).step_by(STRETCH).find_map(|from| {
                     let n_frames = STRETCH.min(n_frames - from);
                     let out = &mut sum[n_out * from..n_out * (from + n_frames)];
-                    playing.go_on(unit, &mut self.sound, out, (n_out, n_frames), crew)
+                    playing.go_on(unit, &mut self.sound, out, (n_out, n_frames), team)
                 })
             });
             let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);
@@ -450,14 +450,14 @@ impl Playing {
         sound: &mut [f64],
         out: &mut [f64],
         (n_out, n_frames): (usize, usize),
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
     ) -> Option<Fault> {
         match (self, unit) {
             (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
-            (Self::Island(island), Unit::Isle(isle)) => {
+            (Self::Island(island), Unit::IslandPlan(isle)) => {
                 let own = island.n_out();
                 let sound = &mut sound[..own * n_frames];
-                if let Err(fault) = island.process(sound, n_frames, crew) {
+                if let Err(fault) = island.process(sound, n_frames, team) {
                     return Some(fault.at_frame(island.times()));
                 }
                 add(sound, own, isle, out, n_out);
@@ -477,7 +477,7 @@ impl Playing {
 fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
     // Who waits for a helper that has no processor waits long.
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let crew = threads.min(processors);
+    let team = threads.min(processors);
     let costs = |group: &Group| -> f64 {
         let units = &plan.units[group.first..][..group.units.len()];
         units.iter().map(Unit::cost).sum()
@@ -485,7 +485,7 @@ fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
     // Of groups side by side: the dearest takes longest, or all of them on all threads.
     let beside = |costs: &[f64]| {
         let longest = costs.iter().copied().fold(0.0, f64::max);
-        longest.max(costs.iter().sum::<f64>() / crew as f64)
+        longest.max(costs.iter().sum::<f64>() / team as f64)
     };
     let (mut all, mut large, mut small) = (Vec::new(), 0.0, Vec::new());
     for group in &*groups {
@@ -497,13 +497,13 @@ fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
             small.push(cost);
         }
     }
-    let together = large / (1.0 + HELP * (crew - 1) as f64) + beside(&small);
-    if crew > 1 && together < beside(&all) {
+    let together = large / (1.0 + HELP * (team - 1) as f64) + beside(&small);
+    if team > 1 && together < beside(&all) {
         let large = |group: &&mut Group| group.units.iter().any(Playing::is_shared);
         groups
             .iter_mut()
             .filter(large)
-            .for_each(|group| group.crew = crew);
+            .for_each(|group| group.team = team);
     }
 }
 
@@ -535,7 +535,7 @@ fn shared(
 }
 
 /// Add an island's sound (n_frames · own) to the outputs that it is heard at (n_frames · n_out).
-fn add(sound: &[f64], own: usize, isle: &Isle, out: &mut [f64], n_out: usize) {
+fn add(sound: &[f64], own: usize, isle: &IslandPlan, out: &mut [f64], n_out: usize) {
     if n_out == 0 || own == 0 {
         return;
     }

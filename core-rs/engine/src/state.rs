@@ -18,24 +18,24 @@ pub(crate) struct Body {
     /// Of the sum, what comes from outside [N]: kept for the ledger, else empty   (n_mat)
     pub(crate) outside: Vec<f64>,
     /// The frame before, where one may have to go back to it.
-    pub(crate) was: Option<Box<Was>>,
+    pub(crate) previous: Option<Box<PreviousState>>,
 }
 
 /// Positions and last steps a frame ago [m]   (n_mat each).
 #[derive(Clone, Debug)]
-pub(crate) struct Was {
+pub(crate) struct PreviousState {
     pub(crate) x: Vec<f64>,
     pub(crate) d: Vec<f64>,
 }
 
-impl Was {
+impl PreviousState {
     pub(crate) fn new(n_mat: usize) -> Box<Self> {
         let (x, d) = (vec![0.0; n_mat], vec![0.0; n_mat]);
         Box::new(Self { x, d })
     }
 
-    /// What is now has been, and what has been is.
-    pub(crate) fn turn(&mut self, x: &mut Vec<f64>, d: &mut Vec<f64>) {
+    /// Swap the current and the previous state.
+    pub(crate) fn swap(&mut self, x: &mut Vec<f64>, d: &mut Vec<f64>) {
         std::mem::swap(&mut self.x, x);
         std::mem::swap(&mut self.d, d);
     }
@@ -49,7 +49,7 @@ impl Body {
             link: vec![0.0; scheme.n_lia],
             inner: Vec::new(),
             outside: Vec::new(),
-            was: None,
+            previous: None,
             x,
             d,
         }
@@ -78,5 +78,5 @@ pub(crate) struct Target {
     /// Position at the next frame [m].
     pub(crate) x: f64,
     /// Position at this frame [m], kept by the MAT phase.
-    pub(crate) was: f64,
+    pub(crate) previous: f64,
 }

@@ -101,8 +101,8 @@ impl Guard {
             };
             fine_steps(part, own, force, x, d);
             if step == 1 {
-                let halves = self.way.iter_mut().zip(&*d);
-                halves.for_each(|(way, d)| *way += 0.5 * d);
+                let mesh_partition = self.way.iter_mut().zip(&*d);
+                mesh_partition.for_each(|(way, d)| *way += 0.5 * d);
             }
             let share = f64::from(step) * part;
             for &(mat, from, to) in &self.led {

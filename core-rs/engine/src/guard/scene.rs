@@ -3,7 +3,7 @@
 use super::{Motion, Stage};
 use crate::kernel;
 use crate::kernel::Laws;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 use crate::state::Body;
 
@@ -12,14 +12,14 @@ pub(crate) struct Scene<'a, 'b> {
     pub(crate) gates: &'a [f64],
     pub(crate) body: &'a mut Body,
     pub(crate) laws: &'a mut Laws,
-    pub(crate) crew: &'a mut Crew<'b>,
+    pub(crate) team: &'a mut ThreadTeam<'b>,
 }
 
 impl Stage for Scene<'_, '_> {
     fn pull(&mut self) {
         // The ledger still asks for what came from outside in this frame.
         let outside = std::mem::take(&mut self.body.outside);
-        kernel::links(self.scheme, self.gates, self.body, self.laws, self.crew);
+        kernel::links(self.scheme, self.gates, self.body, self.laws, self.team);
         self.body.outside = outside;
     }
 

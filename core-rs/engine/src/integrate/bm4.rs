@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::Method;
 use super::mesh::{Mesh, Room};
 use super::passes;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::maths;
 use crate::network::Network;
 
@@ -47,10 +47,10 @@ impl Bm4 {
         let (x, v) = (network.mats().x0.clone(), mesh.start(network));
         let (mut room, zeros) = (mesh.room(), vec![0.0; x.len()]);
         let mut force = zeros.clone();
-        let crew = &mut Crew::alone();
-        mesh.elastic(&x, &mut room, &mut force, crew);
+        let team = &mut ThreadTeam::alone();
+        mesh.elastic(&x, &mut room, &mut force, team);
         let mut viscous = zeros.clone();
-        mesh.viscous([&x, &v], &mut room, &mut viscous, crew);
+        mesh.viscous([&x, &v], &mut room, &mut viscous, team);
         let zeta = &mesh.scheme.zeta;
         let exact = !mesh.damped && zeta.iter().any(|zeta| *zeta != 0.0);
         let stages = STAGES.iter().filter(|_| exact);
@@ -68,28 +68,28 @@ impl Bm4 {
     }
 
     /// The flow of v for a time b at fixed positions, then that of x for a time a; `stage` counts.
-    fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], crew: &mut Crew<'_>) {
+    fn kick_drift(&mut self, stage: usize, [b, a]: [f64; 2], team: &mut ThreadTeam<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
         let (x, v, force) = (&mut self.x, &mut self.v, &self.force);
         if mesh.damped {
             let (viscous, midway) = (&mut self.viscous, &mut self.midway);
-            mesh.ranges(room, crew, [&mut *midway], |mats, ties, [midway]| {
+            mesh.ranges(room, team, [&mut *midway], |mats, ties, [midway]| {
                 let forces = [&force[mats.clone()], &viscous[mats.clone()]];
                 let motion = [&x[mats.clone()], &v[mats]];
                 passes::midway(0.5 * b, ties, forces, motion, midway);
             });
-            mesh.viscous([x, midway], room, viscous, crew);
-            mesh.ranges(room, crew, [x, v], |mats, ties, [x, v]| {
+            mesh.viscous([x, midway], room, viscous, team);
+            mesh.ranges(room, team, [x, v], |mats, ties, [x, v]| {
                 let forces = [&force[mats.clone()], &viscous[mats.clone()]];
                 passes::lossy_kick_drift([b, a], ties, forces, &midway[mats], x, v);
             });
         } else if let Some(losses) = self.losses.get(stage) {
-            mesh.ranges(room, crew, [x, v], |mats, ties, [x, v]| {
+            mesh.ranges(room, team, [x, v], |mats, ties, [x, v]| {
                 let losses = losses.each_ref().map(|all| &all[mats.clone()]);
                 passes::decaying_kick_drift(a, losses, ties, &force[mats], x, v);
             });
         } else {
-            mesh.ranges(room, crew, [x, v], |mats, ties, [x, v]| {
+            mesh.ranges(room, team, [x, v], |mats, ties, [x, v]| {
                 passes::kick_drift([b, a], ties, &force[mats], x, v);
             });
         }
@@ -115,19 +115,19 @@ impl Method for Bm4 {
     }
 
     fn is_shared(&self) -> bool {
-        self.room.halves().is_some()
+        self.room.mesh_partition().is_some()
     }
 
-    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         for &(mat, impulse) in impulses {
             self.v[mat] += self.mesh.jump(mat, impulse);
         }
         for (at, stage) in STAGES.into_iter().enumerate() {
-            self.kick_drift(at, stage, crew);
+            self.kick_drift(at, stage, team);
             self.mesh
-                .elastic(&self.x, &mut self.room, &mut self.force, crew);
+                .elastic(&self.x, &mut self.room, &mut self.force, team);
         }
-        self.kick_drift(0, [B1, 0.0], crew);
+        self.kick_drift(0, [B1, 0.0], team);
     }
 
     fn x(&self) -> &[f64] {
@@ -156,10 +156,10 @@ impl Method for Bm4 {
         for (v, half) in self.v.iter_mut().zip(&self.midway) {
             *v += half;
         }
-        let (room, crew) = (&mut self.room, &mut Crew::alone());
-        self.mesh.elastic(&self.x, room, &mut self.force, crew);
+        let (room, team) = (&mut self.room, &mut ThreadTeam::alone());
+        self.mesh.elastic(&self.x, room, &mut self.force, team);
         let motion = [&self.x[..], &self.v];
-        self.mesh.viscous(motion, room, &mut self.viscous, crew);
+        self.mesh.viscous(motion, room, &mut self.viscous, team);
     }
 
     fn pace(&mut self) -> &mut [f64] {

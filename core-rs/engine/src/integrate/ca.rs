@@ -7,12 +7,12 @@ use super::mesh::Mesh;
 use crate::guard::{self, Guard, Limit};
 use crate::kernel;
 use crate::kernel::Laws;
-use crate::kernel::crew::Crew;
-use crate::kernel::halves::Halves;
+use crate::kernel::thread_team::ThreadTeam;
+use crate::kernel::mesh_partition::MeshPartition;
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
-use crate::state::{Body, Was};
+use crate::state::{Body, PreviousState};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
@@ -34,8 +34,8 @@ impl Ca {
         let d = backward_steps(network, &Timeline::new(rate), &scheme, &x, &[]);
         scheme.fuse(|_| false);
         let (mut body, mut laws) = (Body::new(&scheme, x, d), Laws::new(&scheme));
-        body.was = guard.as_ref().map(|_| Was::new(scheme.n_mat()));
-        kernel::links(&scheme, &[], &mut body, &mut laws, &mut Crew::alone());
+        body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
+        kernel::links(&scheme, &[], &mut body, &mut laws, &mut ThreadTeam::alone());
         Ok(Self {
             mesh,
             scheme,
@@ -48,34 +48,34 @@ impl Ca {
 
 impl Method for Ca {
     fn share(&mut self, threads: usize) {
-        self.laws.halves = Halves::of(&self.scheme.fused, self.scheme.n_mat(), threads);
+        self.laws.mesh_partition = MeshPartition::of(&self.scheme.fused, self.scheme.n_mat(), threads);
     }
 
     fn is_shared(&self) -> bool {
-        self.laws.halves.is_some()
+        self.laws.mesh_partition.is_some()
     }
 
-    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let scheme = &self.scheme;
         for &(mat, impulse) in impulses {
             self.body.push(mat, impulse * scheme.rate);
         }
         kernel::contacts(scheme, &[], &[], &mut self.body);
-        let halves = self.laws.halves.as_ref();
-        kernel::advance(scheme, &mut [], &mut self.body, halves, crew);
-        if let (Some(guard), Some(was)) = (&mut self.guard, &mut self.body.was)
+        let mesh_partition = self.laws.mesh_partition.as_ref();
+        kernel::advance(scheme, &mut [], &mut self.body, mesh_partition, team);
+        if let (Some(guard), Some(previous)) = (&mut self.guard, &mut self.body.previous)
             && guard.is_over(&self.body.x, &self.body.d, &scheme.w)
         {
-            was.turn(&mut self.body.x, &mut self.body.d);
+            previous.swap(&mut self.body.x, &mut self.body.d);
             guard.finer(&mut guard::Scene {
                 scheme,
                 gates: &[],
                 body: &mut self.body,
                 laws: &mut self.laws,
-                crew,
+                team,
             });
         }
-        kernel::links(scheme, &[], &mut self.body, &mut self.laws, crew);
+        kernel::links(scheme, &[], &mut self.body, &mut self.laws, team);
     }
 
     fn x(&self) -> &[f64] {
@@ -95,8 +95,8 @@ impl Method for Ca {
     }
 
     fn settle(&mut self) {
-        let crew = &mut Crew::alone();
-        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, crew);
+        let team = &mut ThreadTeam::alone();
+        kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, team);
     }
 
     fn pace(&mut self) -> &mut [f64] {

@@ -13,9 +13,9 @@ use super::passes;
 use super::watched::Watched;
 use super::{Method, certify};
 use crate::guard::Guard;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
-use crate::state::Was;
+use crate::state::PreviousState;
 
 #[derive(Clone, Debug)]
 pub(super) struct Ca2p {
@@ -24,7 +24,7 @@ pub(super) struct Ca2p {
     x: Vec<f64>,
     d: Vec<f64>,
     /// The same a step ago, impulses given.
-    was: Box<Was>,
+    previous: Box<PreviousState>,
     guard: Option<Box<Guard>>,
     /// Where the second pass looks                              (n_mat)
     there: Vec<f64>,
@@ -56,27 +56,27 @@ impl Ca2p {
             viscous: zeros.clone(),
             elastic_before: zeros.clone(),
             force: zeros,
-            was: Was::new(x.len()),
+            previous: PreviousState::new(x.len()),
             guard,
             room,
             x,
             d,
             mesh,
         };
-        let crew = &mut Crew::alone();
+        let team = &mut ThreadTeam::alone();
         it.mesh
-            .elastic(&it.there, &mut it.room, &mut it.elastic, crew);
-        it.look(crew);
+            .elastic(&it.there, &mut it.room, &mut it.elastic, team);
+        it.look(team);
         Ok(it)
     }
 
     /// The first pass: forces at the present frame.
-    fn look(&mut self, crew: &mut Crew<'_>) {
+    fn look(&mut self, team: &mut ThreadTeam<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
         std::mem::swap(&mut self.elastic, &mut self.elastic_before);
-        mesh.elastic(&self.x, room, &mut self.elastic, crew);
+        mesh.elastic(&self.x, room, &mut self.elastic, team);
         if mesh.damped {
-            mesh.viscous([&self.x, &self.d], room, &mut self.viscous, crew);
+            mesh.viscous([&self.x, &self.d], room, &mut self.viscous, team);
         }
     }
 }
@@ -93,7 +93,7 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
         for (ahead, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
             let at: Vec<f64> = (0..n).map(|i| x[i] + ahead * h * there[i][0]).collect();
             let speed: Vec<f64> = (0..n).map(|i| v[i] + ahead * h * there[i][1]).collect();
-            mesh.total([&at, &speed], room, &mut force, &mut Crew::alone());
+            mesh.total([&at, &speed], room, &mut force, &mut ThreadTeam::alone());
             let scheme = &mesh.scheme;
             for i in 0..n {
                 let a = force[i] * scheme.w[i]
@@ -121,14 +121,14 @@ impl Method for Ca2p {
     }
 
     fn is_shared(&self) -> bool {
-        self.room.halves().is_some()
+        self.room.mesh_partition().is_some()
     }
 
-    fn step(&mut self, impulses: &[(usize, f64)], crew: &mut Crew<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let (mesh, room) = (&*self.mesh, &mut self.room);
         let [elastic, viscous] = [&self.elastic, &self.viscous];
         let (x, d, there, v) = (&self.x, &self.d, &mut self.there, &mut self.v);
-        mesh.ranges(room, crew, [there, v], |mats, ties, [there, v]| {
+        mesh.ranges(room, team, [there, v], |mats, ties, [there, v]| {
             let forces = [elastic, viscous].map(|all| &all[mats.clone()]);
             let motion = [x, d].map(|all| &all[mats.clone()]);
             passes::look(ties, forces, motion, there, v);
@@ -138,22 +138,22 @@ impl Method for Ca2p {
             self.there[mat] += jump * (1.0 / 6.0);
             self.v[mat] += 0.5 * jump;
         }
-        mesh.total([&self.there, &self.v], room, &mut self.force, crew);
+        mesh.total([&self.there, &self.v], room, &mut self.force, team);
         for &(mat, impulse) in impulses {
             self.d[mat] += mesh.jump(mat, impulse);
         }
-        self.was.turn(&mut self.x, &mut self.d);
-        let (force, there, v, was) = (&self.force, &self.there, &self.v, &self.was);
+        self.previous.swap(&mut self.x, &mut self.d);
+        let (force, there, v, previous) = (&self.force, &self.there, &self.v, &self.previous);
         let (x, d) = (&mut self.x, &mut self.d);
-        mesh.ranges(room, crew, [&mut *x, &mut *d], |mats, ties, [x, d]| {
+        mesh.ranges(room, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
             let look = [there, v].map(|all| &all[mats.clone()]);
-            let from = [&was.x, &was.d].map(|all| &all[mats.clone()]);
+            let from = [&previous.x, &previous.d].map(|all| &all[mats.clone()]);
             passes::leap(ties, &force[mats], look, from, x, d);
         });
         if let Some(guard) = &mut self.guard
             && guard.is_over(x, d, &mesh.scheme.w)
         {
-            self.was.turn(x, d);
+            self.previous.swap(x, d);
             let (force, d) = (&mut self.force[..], &mut d[..]);
             Watched {
                 mesh,
@@ -161,11 +161,11 @@ impl Method for Ca2p {
                 force,
                 x,
                 d,
-                crew,
+                team,
             }
             .by(guard);
         }
-        self.look(crew);
+        self.look(team);
     }
 
     fn x(&self) -> &[f64] {
@@ -197,10 +197,10 @@ impl Method for Ca2p {
         for (there, (x, d)) in self.there.iter_mut().zip(self.x.iter().zip(&self.d)) {
             *there = x - d;
         }
-        let (room, crew) = (&mut self.room, &mut Crew::alone());
+        let (room, team) = (&mut self.room, &mut ThreadTeam::alone());
         self.mesh
-            .elastic(&self.there, room, &mut self.elastic, crew);
-        self.look(crew);
+            .elastic(&self.there, room, &mut self.elastic, team);
+        self.look(team);
     }
 
     fn guard(&self) -> Option<&Guard> {

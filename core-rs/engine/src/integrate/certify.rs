@@ -18,7 +18,7 @@ use super::way::{BM4_LIMIT, Way};
 use super::{faster, ieq, trapezoid};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, Kind, Scheme, Top, Word, top};
+use crate::scheme::{Certificate, Kind, Scheme, Top, StabilityGuarantee, top};
 use crate::units::Rate;
 
 /// Rounding may take this from an eigenvalue.
@@ -44,15 +44,15 @@ pub(crate) fn certify(
     let mesh = Mesh::new(network, rate, way)?;
     let scheme = &mesh.scheme;
     let look = |c: f64, enough: f64| top(scheme, network, c, enough);
-    let of = |top: &Top, word: Word| Certificate {
+    let of = |top: &Top, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,
         means: top.means,
         word,
     };
     let sure = if scheme.linear {
-        Word::Proved
+        StabilityGuarantee::Proved
     } else {
-        Word::Guarded
+        StabilityGuarantee::Guarded
     };
     match way {
         Way::Ca2p => {
@@ -61,7 +61,7 @@ pub(crate) fn certify(
             if found.lambda < enough {
                 Ok(of(&found, sure))
             } else if found.lambda < SHARED {
-                Ok(of(&found, Word::Tried))
+                Ok(of(&found, StabilityGuarantee::Tried))
             } else {
                 Err(unstable(network, way, &found, SHARED))
             }
@@ -70,7 +70,7 @@ pub(crate) fn certify(
             let most = BM4_LIMIT * BM4_LIMIT;
             let found = look(LOSSES, most)?;
             if found.lambda < most {
-                Ok(of(&found, Word::Tried))
+                Ok(of(&found, StabilityGuarantee::Tried))
             } else {
                 Err(unstable(network, way, &found, most))
             }
@@ -86,7 +86,7 @@ pub(crate) fn certify(
                 .others
                 .iter()
                 .any(|run| matches!(&run.kind, Kind::Lnl { law, .. } if law.is_damped()));
-            let word = if gives { Word::Guarded } else { Word::Proved };
+            let word = if gives { StabilityGuarantee::Guarded } else { StabilityGuarantee::Proved };
             Ok(of(&look(0.0, f64::INFINITY)?, word))
         }
     }

@@ -15,7 +15,7 @@ use super::Method;
 use super::conjugate::Conjugate;
 use super::mesh::Mesh;
 use super::passes;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::maths::wide::wide;
 use crate::network::{Error, Network};
 use links::{Links, State};
@@ -82,7 +82,7 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let (x, v) = (&network.mats().x0, mesh.start(network));
     let (scheme, n) = (&mesh.scheme, x.len());
     let mut force = vec![0.0; n];
-    mesh.total([x, &v], &mut mesh.room(), &mut force, &mut Crew::alone());
+    mesh.total([x, &v], &mut mesh.room(), &mut force, &mut ThreadTeam::alone());
     for (i, force) in force.iter_mut().enumerate() {
         let tie = scheme.kappa[i] * (x[i] - scheme.rest[i]) + scheme.zeta[i] * v[i];
         *force -= mesh.m[i] * tie;
@@ -106,7 +106,7 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
 }
 
 impl Method for Ieq {
-    fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut Crew<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut ThreadTeam<'_>) {
         let (mesh, links) = (&*self.mesh, &*self.links);
         // The links' explicit forces into `right`, their shares of the diagonal into `inverse`.
         self.right.fill(0.0);

@@ -6,8 +6,8 @@ use super::passes::{self, Ties};
 use super::way::Way;
 use crate::kernel;
 use crate::kernel::Laws;
-use crate::kernel::crew::Crew;
-use crate::kernel::halves::Halves;
+use crate::kernel::thread_team::ThreadTeam;
+use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme};
@@ -38,8 +38,8 @@ pub(super) struct Room {
 
 impl Room {
     /// How the mesh is cut for a crew.
-    pub(super) fn halves(&self) -> Option<&Halves> {
-        self.laws.halves.as_ref()
+    pub(super) fn mesh_partition(&self) -> Option<&MeshPartition> {
+        self.laws.mesh_partition.as_ref()
     }
 }
 
@@ -145,9 +145,9 @@ impl Mesh {
         x: &[f64],
         room: &mut Room,
         force: &mut [f64],
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
     ) {
-        self.springs(room, force, crew, |springs, room, force| {
+        self.springs(room, force, team, |springs, room, force| {
             passes::elastic(springs, x, room, force);
         });
         self.others(Part::Elastic, [x, x], room, force);
@@ -159,13 +159,13 @@ impl Mesh {
         [x, v]: [&[f64]; 2],
         room: &mut Room,
         force: &mut [f64],
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
     ) {
         if !self.damped {
             force.fill(0.0);
             return;
         }
-        self.springs(room, force, crew, |springs, room, force| {
+        self.springs(room, force, team, |springs, room, force| {
             passes::viscous(springs, v, room, force);
         });
         self.others(Part::Viscous, [x, v], room, force);
@@ -177,9 +177,9 @@ impl Mesh {
         [x, v]: [&[f64]; 2],
         room: &mut Room,
         force: &mut [f64],
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
     ) {
-        self.springs(room, force, crew, |springs, room, force| {
+        self.springs(room, force, team, |springs, room, force| {
             if self.damped {
                 springs::total(springs, x, v, room, force);
             } else {
@@ -194,11 +194,11 @@ impl Mesh {
         &self,
         room: &mut Room,
         force: &mut [f64],
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
         pass: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        if let Some(halves) = &mut room.laws.halves {
-            halves.forces(crew, force, pass);
+        if let Some(mesh_partition) = &mut room.laws.mesh_partition {
+            mesh_partition.forces(team, force, pass);
         } else {
             force.fill(0.0);
             pass(&self.springs, &mut room.f, force);
@@ -209,13 +209,13 @@ impl Mesh {
     pub(super) fn ranges<const N: usize>(
         &self,
         room: &Room,
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
         changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, Ties<'_>, [&mut [f64]; N]) + Sync,
     ) {
         let ties = self.ties();
-        match room.halves() {
-            Some(halves) => halves.ranges(crew, changed, |mats, changed| {
+        match room.mesh_partition() {
+            Some(mesh_partition) => mesh_partition.ranges(team, changed, |mats, changed| {
                 work(mats.clone(), ties.of(mats), changed);
             }),
             None => work(0..self.n_mat(), ties, changed),
@@ -224,7 +224,7 @@ impl Mesh {
 
     /// Cut for so many threads, where that gains anything.
     pub(super) fn share(&self, room: &mut Room, threads: usize) {
-        room.laws.halves = Halves::of(&self.springs, self.n_mat(), threads);
+        room.laws.mesh_partition = MeshPartition::of(&self.springs, self.n_mat(), threads);
     }
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], room: &mut Room, force: &mut [f64]) {

@@ -220,12 +220,12 @@ wide! {
         d: &mut [f64],
     ) {
         let ([there, v], n) = (look, force.len());
-        let [was, by] = from.map(|from| &from[..n]);
+        let [previous, by] = from.map(|from| &from[..n]);
         let [w, kappa, zeta, rest] = ties.cut(n);
         let (there, v, x, d) = (&there[..n], &v[..n], &mut x[..n], &mut d[..n]);
         for i in 0..n {
             d[i] = by[i] + (force[i] * w[i] - kappa[i] * (there[i] - rest[i]) - zeta[i] * v[i]);
-            x[i] = was[i] + d[i];
+            x[i] = previous[i] + d[i];
         }
     }
 }

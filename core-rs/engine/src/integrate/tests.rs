@@ -85,7 +85,7 @@ fn play(mut it: Integrator, frames: usize, strikes: &[(usize, usize, f64)]) -> V
             .filter(|strike| strike.0 == n)
             .map(|strike| (strike.1, strike.2))
             .collect();
-        it.step(&now, &mut Crew::alone());
+        it.step(&now, &mut ThreadTeam::alone());
         if !it.sound() {
             break;
         }

@@ -9,7 +9,7 @@ use super::Method;
 use super::banded::{Factor, MOST};
 use super::mesh::{Mesh, Room};
 use super::order;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 
 #[derive(Clone, Debug)]
@@ -127,12 +127,12 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
 }
 
 impl Method for Trapezoid {
-    fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut Crew<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut ThreadTeam<'_>) {
         let mesh = &*self.mesh;
         for &(mat, impulse) in impulses {
             self.v[mat] += mesh.jump(mat, impulse);
         }
-        mesh.elastic(&self.x, &mut self.room, &mut self.force, &mut Crew::alone());
+        mesh.elastic(&self.x, &mut self.room, &mut self.force, &mut ThreadTeam::alone());
         let scheme = &mesh.scheme;
         for (u, &i) in self.u.iter_mut().zip(&*self.mats) {
             let tie = 0.5 * scheme.kappa[i] * (self.x[i] - scheme.rest[i]);

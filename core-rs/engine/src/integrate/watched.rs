@@ -2,7 +2,7 @@
 
 use super::mesh::{Mesh, Room};
 use crate::guard::{Guard, Motion, Stage};
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 
 pub(super) struct Watched<'a, 'b> {
     pub(super) mesh: &'a Mesh,
@@ -10,13 +10,13 @@ pub(super) struct Watched<'a, 'b> {
     pub(super) force: &'a mut [f64],
     pub(super) x: &'a mut [f64],
     pub(super) d: &'a mut [f64],
-    pub(super) crew: &'a mut Crew<'b>,
+    pub(super) team: &'a mut ThreadTeam<'b>,
 }
 
 impl Stage for Watched<'_, '_> {
     fn pull(&mut self) {
         let motion = [&*self.x, &*self.d];
-        self.mesh.total(motion, self.room, self.force, self.crew);
+        self.mesh.total(motion, self.room, self.force, self.team);
     }
 
     fn motion(&mut self) -> Motion<'_> {

@@ -15,12 +15,12 @@ use crate::guard::{Guard, Limit};
 use crate::island::hand::free::{FreeKey, Motion};
 use crate::island::hand::voice::{Voice, VoiceScript};
 use crate::kernel::Laws;
-use crate::kernel::crew::Crew;
-use crate::kernel::halves::Halves;
+use crate::kernel::thread_team::ThreadTeam;
+use crate::kernel::mesh_partition::MeshPartition;
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::start::backward_steps;
-use crate::state::{Body, Was};
+use crate::state::{Body, PreviousState};
 use crate::timeline::{Drive, DriveKind, Key, Timeline, pushes};
 use crate::units::Rate;
 use crate::units::frame;
@@ -69,13 +69,13 @@ impl Island {
         } else {
             Guard::new(&scheme, &network, Limit::CA, &ports)?.map(Box::new)
         };
-        body.was = guard.as_ref().map(|_| Was::new(scheme.n_mat()));
+        body.previous = guard.as_ref().map(|_| PreviousState::new(scheme.n_mat()));
         if !options.ledger {
             fuse(&mut scheme, &network, &scripts);
         }
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         let mut laws = Laws::new(&scheme);
-        laws.halves = Halves::of(&scheme.fused, scheme.n_mat(), options.threads);
+        laws.mesh_partition = MeshPartition::of(&scheme.fused, scheme.n_mat(), options.threads);
         bodies
             .iter_mut()
             .for_each(|body| body.share(options.threads));
@@ -234,7 +234,7 @@ pub(crate) fn at_rest(network: &Network, scheme: &Scheme, heard: &mut [f64]) {
         &[],
         &mut body,
         &mut Laws::new(scheme),
-        &mut Crew::alone(),
+        &mut ThreadTeam::alone(),
     );
     crate::kernel::contacts(scheme, &[], &[], &mut body);
     crate::kernel::tap(scheme, &body, heard);

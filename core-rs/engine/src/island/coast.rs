@@ -6,7 +6,7 @@
 use super::fault::Fault;
 use super::{Heard, Island, inside};
 use crate::kernel;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::units::frame;
 
 /// Fewer steps are not worth the look.
@@ -65,7 +65,7 @@ impl Island {
                 modal.tap_ahead(done, out);
             }
             state.mutes.fade(n + done as u64, scheme, out);
-            sound = kernel::advance(scheme, &mut [], &mut state.body, None, &mut Crew::alone());
+            sound = kernel::advance(scheme, &mut [], &mut state.body, None, &mut ThreadTeam::alone());
             done += 1;
             for modal in state.bodies.iter().filter_map(inside::Playing::modal) {
                 modal.place_ahead(done, &mut state.body);

@@ -159,8 +159,8 @@ impl Island {
         let meets = |spring: &Spring| lets_go(spring.a, spring.b, spring.len);
         scheme.fused.retain(|spring| !meets(spring));
         scheme.exact.retain(|run| !lets_go(run.a, run.b, run.len));
-        if let Some(halves) = &mut state.laws.halves {
-            halves.cut_again(&scheme.fused);
+        if let Some(mesh_partition) = &mut state.laws.mesh_partition {
+            mesh_partition.cut_again(&scheme.fused);
         }
         if let Some(guard) = &mut state.guard {
             guard.release(|mat| ours[mat]);

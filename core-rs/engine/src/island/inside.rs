@@ -4,7 +4,7 @@ use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
 use crate::guard::Told;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::state::Body;
 
@@ -126,10 +126,10 @@ impl Playing {
         }
     }
 
-    pub(crate) fn step(&mut self, n: u64, force: &[f64], crew: &mut Crew<'_>) {
+    pub(crate) fn step(&mut self, n: u64, force: &[f64], team: &mut ThreadTeam<'_>) {
         match self {
             Self::Modal(modal) => modal.step(n, force),
-            Self::Mesh(mesh) => mesh.step(n, force, crew),
+            Self::Mesh(mesh) => mesh.step(n, force, team),
             Self::Slow(slow) => slow.step(n, force),
         }
     }

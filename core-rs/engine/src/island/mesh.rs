@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::guard::Told;
 use crate::integrate::{Integrator, Way};
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::state::Body;
 use crate::units::Rate;
@@ -32,7 +32,7 @@ pub(crate) struct Playing {
     integrator: Integrator,
     impulses: Vec<(usize, f64)>,
     /// Where the ports were one frame ago, and what their last steps were without any push   (n_ports)
-    was: Vec<f64>,
+    previous: Vec<f64>,
     own: Vec<f64>,
     next: usize,
     /// By how much all it moves by is less at each frame.
@@ -65,7 +65,7 @@ impl Playing {
         // Each port, and as many strikes as fall on one frame, without allocating.
         let at_once = plan.strikes.chunk_by(|a, b| a.0 == b.0).map(<[_]>::len);
         Ok(Self {
-            was: before.collect(),
+            previous: before.collect(),
             own: velocities.iter().map(|v| v * step).collect(),
             impulses: Vec::with_capacity(ports.len() + at_once.max().unwrap_or(0)),
             next: 0,
@@ -95,10 +95,10 @@ impl Playing {
             .plan
             .ports
             .iter()
-            .zip(self.was.iter_mut().zip(&mut self.own));
-        for (&(port, _), (was, own)) in ports {
+            .zip(self.previous.iter_mut().zip(&mut self.own));
+        for (&(port, _), (previous, own)) in ports {
             let (x, step) = self.integrator.motion(port);
-            (*was, *own) = (x - step, step);
+            (*previous, *own) = (x - step, step);
         }
     }
 
@@ -110,7 +110,7 @@ impl Playing {
     /// Go on as an equal mesh does, whatever else is to strike it.
     pub(crate) fn go_on(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.integrator, &mut old.integrator);
-        std::mem::swap(&mut self.was, &mut old.was);
+        std::mem::swap(&mut self.previous, &mut old.previous);
         std::mem::swap(&mut self.own, &mut old.own);
     }
 
@@ -150,9 +150,9 @@ impl Playing {
     /// Put the ports where they are, as they came there; they go on as they did, pushed or not.
     pub(crate) fn place(&self, body: &mut Body) {
         let x = self.integrator.positions();
-        let memory = self.was.iter().zip(&self.own);
-        for (&(own, mat), (was, alone)) in self.plan.ports.iter().zip(memory) {
-            let step = x[own] - was;
+        let memory = self.previous.iter().zip(&self.own);
+        for (&(own, mat), (previous, alone)) in self.plan.ports.iter().zip(memory) {
+            let step = x[own] - previous;
             body.x[mat] = x[own];
             body.d[mat] = step;
             body.inner[mat] = step - alone;
@@ -160,15 +160,15 @@ impl Playing {
     }
 
     /// From frame `n` to the next, by the forces that the ports feel (n_mat).
-    pub(crate) fn step(&mut self, n: u64, force: &[f64], crew: &mut Crew<'_>) {
+    pub(crate) fn step(&mut self, n: u64, force: &[f64], team: &mut ThreadTeam<'_>) {
         let step = self.plan.rate.step();
         self.impulses.clear();
         for (row, &(own, mat)) in self.plan.ports.iter().enumerate() {
             let x = self.integrator.positions()[own];
             let mass = self.plan.network.mats().m[own];
             // The next step without the curve of its own forces: straight on, and pushed.
-            self.own[row] = (x - self.was[row]) + force[mat] * step * step / mass;
-            self.was[row] = x;
+            self.own[row] = (x - self.previous[row]) + force[mat] * step * step / mass;
+            self.previous[row] = x;
             if force[mat] != 0.0 {
                 self.impulses.push((own, force[mat] * step));
             }
@@ -185,7 +185,7 @@ impl Playing {
         if self.damped < 1.0 {
             self.integrator.slow_down(self.damped);
         }
-        self.integrator.step(&self.impulses, crew);
+        self.integrator.step(&self.impulses, team);
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.

@@ -1,6 +1,6 @@
 //! Room for the loops that evaluate laws.
 
-use super::halves::Halves;
+use super::mesh_partition::MeshPartition;
 use crate::law::Scratch;
 use crate::scheme::{Kind, Scheme};
 
@@ -13,7 +13,7 @@ pub(crate) struct Laws {
     /// Forces of one run of springs                      (longest fused run)
     pub(crate) room: Vec<f64>,
     /// The springs again, cut for some threads; where there is one, none.
-    pub(crate) halves: Option<Halves>,
+    pub(crate) mesh_partition: Option<MeshPartition>,
     /// One for each law                                  (n_laws)
     pub(crate) scratch: Vec<Scratch>,
     /// For native code, which all laws share            (largest)
@@ -27,7 +27,7 @@ impl Laws {
             e: Vec::new(),
             v: Vec::new(),
             room: vec![0.0; scheme.fused.iter().map(|run| run.len).max().unwrap_or(0)],
-            halves: None,
+            mesh_partition: None,
             scratch: Vec::new(),
             native: Vec::new(),
         };

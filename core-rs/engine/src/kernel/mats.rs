@@ -2,8 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::crew::Crew;
-use super::halves::Halves;
+use super::thread_team::ThreadTeam;
+use super::mesh_partition::MeshPartition;
 use crate::maths::wide::wide;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
@@ -35,18 +35,18 @@ pub(crate) fn advance(
     scheme: &Scheme,
     targets: &mut [Target],
     body: &mut Body,
-    halves: Option<&Halves>,
-    crew: &mut Crew<'_>,
+    mesh_partition: Option<&MeshPartition>,
+    team: &mut ThreadTeam<'_>,
 ) -> bool {
     for target in &mut *targets {
-        target.was = body.x[target.mat];
+        target.previous = body.x[target.mat];
     }
-    let mut within = match halves {
-        Some(halves) => free_by(halves, crew, scheme, body),
+    let mut within = match mesh_partition {
+        Some(mesh_partition) => free_by(mesh_partition, team, scheme, body),
         None => free(scheme, body),
     };
     for target in targets {
-        body.d[target.mat] = target.x - target.was;
+        body.d[target.mat] = target.x - target.previous;
         body.x[target.mat] = target.x;
         within &= sound(target.x);
     }
@@ -56,26 +56,26 @@ pub(crate) fn advance(
 fn free(scheme: &Scheme, body: &mut Body) -> bool {
     let numbers = scheme.ties();
     let Body { x, d, force, .. } = body;
-    if let Some(was) = &mut body.was {
-        was.turn(x, d);
-        return move_from(numbers, force, [&was.x, &was.d], x, d);
+    if let Some(previous) = &mut body.previous {
+        previous.swap(x, d);
+        return move_from(numbers, force, [&previous.x, &previous.d], x, d);
     }
     move_all(numbers, force, x, d)
 }
 
 /// The same, every range of MATs by one of a crew.
-fn free_by(halves: &Halves, crew: &mut Crew<'_>, scheme: &Scheme, body: &mut Body) -> bool {
+fn free_by(mesh_partition: &MeshPartition, team: &mut ThreadTeam<'_>, scheme: &Scheme, body: &mut Body) -> bool {
     let numbers = scheme.ties();
     let Body { x, d, force, .. } = body;
-    if let Some(was) = &mut body.was {
-        was.turn(x, d);
+    if let Some(previous) = &mut body.previous {
+        previous.swap(x, d);
     }
-    let was = body.was.as_deref();
+    let previous = body.previous.as_deref();
     let within = AtomicBool::new(true);
-    halves.ranges(crew, [x, d], |mats, [x, d]| {
+    mesh_partition.ranges(team, [x, d], |mats, [x, d]| {
         let (numbers, force) = (numbers.map(|all| &all[mats.clone()]), &force[mats.clone()]);
-        let is_within = match was {
-            Some(was) => move_from(numbers, force, [&was.x[mats.clone()], &was.d[mats]], x, d),
+        let is_within = match previous {
+            Some(previous) => move_from(numbers, force, [&previous.x[mats.clone()], &previous.d[mats]], x, d),
             None => move_all(numbers, force, x, d),
         };
         if !is_within {
@@ -118,13 +118,13 @@ wide! {
     ) -> bool {
         let n = force.len();
         let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
-        let [was, by] = from.map(|from| &from[..n]);
+        let [previous, by] = from.map(|from| &from[..n]);
         let (x, d) = (&mut x[..n], &mut d[..n]);
         let mut bad = 0_u64;
         for i in 0..n {
-            let step = force[i] * w[i] - kappa[i] * (was[i] - rest[i]) - zeta[i] * by[i];
+            let step = force[i] * w[i] - kappa[i] * (previous[i] - rest[i]) - zeta[i] * by[i];
             d[i] = by[i] + step;
-            x[i] = was[i] + d[i];
+            x[i] = previous[i] + d[i];
             bad |= u64::from(!sound(x[i]));
         }
         bad == 0

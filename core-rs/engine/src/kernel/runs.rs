@@ -2,7 +2,7 @@
 //! although a mesh's runs overlap themselves.
 
 use super::Laws;
-use super::crew::Crew;
+use super::thread_team::ThreadTeam;
 use super::springs;
 use crate::law::Hardening;
 use crate::maths::power_law;
@@ -17,12 +17,12 @@ pub(crate) fn links(
     gates: &[f64],
     body: &mut Body,
     laws: &mut Laws,
-    crew: &mut Crew<'_>,
+    team: &mut ThreadTeam<'_>,
 ) {
     body.outside.fill(0.0);
     let Body { x, d, force, .. } = body;
-    if let Some(halves) = &mut laws.halves {
-        halves.forces(crew, force, |springs, room, force| {
+    if let Some(mesh_partition) = &mut laws.mesh_partition {
+        mesh_partition.forces(team, force, |springs, room, force| {
             springs::total(springs, x, d, room, force);
         });
     } else {

@@ -259,7 +259,7 @@ impl Maker<'_> {
             row.stays = told(&stay, row);
         }
         self.plan.stay.extend(stay);
-        self.plan.units.push(Unit::Isle(Box::new(isle)));
+        self.plan.units.push(Unit::IslandPlan(Box::new(isle)));
         Ok(())
     }
 

@@ -14,7 +14,7 @@ use crate::spectrum;
 
 /// How sure a certificate is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Word {
+pub enum StabilityGuarantee {
     /// The scheme cannot diverge.
     Proved,
     /// Each state of the contacts is stable; a law may stiffen, which is watched at every step.
@@ -42,7 +42,7 @@ pub struct Certificate {
     /// How it was found.
     pub means: Means,
     /// What it is worth.
-    pub word: Word,
+    pub word: StabilityGuarantee,
 }
 
 impl Certificate {
@@ -183,9 +183,9 @@ fn by_eigenvalue(scheme: &Scheme, c: f64, weights: &[f64]) -> Top {
 
 pub(super) fn certify(scheme: &Scheme, network: &Network) -> Result<Certificate, Error> {
     let word = if scheme.linear {
-        Word::Proved
+        StabilityGuarantee::Proved
     } else {
-        Word::Guarded
+        StabilityGuarantee::Guarded
     };
     let top = top(scheme, network, 2.0, BORDER)?;
     if top.lambda < BORDER {

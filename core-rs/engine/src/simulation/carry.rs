@@ -11,7 +11,7 @@ use super::side::{At, Side, Spot, others, spots};
 use crate::bank::are_same;
 use crate::island::Through;
 use crate::network::Network;
-use crate::plan::{Isle, Plan, Sight};
+use crate::plan::{IslandPlan, Plan, Sight};
 use crate::timeline::DriveKind;
 
 /// What a simulation takes over from another, piece by piece.
@@ -69,7 +69,7 @@ impl Carry {
             vec![false; there.islands.len()],
             vec![false; here.islands.len()],
         ];
-        let first = |isle: &Isle| isle.network.mat_name(0);
+        let first = |isle: &IslandPlan| isle.network.mat_name(0);
         let by_name: HashMap<String, usize> = {
             let all = there.islands.iter().enumerate();
             all.map(|(at, (_, _, isle))| (first(isle), at)).collect()
@@ -220,8 +220,8 @@ impl Carry {
 }
 
 /// Whether one island can go on as another stands, to the last bit.
-fn are_same_isles(isle: &Isle, other: &Isle) -> bool {
-    let imposed = |isle: &Isle| -> Vec<usize> {
+fn are_same_isles(isle: &IslandPlan, other: &IslandPlan) -> bool {
+    let imposed = |isle: &IslandPlan| -> Vec<usize> {
         let drives = isle.timeline.drives.iter();
         let paths = drives.filter(|drive| drive.kind == DriveKind::Position);
         paths.map(|drive| drive.mat).collect()

@@ -6,10 +6,10 @@ use super::carry::Carry;
 use super::side::{At, Side};
 use crate::island::hand::voice::{Heir, shared};
 use crate::island::{Island, Through};
-use crate::plan::Isle;
+use crate::plan::IslandPlan;
 
 /// A voice of an island that is known.
-type Known<'a> = (At, &'a Island, &'a Isle, usize);
+type Known<'a> = (At, &'a Island, &'a IslandPlan, usize);
 
 impl Carry {
     /// Voices by the MATs that they strike, with their gestures' reports.
@@ -102,7 +102,7 @@ impl Carry {
             }
         }
         let has_link = |name: &str| {
-            let of = |(at, isle): (At, &Isle)| {
+            let of = |(at, isle): (At, &IslandPlan)| {
                 let runs = isle.network.runs().iter();
                 let mut names = runs.map(|run| isle.network.link_name(run.first));
                 names.any(|own| own == name).then_some(at)

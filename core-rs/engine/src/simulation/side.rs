@@ -3,7 +3,7 @@
 use super::{Playing, Simulation};
 use crate::island::Island;
 use crate::network::Network;
-use crate::plan::{Isle, Unit};
+use crate::plan::{IslandPlan, Unit};
 
 /// Group of a simulation, and unit in it.
 pub(super) type At = (usize, usize);
@@ -23,7 +23,7 @@ pub(super) enum Spot {
 pub(super) struct Side<'a> {
     pub(super) network: &'a Network,
     pub(super) rate: crate::units::Rate,
-    pub(super) islands: Vec<(At, &'a Island, &'a Isle)>,
+    pub(super) islands: Vec<(At, &'a Island, &'a IslandPlan)>,
     pub(super) banks: Vec<(At, &'a crate::plan::BankPlan)>,
 }
 
@@ -40,11 +40,11 @@ impl<'a> Side<'a> {
             let units = group.units.iter().zip(&plan.units[group.first..]);
             for (u, pair) in units.enumerate() {
                 match pair {
-                    (Playing::Island(island), Unit::Isle(isle)) => {
+                    (Playing::Island(island), Unit::IslandPlan(isle)) => {
                         side.islands.push(((g, u), island, isle));
                     }
                     (_, Unit::Bank(bank)) => side.banks.push(((g, u), bank)),
-                    (Playing::Bank(_), Unit::Isle(_)) => {}
+                    (Playing::Bank(_), Unit::IslandPlan(_)) => {}
                 }
             }
         }

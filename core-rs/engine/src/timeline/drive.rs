@@ -80,7 +80,7 @@ impl Drive {
                 targets.push(Target {
                     mat: self.mat,
                     x,
-                    was: 0.0,
+                    previous: 0.0,
                 });
             }
         }

@@ -73,14 +73,14 @@ fn a_clone_is_a_snapshot() {
         let hard = if way == Way::Trapezoid { 0.0 } else { 2e12 };
         let network = hex(hard, Some(0.5));
         let mut it = by(&network, way, 2);
-        it.step(&[(165, 0.02)], &mut Crew::alone());
+        it.step(&[(165, 0.02)], &mut ThreadTeam::alone());
         for _ in 0..20 {
-            it.step(&[], &mut Crew::alone());
+            it.step(&[], &mut ThreadTeam::alone());
         }
         let mut copy = it.clone();
         for _ in 0..20 {
-            it.step(&[(3, 1e-3)], &mut Crew::alone());
-            copy.step(&[(3, 1e-3)], &mut Crew::alone());
+            it.step(&[(3, 1e-3)], &mut ThreadTeam::alone());
+            copy.step(&[(3, 1e-3)], &mut ThreadTeam::alone());
         }
         assert_eq!(it.positions(), copy.positions());
         assert!(it.sound() && it.energy() > 0.0);
@@ -111,10 +111,10 @@ fn a_crew_steps_the_same_bits() {
             let mut it = by(&network, way, 1);
             it.share(threads);
             assert_eq!(it.is_shared(), threads > 1);
-            crate::kernel::crew::flushed(|| {
-                Crew::with(threads, |crew| {
-                    it.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], crew);
-                    (0..15).for_each(|_| it.step(&[], crew));
+            crate::kernel::thread_team::flushed(|| {
+                ThreadTeam::with(threads, |team| {
+                    it.step(&[(700, 0.02), (1584, 0.03), (1585, -0.01)], team);
+                    (0..15).for_each(|_| it.step(&[], team));
                 });
             });
             let bits = it.positions().iter().map(|x| x.to_bits());

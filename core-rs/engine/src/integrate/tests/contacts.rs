@@ -64,11 +64,11 @@ fn power_laws_keep_or_lose_energy() {
         let good = errors.iter().zip(most).all(|(error, most)| *error < most);
         assert!(good, "{errors:?}");
         let mut it = by(&network, Way::Ieq, 1);
-        it.step(&[], &mut Crew::alone());
+        it.step(&[], &mut ThreadTeam::alone());
         let start = it.energy();
         let mut last = start;
         for _ in 0..3000 {
-            it.step(&[], &mut Crew::alone());
+            it.step(&[], &mut ThreadTeam::alone());
             assert!(it.energy() <= last * (1.0 + 1e-14));
             last = it.energy();
         }

@@ -13,11 +13,11 @@ fn cost(network: &Network, way: Way, frames: u32) -> f64 {
         let mut it = by(network, way, 1);
         it.step(
             &[(centre, 2.0 * network.mats().m[centre])],
-            &mut Crew::alone(),
+            &mut ThreadTeam::alone(),
         );
         let start = Instant::now();
         for _ in 0..frames {
-            it.step(&[], &mut Crew::alone());
+            it.step(&[], &mut ThreadTeam::alone());
         }
         best = best.min(start.elapsed().as_secs_f64() / f64::from(frames));
         assert!(it.sound());
@@ -45,12 +45,12 @@ fn shared(network: &Network, way: Way, threads: usize) -> f64 {
     let (mut best, frames) = (f64::INFINITY, 50);
     let mut it = by(network, way, 1);
     it.share(threads);
-    it.step(&[(network.centre(0), 1e-3)], &mut Crew::alone());
+    it.step(&[(network.centre(0), 1e-3)], &mut ThreadTeam::alone());
     let end = Instant::now() + Duration::from_millis(2_000);
-    Crew::with(threads, |crew| {
+    ThreadTeam::with(threads, |team| {
         while Instant::now() < end {
             let start = Instant::now();
-            (0..frames).for_each(|_| it.step(&[], crew));
+            (0..frames).for_each(|_| it.step(&[], team));
             best = best.min(start.elapsed().as_secs_f64() / f64::from(frames));
         }
     });

@@ -4,11 +4,11 @@ use super::*;
 
 /// Largest change of a method's energy after its first frames, relative; +∞ where it went unsound.
 fn drift(mut it: Integrator, frames: usize) -> f64 {
-    it.step(&[], &mut Crew::alone());
+    it.step(&[], &mut ThreadTeam::alone());
     let start = it.energy();
     let mut most = 0.0_f64;
     for _ in 0..frames {
-        it.step(&[], &mut Crew::alone());
+        it.step(&[], &mut ThreadTeam::alone());
         if !it.sound() {
             return f64::INFINITY;
         }
@@ -65,9 +65,9 @@ fn ledgers_close() {
         let network = row(20, 2e5, q, z);
         let links: Vec<(usize, usize)> = network.runs().iter().map(|run| (run.a, run.b)).collect();
         let mut it = by(&network, way, 1);
-        it.step(&[], &mut Crew::alone());
+        it.step(&[], &mut ThreadTeam::alone());
         let mut before = it.positions().to_vec();
-        it.step(&[], &mut Crew::alone());
+        it.step(&[], &mut ThreadTeam::alone());
         let mut now = it.positions().to_vec();
         let (mut injected, mut lost) = (0.0, 0.0);
         let start = it.energy();
@@ -75,7 +75,7 @@ fn ledgers_close() {
             let impulse = if n % 50 == 0 { 1e-3 } else { 0.0 };
             let mut v = [0.0];
             it.velocities(&[7], &mut v);
-            it.step(&[(7, impulse)], &mut Crew::alone());
+            it.step(&[(7, impulse)], &mut ThreadTeam::alone());
             let next = it.positions().to_vec();
             // IEQ sees a force and the damping over two frames, the trapezoid a jump and one.
             let (from, frames) = if way == Way::Ieq {
@@ -115,7 +115,7 @@ fn nothing_is_allocated() {
         assert_no_alloc(|| {
             for _ in 0..3 {
                 it.velocities(&[3, 165], &mut v);
-                it.step(&[(165, 1e-3)], &mut Crew::alone());
+                it.step(&[(165, 1e-3)], &mut ThreadTeam::alone());
                 assert!(it.energy() > 0.0);
             }
         });

@@ -32,10 +32,10 @@ fn an_undamped_gong_keeps_its_energy() {
         for v in [32.0, 64.0, 128.0, 256.0] {
             let put_in = 0.5 * EACH * v * v;
             let mut it = by(&network, way, 1);
-            it.step(&[(CENTRE, v * EACH)], &mut Crew::alone());
+            it.step(&[(CENTRE, v * EACH)], &mut ThreadTeam::alone());
             let (mut before, mut sum) = (it.positions().to_vec(), 0.0);
             for n in 0..4 * FRAMES {
-                it.step(&[], &mut Crew::alone());
+                it.step(&[], &mut ThreadTeam::alone());
                 assert!(it.sound(), "{way:?} {v}");
                 let both = energies(&network, it.positions(), &before);
                 assert!(
@@ -72,9 +72,9 @@ fn nothing_is_allocated_in_it() {
     let network = hex(1e13, Some(2.0));
     for way in [Way::Ca, Way::Ca2p] {
         let mut it = by(&network, way, 1);
-        it.step(&[(CENTRE, 64.0 * EACH)], &mut Crew::alone());
+        it.step(&[(CENTRE, 64.0 * EACH)], &mut ThreadTeam::alone());
         reset_violation_count();
-        assert_no_alloc(|| (0..200).for_each(|_| it.step(&[], &mut Crew::alone())));
+        assert_no_alloc(|| (0..200).for_each(|_| it.step(&[], &mut ThreadTeam::alone())));
         assert_eq!(violation_count(), 0, "{way:?}");
         assert!(it.told().is_some_and(|told| told.frames > 100));
     }

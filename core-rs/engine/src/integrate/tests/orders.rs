@@ -168,7 +168,7 @@ fn velocities() {
         for frame in 0..40 {
             let strikes = STRIKES.iter().filter(|strike| strike.0 == frame);
             let now: Vec<_> = strikes.map(|strike| (strike.1, strike.2)).collect();
-            it.step(&now, &mut Crew::alone());
+            it.step(&now, &mut ThreadTeam::alone());
         }
         let mut v = vec![0.0; 8];
         it.velocities(&mats, &mut v);

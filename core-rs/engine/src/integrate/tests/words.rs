@@ -3,7 +3,7 @@
 use super::*;
 use crate::law::LawText;
 use crate::network::{But, Contact, Side};
-use crate::scheme::Word;
+use crate::scheme::StabilityGuarantee;
 
 /// One mass of 1 kg on a link to a fixed point: λ is κ + c·ζ.
 fn one(kappa: f64, zeta: f64) -> Network {
@@ -16,7 +16,7 @@ fn one(kappa: f64, zeta: f64) -> Network {
     network
 }
 
-fn word(network: &Network, way: Way) -> Option<Word> {
+fn word(network: &Network, way: Way) -> Option<StabilityGuarantee> {
     certify(network, rate(), way, 1).ok().map(|it| it.word)
 }
 
@@ -31,9 +31,9 @@ fn borders_are_where_methods_break() {
     let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
     let most = super::super::way::BM4_LIMIT.powi(2);
     for (way, border, sure) in [
-        (Way::Ca, 4.0, Word::Proved),
-        (Way::Ca2p, 12.0, Word::Proved),
-        (Way::Bm4, most, Word::Tried),
+        (Way::Ca, 4.0, StabilityGuarantee::Proved),
+        (Way::Ca2p, 12.0, StabilityGuarantee::Proved),
+        (Way::Bm4, most, StabilityGuarantee::Tried),
     ] {
         assert_eq!(
             way.facts().limit.map(|limit| (limit * limit * 1e9).round()),
@@ -48,7 +48,7 @@ fn borders_are_where_methods_break() {
         assert!(certify(&above, rate(), way, 2).is_ok());
     }
     for way in [Way::Ieq, Way::Trapezoid] {
-        assert_eq!(word(&one(1e5, 1.0), way), Some(Word::Proved));
+        assert_eq!(word(&one(1e5, 1.0), way), Some(StabilityGuarantee::Proved));
         assert!(stays(&one(1e5, 0.0), way), "{way:?}");
     }
 }
@@ -56,17 +56,17 @@ fn borders_are_where_methods_break() {
 #[test]
 fn damping_makes_ca2p_tried() {
     for (kappa, zeta, expected) in [
-        (2.0, 0.5, Some(Word::Proved)),
-        (2.0, 1.0, Some(Word::Tried)),
+        (2.0, 0.5, Some(StabilityGuarantee::Proved)),
+        (2.0, 1.0, Some(StabilityGuarantee::Tried)),
         (2.0, 1.7, None),
-        (6.5, 0.1, Some(Word::Tried)),
+        (6.5, 0.1, Some(StabilityGuarantee::Tried)),
     ] {
         let network = one(kappa, zeta);
         assert_eq!(word(&network, Way::Ca2p), expected, "{kappa} {zeta}");
         assert!(expected.is_none() || stays(&network, Way::Ca2p));
     }
     // BM4's losses go by the midpoint rule.
-    for (zeta, expected) in [(4.9, Some(Word::Tried)), (9.0, None)] {
+    for (zeta, expected) in [(4.9, Some(StabilityGuarantee::Tried)), (9.0, None)] {
         let network = one(1e-3, zeta);
         assert_eq!(word(&network, Way::Bm4), expected, "{zeta}");
         assert_eq!(stays(&network, Way::Bm4), expected.is_some(), "{zeta}");
@@ -77,7 +77,7 @@ fn damping_makes_ca2p_tried() {
 fn links_that_harden_are_watched() {
     let network = hex(1e13, Some(2.0));
     let words = Way::ALL.map(|way| word(&network, way));
-    use Word::{Guarded, Proved, Tried};
+    use StabilityGuarantee::{Guarded, Proved, Tried};
     let expected = [
         Some(Guarded),
         Some(Guarded),
@@ -181,10 +181,10 @@ fn general_laws_are_stepped_like_springs() {
         assert!(by_points < f64::max(most, -95.0), "{way:?} {by_points}");
     }
     let mut undamped = by(&law("2e4*d + 1e11*d**3"), Way::Ieq, 1);
-    undamped.step(&[], &mut Crew::alone());
+    undamped.step(&[], &mut ThreadTeam::alone());
     let start = undamped.energy();
     for _ in 0..4000 {
-        undamped.step(&[], &mut Crew::alone());
+        undamped.step(&[], &mut ThreadTeam::alone());
     }
     let drift = undamped.energy() / start - 1.0;
     assert!(drift.abs() < 1e-12, "{drift:e}");

@@ -6,7 +6,7 @@ use crate::interrupt;
 use crate::island::slow::{self, Slow};
 use crate::kernel;
 use crate::kernel::Laws;
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
@@ -178,7 +178,7 @@ impl FreeKey {
         targets: &mut Vec<Target>,
     ) {
         let body = &mut motion.body;
-        kernel::links(&self.scheme, &[], body, laws, &mut Crew::alone());
+        kernel::links(&self.scheme, &[], body, laws, &mut ThreadTeam::alone());
         targets.clear();
         for drive in &self.drives {
             drive.apply(n, self.scheme.rate, body, targets);
@@ -207,7 +207,7 @@ impl FreeKey {
         room.targets.push(Target {
             mat: struck,
             x,
-            was: 0.0,
+            previous: 0.0,
         });
         kernel::contacts(scheme, &[], &room.targets, coast);
         kernel::needed(scheme, coast, struck, x)
@@ -230,7 +230,7 @@ impl FreeKey {
         body.force[self.struck] += force;
         kernel::contacts(&self.scheme, &[], targets, body);
         slow.iter_mut().for_each(|slow| slow.step(n, &body.force));
-        kernel::advance(&self.scheme, targets, body, None, &mut Crew::alone());
+        kernel::advance(&self.scheme, targets, body, None, &mut ThreadTeam::alone());
         slow.iter().for_each(|slow| slow.place(body));
     }
 

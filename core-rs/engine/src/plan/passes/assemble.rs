@@ -13,7 +13,7 @@ use crate::plan::passes::ported::{self, Cut, Found};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::Own;
 use crate::plan::passes::truncate::Kept;
-use crate::plan::{Isle, Whole};
+use crate::plan::{IslandPlan, Whole};
 use crate::scheme::{Certificate, Scheme};
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -21,7 +21,7 @@ use crate::units::Rate;
 /// An island that can be played.
 #[derive(Clone)]
 pub(in crate::plan) struct Assembled {
-    pub(in crate::plan) isle: Isle,
+    pub(in crate::plan) isle: IslandPlan,
     pub(in crate::plan) bodies: Vec<Found>,
     pub(in crate::plan) certificate: Certificate,
     /// Why a body goes by no modes.
@@ -72,7 +72,7 @@ impl Assembled {
             own: inner,
             bodies,
         } = cut;
-        let isle = Isle {
+        let isle = IslandPlan {
             to_whole: Whole {
                 mats: Some(through(&subset.mats, &hub.mats)),
                 outputs: Some(subset.outputs.clone()),

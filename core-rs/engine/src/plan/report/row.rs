@@ -8,7 +8,7 @@ use crate::plan::cost::{self, Costs};
 use crate::plan::passes::body::Body;
 use crate::plan::passes::islands::Island;
 use crate::plan::passes::ported::Found;
-use crate::scheme::{Certificate, Word};
+use crate::scheme::{Certificate, StabilityGuarantee};
 use crate::timeline::Timeline;
 
 /// Why something is not computed.
@@ -70,7 +70,7 @@ pub struct Row {
     /// Seconds of work for a second of sound, by the table of costs.
     pub cost: f64,
     /// Whether it can diverge; `None` where nothing is computed.
-    pub word: Option<Word>,
+    pub word: Option<StabilityGuarantee>,
     /// How often a frame it is stepped.
     pub times: u32,
     /// How often a step its contacts are computed while they may be closed.
@@ -123,7 +123,7 @@ impl Row {
     }
 
     /// What a second of sound costs, from nanoseconds a frame, and whether it can diverge.
-    fn costing(self, ns: f64, timeline: &Timeline, word: Word) -> Self {
+    fn costing(self, ns: f64, timeline: &Timeline, word: StabilityGuarantee) -> Self {
         Self {
             cost: cost::seconds(ns, timeline),
             word: Some(word),
@@ -178,7 +178,7 @@ impl Row {
             left_out: body.kept.left_out,
         };
         let ns = cost::bank_cost(&body.bank);
-        Self::of(&subset.network, what).costing(ns, timeline, Word::Proved)
+        Self::of(&subset.network, what).costing(ns, timeline, StabilityGuarantee::Proved)
     }
 
     /// All of a network.
@@ -206,20 +206,20 @@ pub(in crate::plan) fn cells(
             Row::new(vec![part.name.clone()], [count, 0], What::Oscillators).costing(
                 ns,
                 timeline,
-                Word::Proved,
+                StabilityGuarantee::Proved,
             )
         })
         .collect()
 }
 
 /// What is sure of a body: modes cannot diverge, but what pushes them may.
-fn word(inside: &Inside) -> Word {
+fn word(inside: &Inside) -> StabilityGuarantee {
     match inside {
         // Of a slow body the whole island's certificate tells.
-        Inside::Modal(_) | Inside::Slow(_) => Word::Guarded,
+        Inside::Modal(_) | Inside::Slow(_) => StabilityGuarantee::Guarded,
         Inside::Mesh(mesh) => {
             let found = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
-            found.map_or(Word::Tried, |found| found.word)
+            found.map_or(StabilityGuarantee::Tried, |found| found.word)
         }
     }
 }

@@ -8,7 +8,7 @@
 use crate::island::inside::Inside;
 use crate::maths::{log10, sqrt};
 use crate::network::{Error, LinkKind, Network};
-use crate::plan::Isle;
+use crate::plan::IslandPlan;
 use crate::plan::trial::take::{LOOK, Take, nudged};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::{ORDERS, Spans, errors};
@@ -174,7 +174,7 @@ impl Pair<'_> {
     /// finer steps bring takes together.
     pub(in crate::plan) fn parting(
         &self,
-        isle: &Isle,
+        isle: &IslandPlan,
         steps: usize,
     ) -> Result<Option<Parting>, Error> {
         if self.take.is_lost || self.parts_at().is_none() || is_linear(isle) {
@@ -214,7 +214,7 @@ impl Pair<'_> {
     }
 
     /// How far a nudge has the take from itself, stretch by stretch.
-    fn nudge(&self, isle: &Isle, steps: usize) -> Result<Vec<Option<f64>>, Error> {
+    fn nudge(&self, isle: &IslandPlan, steps: usize) -> Result<Vec<Option<f64>>, Error> {
         let n_frames = self.take.sound.len() / self.spans.n_out.max(1);
         let from = self.stretches.start().next_multiple_of(LOOK);
         let nudged = nudged(isle, steps, n_frames, (from, 1.0 - NUDGE))?;
@@ -281,7 +281,7 @@ impl Parting {
     }
 }
 
-fn is_linear(isle: &Isle) -> bool {
+fn is_linear(isle: &IslandPlan) -> bool {
     let is_linear = |network: &Network| {
         network
             .runs()

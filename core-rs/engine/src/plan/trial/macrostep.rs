@@ -9,7 +9,7 @@ use crate::interrupt;
 use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::island::slow::{Playing, Slow};
-use crate::plan::Isle;
+use crate::plan::IslandPlan;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
@@ -39,7 +39,7 @@ impl Growth {
 }
 
 /// How much an island grows, with its contacts open or closed.
-pub(in crate::plan) fn growth(isle: &Isle) -> Growth {
+pub(in crate::plan) fn growth(isle: &IslandPlan) -> Growth {
     let mut found = Growth {
         radius: 0.0,
         is_tried: false,
@@ -89,7 +89,7 @@ struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
-    fn new(isle: &'a Isle, closed: bool) -> Option<Self> {
+    fn new(isle: &'a IslandPlan, closed: bool) -> Option<Self> {
         let scheme = Scheme::new(&isle.network, isle.timeline.rate).ok()?;
         let links = scheme
             .runs

@@ -16,7 +16,7 @@ use crate::plan::report::row::Measured;
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::take::{is_worth, length, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
-use crate::scheme::Word;
+use crate::scheme::StabilityGuarantee;
 
 /// A key is made slow where its modes turn by so much from kick to kick at most [rad]: R·√λ ≤ 1, R half of what its
 /// own stability would bear. In undamped scans none such grew.
@@ -164,6 +164,6 @@ pub(in crate::plan) fn error(
 }
 
 /// How sure a certificate is of an island whose other links say `word`.
-pub(in crate::plan) fn word(growth: Growth, word: Word) -> Word {
-    if growth.is_tried { Word::Tried } else { word }
+pub(in crate::plan) fn word(growth: Growth, word: StabilityGuarantee) -> StabilityGuarantee {
+    if growth.is_tried { StabilityGuarantee::Tried } else { word }
 }

@@ -8,7 +8,7 @@ use std::cell::OnceCell;
 
 use crate::island::inside::Inside;
 use crate::network::{Error, LinkKind, Run};
-use crate::plan::Isle;
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::assemble::Assembled;
@@ -161,7 +161,7 @@ struct Contacts {
 }
 
 fn contacts(
-    isle: &Isle,
+    isle: &IslandPlan,
     budget: &Budget,
     n_frames: usize,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),

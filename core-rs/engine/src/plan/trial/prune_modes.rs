@@ -4,7 +4,7 @@ use crate::island::inside::Inside;
 use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};
-use crate::plan::Isle;
+use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::truncate::{Kept, choose};
@@ -70,7 +70,7 @@ pub(in crate::plan) fn fewer(
 }
 
 /// The modes of a body that its outputs hear and its ports feel.
-fn keep(isle: &Isle, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> Kept {
+fn keep(isle: &IslandPlan, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> Kept {
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();
@@ -120,7 +120,7 @@ fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].
-fn stiffest(isle: &Isle, mat: usize) -> f64 {
+fn stiffest(isle: &IslandPlan, mat: usize) -> f64 {
     let runs = isle.network.runs().iter();
     let on = runs.filter(|run| {
         [run.a, run.b]

@@ -1,9 +1,9 @@
 //! Playing the beginning of an island, and for how long that is worth it.
 
 use crate::island::{Island, OnFault, Options};
-use crate::kernel::crew::Crew;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::{Isle, cost};
+use crate::plan::{IslandPlan, cost};
 
 /// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
 pub(in crate::plan) const AFTER: f64 = 0.3;
@@ -26,17 +26,17 @@ pub(in crate::plan) struct Take {
 }
 
 /// Seconds of work for a frame, by the table of costs.
-fn work(isle: &Isle) -> f64 {
+fn work(isle: &IslandPlan) -> f64 {
     let bodies: f64 = isle.bodies.iter().map(cost::body_cost).sum();
     1e-9 * f64::from(isle.times) * (cost::stepped_cost(&isle.network, &isle.timeline) + bodies)
 }
 
-pub(in crate::plan) fn is_worth(isle: &Isle, n_frames: usize) -> bool {
+pub(in crate::plan) fn is_worth(isle: &IslandPlan, n_frames: usize) -> bool {
     work(isle) * n_frames as f64 <= WORTH
 }
 
 /// How many frames a pilot takes; 0 where it would take long.
-pub(in crate::plan) fn length(isle: &Isle) -> Result<usize, Error> {
+pub(in crate::plan) fn length(isle: &IslandPlan) -> Result<usize, Error> {
     let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
     let most = ((WORTH / work(isle)) as usize).min((LONGEST * rate) as usize);
     let after = (AFTER * rate) as usize;
@@ -45,7 +45,7 @@ pub(in crate::plan) fn length(isle: &Isle) -> Result<usize, Error> {
         let mut sound = vec![0.0; LOOK * island.n_out()];
         for at in (0..most).step_by(LOOK) {
             // Faults are muted: a pilot says nothing of them.
-            let _ = island.process(&mut sound, LOOK, &mut Crew::alone());
+            let _ = island.process(&mut sound, LOOK, &mut ThreadTeam::alone());
             if island.has_touched() {
                 return Ok((at + after).min(most));
             }
@@ -68,7 +68,7 @@ pub(in crate::plan) fn length(isle: &Isle) -> Result<usize, Error> {
     Ok(if n_frames <= most { n_frames } else { 0 })
 }
 
-fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
+fn island(isle: &IslandPlan, steps: usize) -> Result<Island, Error> {
     let options = Options {
         ledger: false,
         record: false,
@@ -85,13 +85,13 @@ fn island(isle: &Isle, steps: usize) -> Result<Island, Error> {
     )
 }
 
-pub(in crate::plan) fn play(isle: &Isle, steps: usize, n_frames: usize) -> Result<Take, Error> {
+pub(in crate::plan) fn play(isle: &IslandPlan, steps: usize, n_frames: usize) -> Result<Take, Error> {
     nudged(isle, steps, n_frames, (n_frames, 1.0))
 }
 
 /// The same, with all speeds so many times as large at each step of a block.
 pub(in crate::plan) fn nudged(
-    isle: &Isle,
+    isle: &IslandPlan,
     steps: usize,
     n_frames: usize,
     (block, by): (usize, f64),
@@ -110,7 +110,7 @@ pub(in crate::plan) fn nudged(
         } else if at * LOOK == block + LOOK {
             island.damp(1.0);
         }
-        let _ = island.process(sound, sound.len() / n_out.max(1), &mut Crew::alone());
+        let _ = island.process(sound, sound.len() / n_out.max(1), &mut ThreadTeam::alone());
         island.squares(&mut squares);
     }
     Ok(Take {

@@ -1,7 +1,7 @@
 //! How far apart two takes of one beginning are, and what errors that tells.
 
 use crate::maths::{log10, pow, sqrt};
-use crate::plan::Isle;
+use crate::plan::IslandPlan;
 use crate::plan::trial::take::AFTER;
 
 /// Error of a contact falls with the square of the step at best, with its first power where damping jumps.
@@ -33,7 +33,7 @@ pub(in crate::plan) struct Spans {
 }
 
 impl Spans {
-    pub(in crate::plan) fn of(isle: &Isle, n_frames: usize) -> Self {
+    pub(in crate::plan) fn of(isle: &IslandPlan, n_frames: usize) -> Self {
         let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
         let third = (AFTER / 3.0 * rate) as usize;
         Self {

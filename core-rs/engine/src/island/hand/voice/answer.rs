@@ -55,7 +55,7 @@ impl Voice {
             scene.targets.push(Target {
                 mat: script.struck,
                 x: *x,
-                was: 0.0,
+                previous: 0.0,
             });
             self.held = Some(Held {
                 gesture: index,

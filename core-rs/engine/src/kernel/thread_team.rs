@@ -15,7 +15,7 @@ use std::thread::{Builder, scope, yield_now};
 const LOOKS: u32 = 1_000;
 
 /// A leader and its helpers, or a leader alone.
-pub(crate) struct Crew<'a>(Option<&'a Hall>);
+pub(crate) struct ThreadTeam<'a>(Option<&'a Hall>);
 
 /// Where they meet.
 #[derive(Default)]
@@ -44,16 +44,16 @@ fn parts(state: u64) -> (u64, u64) {
     (state >> BITS & MASK, state & MASK)
 }
 
-impl Crew<'_> {
+impl ThreadTeam<'_> {
     /// A leader alone.
     pub(crate) const fn alone() -> Self {
         Self(None)
     }
 
     /// Run with a crew of so many threads, this one among them, or as many as can be had.
-    pub(crate) fn with<R>(threads: usize, run: impl FnOnce(&mut Crew<'_>) -> R) -> R {
+    pub(crate) fn with<R>(threads: usize, run: impl FnOnce(&mut ThreadTeam<'_>) -> R) -> R {
         if threads < 2 {
-            return run(&mut Crew::alone());
+            return run(&mut ThreadTeam::alone());
         }
         let hall = Hall::default();
         scope(|scope| {
@@ -64,7 +64,7 @@ impl Crew<'_> {
                 // One that cannot be had is one fewer.
                 let _ = Builder::new().spawn_scoped(scope, || flushed(|| hall.help()));
             }
-            run(&mut Crew(Some(hall)))
+            run(&mut ThreadTeam(Some(hall)))
         })
     }
 
@@ -215,9 +215,9 @@ mod tests {
     fn every_part_is_done_once_a_round() {
         for threads in 1..=4 {
             let mut parts = [0_u64; 5];
-            Crew::with(threads, |crew| {
+            ThreadTeam::with(threads, |team| {
                 for round in 0..2_000 {
-                    crew.each(&mut parts, |part| *part += 1);
+                    team.each(&mut parts, |part| *part += 1);
                     assert_eq!(*parts.iter().max().unwrap(), round + 1);
                 }
             });
@@ -230,9 +230,9 @@ mod tests {
         for bad in 0..3 {
             let mut parts = [0, 1, 2];
             let end = catch_unwind(AssertUnwindSafe(|| {
-                Crew::with(3, |crew| {
-                    crew.each(&mut parts, |part| assert_ne!(*part, bad));
-                    crew.each(&mut parts, |part| *part += 10);
+                ThreadTeam::with(3, |team| {
+                    team.each(&mut parts, |part| assert_ne!(*part, bad));
+                    team.each(&mut parts, |part| *part += 10);
                 });
             }));
             assert!(end.is_err(), "{bad}");

@@ -6,7 +6,7 @@
 use std::mem::take;
 use std::ops::Range;
 
-use super::crew::Crew;
+use super::thread_team::ThreadTeam;
 use crate::scheme::{Pull, Spring};
 
 /// Ranges at most.
@@ -17,7 +17,7 @@ pub(crate) const LEAST: usize = 1_000;
 
 /// The ranges of a mesh, in order.
 #[derive(Clone, Debug)]
-pub(crate) struct Halves(Vec<Half>);
+pub(crate) struct MeshPartition(Vec<Half>);
 
 /// MATs, and their part of what is changed.
 type Part<'a, const N: usize> = (Range<usize>, [&'a mut [f64]; N]);
@@ -32,7 +32,7 @@ struct Half {
     room: Vec<f64>,
 }
 
-impl Halves {
+impl MeshPartition {
     /// A mesh cut for so many threads; `None` where it is too small to gain by that.
     pub(crate) fn of(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
         let parts = threads.min(n_mat / LEAST).min(MOST);
@@ -49,15 +49,15 @@ impl Halves {
             }
         }
         let all: usize = work.iter().sum();
-        let (mut halves, mut done, mut first) = (Vec::new(), 0, 0);
+        let (mut mesh_partition, mut done, mut first) = (Vec::new(), 0, 0);
         for (mat, work) in work.iter().enumerate() {
             done += work;
-            if done * parts >= all * (halves.len() + 1) || mat + 1 == n_mat {
-                halves.push(Half::of(springs, first..mat + 1));
+            if done * parts >= all * (mesh_partition.len() + 1) || mat + 1 == n_mat {
+                mesh_partition.push(Half::of(springs, first..mat + 1));
                 first = mat + 1;
             }
         }
-        Self(halves)
+        Self(mesh_partition)
     }
 
     /// The same ranges, with other springs.
@@ -70,7 +70,7 @@ impl Halves {
     /// `work` on the springs of every range, with room, into its part of the forces, which start from 0 (n_mat).
     pub(crate) fn forces(
         &mut self,
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
         force: &mut [f64],
         work: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
@@ -80,7 +80,7 @@ impl Halves {
             let (own, others) = rest.split_at_mut(half.mats.len());
             (*part, rest) = (Some((half, own)), others);
         }
-        crew.each(&mut parts[..n], |part| {
+        team.each(&mut parts[..n], |part| {
             if let Some((Half { springs, room, .. }, force)) = part {
                 force.fill(0.0);
                 work(springs, room, force);
@@ -91,7 +91,7 @@ impl Halves {
     /// `work` on every range of MATs and its part of what is changed   (n_mat each).
     pub(crate) fn ranges<const N: usize>(
         &self,
-        crew: &mut Crew<'_>,
+        team: &mut ThreadTeam<'_>,
         mut changed: [&mut [f64]; N],
         work: impl Fn(Range<usize>, [&mut [f64]; N]) + Sync,
     ) {
@@ -105,7 +105,7 @@ impl Halves {
             });
             *part = Some((half.mats.clone(), own));
         }
-        crew.each(&mut parts[..n], |part| {
+        team.each(&mut parts[..n], |part| {
             if let Some((mats, own)) = part {
                 work(mats.clone(), own.each_mut().map(|own| &mut **own));
             }
@@ -195,11 +195,11 @@ mod tests {
             let (mut whole, mut room) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
             total(&springs, &x, &v, &mut room, &mut whole);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (MOST, 1)] {
-                let mut halves = Halves::cut(&springs, N_MAT, parts);
-                assert!(halves.0.len() > 1);
+                let mut mesh_partition = MeshPartition::cut(&springs, N_MAT, parts);
+                assert!(mesh_partition.0.len() > 1);
                 let mut found = vec![f64::NAN; N_MAT];
-                Crew::with(threads, |crew| {
-                    halves.forces(crew, &mut found, |springs, room, force| {
+                ThreadTeam::with(threads, |team| {
+                    mesh_partition.forces(team, &mut found, |springs, room, force| {
                         total(springs, &x, &v, room, force);
                     });
                 });
@@ -212,11 +212,11 @@ mod tests {
     #[test]
     fn ranges_are_all_mats_in_order() {
         for parts in 2..=MOST {
-            let halves = Halves::cut(&springs(3), N_MAT, parts);
-            assert!(halves.0.len() <= parts);
+            let mesh_partition = MeshPartition::cut(&springs(3), N_MAT, parts);
+            assert!(mesh_partition.0.len() <= parts);
             let (mut x, mut seen) = (vec![0.0; N_MAT], vec![0.0; N_MAT]);
-            halves.ranges(
-                &mut Crew::alone(),
+            mesh_partition.ranges(
+                &mut ThreadTeam::alone(),
                 [&mut x, &mut seen],
                 |mats, [x, seen]| {
                     seen.iter_mut().for_each(|seen| *seen += 1.0);
