@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::plan::{self, Budget, Measured, Reason, Told, What};
+use ergon_engine::plan::{self, Budget, CachedReport, Computed, Measured, Reason};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
@@ -117,8 +117,8 @@ fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
     }
 }
 
-fn said((db, over, spectral, left_out, because): Said) -> Told {
-    Told {
+fn said((db, over, spectral, left_out, because): Said) -> CachedReport {
+    CachedReport {
         error: db
             .zip(over)
             .map(|(db, over)| Measured { db, over, spectral }),
@@ -186,13 +186,13 @@ pub(crate) struct PlanRow {
 impl PlanRow {
     fn of(row: &plan::Row) -> Self {
         let (what, modes, left_out_db) = match row.what {
-            What::Stepped => ("stepped", None, None),
-            What::Mesh(way, _) => (way, None, None),
-            What::Slow(_) => ("e4", None, None),
-            What::Oscillators => ("oscillators", None, None),
-            What::Modes { of, kept, left_out } => ("modes", Some((kept, of)), left_out),
-            What::LeftOut(Reason::Unheard) => ("unheard", None, None),
-            What::LeftOut(Reason::Still) => ("still", None, None),
+            Computed::Stepped => ("stepped", None, None),
+            Computed::Mesh(way, _) => (way, None, None),
+            Computed::Slow(_) => ("e4", None, None),
+            Computed::Oscillators => ("oscillators", None, None),
+            Computed::Modes { of, kept, left_out } => ("modes", Some((kept, of)), left_out),
+            Computed::LeftOut(Reason::Unheard) => ("unheard", None, None),
+            Computed::LeftOut(Reason::Still) => ("still", None, None),
         };
         Self {
             parts: row.parts.clone(),
@@ -202,7 +202,7 @@ impl PlanRow {
             modes,
             left_out_db,
             times: match row.what {
-                What::Mesh(_, substeps) => row.times * substeps,
+                Computed::Mesh(_, substeps) => row.times * substeps,
                 _ => row.times,
             },
             steps: row.steps,
@@ -218,7 +218,7 @@ impl PlanRow {
             because: row.because.clone(),
             // At a multiple of the rate as many more steps make the same time.
             every: match row.what {
-                What::Slow(every) => Some(every / row.times.max(1)),
+                Computed::Slow(every) => Some(every / row.times.max(1)),
                 _ => None,
             },
             radius: row.radius,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::chance::Chance;
 use ergon_engine::gesture::script::{Gesture, Manner};
-use ergon_engine::gesture::written::{Way, Written};
+use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network;
 use ergon_engine::timeline::{self, Rain, Source};
 use numpy::PyReadonlyArray1;
@@ -67,7 +67,7 @@ impl Timeline {
         let way = curve
             .iter()
             .map(|curve| word("curve", curve, &words::WAYS))
-            .collect::<PyResult<Vec<Way>>>()?;
+            .collect::<PyResult<Vec<Approach>>>()?;
         let written = Written {
             t: &t,
             x: &x,

@@ -3,7 +3,7 @@
 use ergon_engine::generator::{Ends, Place, Rim, Shape, Spread};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Touch};
-use ergon_engine::gesture::written::Way;
+use ergon_engine::gesture::written::Approach;
 use ergon_engine::network::{Contact, Side};
 use ergon_engine::plan::Method;
 use ergon_engine::simulation::OnFault;
@@ -27,11 +27,11 @@ pub(crate) const CONTACTS: Words<Contact, 3> = [
     ("exact", Contact::Exact),
     ("magic", Contact::Magic),
 ];
-pub(crate) const WAYS: Words<Way, 4> = [
-    ("smooth", Way::Path(Curve::Smooth)),
-    ("line", Way::Path(Curve::Line)),
-    ("hold", Way::Path(Curve::Hold)),
-    ("throw", Way::Throw),
+pub(crate) const WAYS: Words<Approach, 4> = [
+    ("smooth", Approach::Path(Curve::Smooth)),
+    ("line", Approach::Path(Curve::Line)),
+    ("hold", Approach::Path(Curve::Hold)),
+    ("throw", Approach::Throw),
 ];
 pub(crate) const TOUCHES: Words<Touch, 2> = [("open", Touch::Open), ("tracked", Touch::Tracked)];
 pub(crate) const ERGONS: Words<Ergons, 2> =

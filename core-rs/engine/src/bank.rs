@@ -33,12 +33,12 @@ pub(crate) struct Oscillator {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Blow {
     pub(crate) frame: u64,
-    pub(crate) what: What,
+    pub(crate) kick: Kick,
 }
 
 /// How much.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum What {
+pub(crate) enum Kick {
     /// So far [m].
     By(f64),
     /// What an ergon of a mass and speed gives, by the velocity that it meets; and T²/m of the struck.
@@ -64,12 +64,12 @@ pub(crate) struct Strikes {
 #[derive(Clone, Copy, Debug)]
 struct Event {
     frame: u64,
-    lanes: On,
+    lanes: Target,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum On {
-    Lane(u32, What),
+enum Target {
+    Lane(u32, Kick),
     /// Index of the strikes, of the blow among them; whether it is the second step of two.
     Group(u32, u32, bool),
 }
@@ -325,9 +325,9 @@ fn faint(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
         _ => 1.0,
     };
     let own = oscillators.iter().map(|own| {
-        let blows = own.blows.iter().map(|blow| match blow.what {
-            What::By(x) => x.abs(),
-            What::Ergon { .. } => 0.0,
+        let blows = own.blows.iter().map(|blow| match blow.kick {
+            Kick::By(x) => x.abs(),
+            Kick::Ergon { .. } => 0.0,
         });
         let start = Some(amplitude(own.a, own.b, own.now, own.before)).filter(|x| x.is_finite());
         blows.fold(start.unwrap_or(0.0), f64::max) * scale(own)
@@ -376,7 +376,7 @@ impl Script {
             for blow in &oscillators[member].blows {
                 events.push(Event {
                     frame: blow.frame,
-                    lanes: On::Lane(lane as u32, blow.what),
+                    lanes: Target::Lane(lane as u32, blow.kick),
                 });
             }
         }
@@ -409,7 +409,7 @@ impl Script {
                     for &second in steps {
                         self.events[group as usize].push(Event {
                             frame: frame + u64::from(second),
-                            lanes: On::Group(index as u32, blow as u32, second),
+                            lanes: Target::Group(index as u32, blow as u32, second),
                         });
                     }
                 }
@@ -424,11 +424,11 @@ impl Script {
     fn add(&self, group: usize, motion: &Motion, event: &Event, added: &mut Lanes) {
         let scales = &self.scales[group].0;
         match event.lanes {
-            On::Lane(lane, What::By(x)) => {
+            Target::Lane(lane, Kick::By(x)) => {
                 let lane = lane as usize;
                 added.0[lane] += scales[lane] * x;
             }
-            On::Lane(lane, What::Ergon { mass, speed, w }) => {
+            Target::Lane(lane, Kick::Ergon { mass, speed, w }) => {
                 let lane = lane as usize;
                 let rates = &self.rates[group];
                 let (now, before) = (motion.now.0[lane], motion.before.0[lane]);
@@ -438,7 +438,7 @@ impl Script {
                 let impulse = 2.0 * mass * struck / (mass + struck) * (speed - velocity);
                 added.0[lane] += scales[lane] * w * impulse * self.rate.hertz();
             }
-            On::Group(strikes, blow, second) => {
+            Target::Group(strikes, blow, second) => {
                 let strikes = &self.strikes[strikes as usize];
                 let (_, alpha, impulse) = strikes.blows[blow as usize];
                 let holds = &self.holds[group * LANES..(group + 1) * LANES];

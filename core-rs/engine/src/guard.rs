@@ -58,7 +58,7 @@ impl Limit {
 
 /// Frames that were computed finer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Told {
+pub(crate) struct FinerFrames {
     pub(crate) frames: u64,
     /// Steps in the finest.
     pub(crate) most: u32,
@@ -66,7 +66,7 @@ pub(crate) struct Told {
     pub(crate) mat: usize,
 }
 
-impl Told {
+impl FinerFrames {
     /// The same where a frame has so many steps, each of which may have been computed finer.
     pub(crate) fn by(self, steps: u32) -> Self {
         Self {
@@ -97,7 +97,7 @@ pub(crate) struct Guard {
     before: u32,
     /// For how many frames less would have done.
     calm: u32,
-    told: Told,
+    finer_frames: FinerFrames,
     /// By how much the last step of a finer frame was ahead of the frame's mean [m a frame]   (n_mat)
     lead: Vec<f64>,
     /// Where a frame began, and what acts in it from outside [N]   (n_mat each)
@@ -160,7 +160,7 @@ impl Guard {
             now: 1,
             before: 1,
             calm: 0,
-            told: Told::default(),
+            finer_frames: FinerFrames::default(),
             lead: zeros(),
             x: zeros(),
             d: zeros(),
@@ -181,8 +181,8 @@ impl Guard {
     }
 
     /// Frames that were computed finer so far, if any.
-    pub(crate) fn told(&self) -> Option<Told> {
-        (self.told.frames > 0).then_some(self.told)
+    pub(crate) fn finer_frames(&self) -> Option<FinerFrames> {
+        (self.finer_frames.frames > 0).then_some(self.finer_frames)
     }
 
     /// MATs that have nothing to do with links that stiffen go on as they did in the whole frame.
@@ -232,7 +232,7 @@ impl Guard {
         let (risen, mat) = self.look(x, w);
         let is_over = self.needs(risen) > 1;
         if is_over {
-            self.told.mat = mat;
+            self.finer_frames.mat = mat;
         }
         is_over
     }

@@ -15,26 +15,26 @@ pub(crate) mod flow;
 mod ieq;
 mod local;
 mod mesh;
+mod method;
 mod order;
 mod passes;
 pub(crate) mod square;
 mod trapezoid;
 mod watched;
-mod way;
 
 pub(crate) use certify::certify;
-pub(crate) use way::Way;
+pub(crate) use method::MeshMethod;
 
 use std::sync::Arc;
 
-use crate::guard::{Guard, Told};
+use crate::guard::{FinerFrames, Guard};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::units::Rate;
 use mesh::Mesh;
 
 /// What every method does.
-trait Method {
+trait Stepper {
     /// Go on one step of the mesh's rate; impulses [N·s] act at its beginning.
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>);
     /// Be ready for a crew of so many threads, where that gains anything.
@@ -76,7 +76,7 @@ enum Motion {
 }
 
 impl Motion {
-    fn method(&self) -> &dyn Method {
+    fn stepper(&self) -> &dyn Stepper {
         match self {
             Self::Ca(it) => &**it,
             Self::Ca2p(it) => it,
@@ -86,7 +86,7 @@ impl Motion {
         }
     }
 
-    fn method_mut(&mut self) -> &mut dyn Method {
+    fn stepper_mut(&mut self) -> &mut dyn Stepper {
         match self {
             Self::Ca(it) => &mut **it,
             Self::Ca2p(it) => it,
@@ -112,24 +112,24 @@ impl Integrator {
     pub(crate) fn new(
         network: &Network,
         rate: Rate,
-        way: Way,
+        way: MeshMethod,
         substeps: u32,
     ) -> Result<Self, Error> {
         let rate = faster(rate, substeps)?;
         let mesh = Arc::new(Mesh::new(network, rate, way)?);
         let motion = match way {
-            Way::Ca => Motion::Ca(Box::new(ca::Ca::new(mesh, network, rate)?)),
-            Way::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)?),
-            Way::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
-            Way::Ieq => Motion::Ieq(ieq::Ieq::new(mesh, network)?),
-            Way::Trapezoid => Motion::Trapezoid(trapezoid::Trapezoid::new(mesh, network)?),
+            MeshMethod::Ca => Motion::Ca(Box::new(ca::Ca::new(mesh, network, rate)?)),
+            MeshMethod::Ca2p => Motion::Ca2p(ca2p::Ca2p::new(mesh, network)?),
+            MeshMethod::Bm4 => Motion::Bm4(bm4::Bm4::new(mesh, network)),
+            MeshMethod::Ieq => Motion::Ieq(ieq::Ieq::new(mesh, network)?),
+            MeshMethod::Trapezoid => Motion::Trapezoid(trapezoid::Trapezoid::new(mesh, network)?),
         };
         Ok(Self { motion, substeps })
     }
 
     /// From frame n to n+1: impulses (MAT, [N·s]) act at the beginning of the frame.
     pub(crate) fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
-        let method = self.motion.method_mut();
+        let method = self.motion.stepper_mut();
         method.step(impulses, team);
         for _ in 1..self.substeps {
             method.step(&[], team);
@@ -138,7 +138,7 @@ impl Integrator {
 
     /// All it moves by is so many times as much.
     pub(crate) fn slow_down(&mut self, by: f64) {
-        let method = self.motion.method_mut();
+        let method = self.motion.stepper_mut();
         method.pace().iter_mut().for_each(|v| *v *= by);
         if let Some(guard) = method.guard_mut() {
             guard.slow_down(by);
@@ -147,7 +147,7 @@ impl Integrator {
 
     /// Where a MAT is, and its step in a frame [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
-        let method = self.motion.method();
+        let method = self.motion.stepper();
         (
             method.x()[mat],
             method.last_step(mat) * f64::from(self.substeps),
@@ -157,41 +157,41 @@ impl Integrator {
     /// Set a MAT going as it goes elsewhere; once all are, [`Integrator::settle`].
     pub(crate) fn put(&mut self, mat: usize, (x, step): (f64, f64)) {
         let step = step / f64::from(self.substeps);
-        self.motion.method_mut().put(mat, x, step);
+        self.motion.stepper_mut().put(mat, x, step);
     }
 
     /// All MATs are set.
     pub(crate) fn settle(&mut self) {
-        let method = self.motion.method_mut();
+        let method = self.motion.stepper_mut();
         method.guard_mut().into_iter().for_each(Guard::forget);
         method.settle();
     }
 
     /// Be ready for a crew of so many threads, where that gains anything; the bits stay the same.
     pub(crate) fn share(&mut self, threads: usize) {
-        self.motion.method_mut().share(threads);
+        self.motion.stepper_mut().share(threads);
     }
 
     /// Whether a crew can share its work.
     pub(crate) fn is_shared(&self) -> bool {
-        self.motion.method().is_shared()
+        self.motion.stepper().is_shared()
     }
 
     /// Frames that were computed finer, if any.
-    pub(crate) fn told(&self) -> Option<Told> {
-        let told = self.motion.method().guard()?.told()?;
-        Some(told.by(self.substeps))
+    pub(crate) fn finer_frames(&self) -> Option<FinerFrames> {
+        let finer_frames = self.motion.stepper().guard()?.finer_frames()?;
+        Some(finer_frames.by(self.substeps))
     }
 
     /// Positions at the frame [m], (n_mat).
     pub(crate) fn positions(&self) -> &[f64] {
-        self.motion.method().x()
+        self.motion.stepper().x()
     }
 
     /// Velocities [m/s] of some MATs at the frame, before its impulses, as well as the method knows them;
     /// `mats`, `out`: (n,).
     pub(crate) fn velocities(&self, mats: &[usize], out: &mut [f64]) {
-        let method = self.motion.method();
+        let method = self.motion.stepper();
         for (out, &mat) in out.iter_mut().zip(mats) {
             *out = method.velocity(mat);
         }
@@ -204,7 +204,7 @@ impl Integrator {
 
     /// The method's own energy [J]: constant without losses and impulses, as far as the method goes.
     pub(crate) fn energy(&self) -> f64 {
-        self.motion.method().energy()
+        self.motion.stepper().energy()
     }
 }
 

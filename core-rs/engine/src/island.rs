@@ -29,7 +29,7 @@ pub(crate) use record::{Stream, Taken};
 use std::sync::Arc;
 
 use crate::gesture::report::Report;
-use crate::guard::{self, Guard, Told};
+use crate::guard::{self, FinerFrames, Guard};
 use crate::interrupt;
 use crate::island::hand::voice::{Scene, Voice, VoiceScript};
 use crate::kernel;
@@ -86,7 +86,7 @@ struct State {
     stream: Stream,
     /// What is heard between frames   (n_out)
     unheard: Vec<f64>,
-    bodies: Vec<inside::Playing>,
+    bodies: Vec<inside::RunningBody>,
     fine: Option<fine::Fine>,
     touches: Vec<hands::Touch>,
     ledger: Option<Ledger>,
@@ -283,7 +283,8 @@ impl Island {
     /// Whether a crew can share its work.
     pub(crate) fn is_shared(&self) -> bool {
         let state = &self.state;
-        state.laws.mesh_partition.is_some() || state.bodies.iter().any(inside::Playing::is_shared)
+        state.laws.mesh_partition.is_some()
+            || state.bodies.iter().any(inside::RunningBody::is_shared)
     }
 
     /// How many steps make a frame of the scene.
@@ -375,13 +376,17 @@ impl Island {
     pub(crate) fn finer(&self) -> impl Iterator<Item = (&str, u64, u32)> {
         let parts = self.network.parts();
         let own = self.state.guard.iter().filter_map(|guard| {
-            let told = guard.told()?;
-            let part = self.script.scheme.part[told.mat] as usize;
-            Some((&*parts[part].name, told))
+            let finer_frames = guard.finer_frames()?;
+            let part = self.script.scheme.part[finer_frames.mat] as usize;
+            Some((&*parts[part].name, finer_frames))
         });
-        let bodies = self.state.bodies.iter().filter_map(inside::Playing::told);
-        own.chain(bodies).map(|(part, told)| {
-            let Told { frames, most, .. } = told.by(self.times);
+        let bodies = self
+            .state
+            .bodies
+            .iter()
+            .filter_map(inside::RunningBody::finer_frames);
+        own.chain(bodies).map(|(part, finer_frames)| {
+            let FinerFrames { frames, most, .. } = finer_frames.by(self.times);
             (part, frames, most)
         })
     }

@@ -1,16 +1,16 @@
 //! The inner loops: one file per kind of work. They know no names, no scores, no reasons.
 
 pub(crate) mod bank;
-pub(crate) mod thread_team;
 pub(crate) mod dense;
 mod exact;
-pub(crate) mod mesh_partition;
 mod laws;
 mod mats;
+pub(crate) mod mesh_partition;
 pub(crate) mod ports;
 mod runs;
 pub(crate) mod springs;
 mod taps;
+pub(crate) mod thread_team;
 
 pub(crate) use exact::contacts;
 pub(crate) use laws::Laws;

@@ -13,15 +13,15 @@ mod trial;
 
 pub use budget::{Budget, Method, PITCH_UPTO};
 pub use choice::Choice;
-pub(crate) use passes::mode_shapes::{Seen, Sight};
-pub use report::cache::{Told, key};
-pub use report::row::{Measured, Reason, Row, What};
+pub(crate) use passes::mode_shapes::{ModeShapes, Sight};
+pub use report::cache::{CachedReport, key};
+pub use report::row::{Computed, Measured, Reason, Row};
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -32,7 +32,7 @@ pub(crate) struct IslandPlan {
     pub(crate) network: Arc<Network>,
     pub(crate) timeline: Timeline,
     /// Bodies in it that go by a method of their own.
-    pub(crate) bodies: Vec<Inside>,
+    pub(crate) bodies: Vec<BodyPlan>,
     /// How often a frame contacts are computed while they may be closed.
     pub(crate) steps: usize,
     /// How often a frame all of it is stepped; its timeline is that much faster.
@@ -165,7 +165,7 @@ impl Plan {
     }
 
     /// The same, with what was told of an equal plan when its pilot was played.
-    pub fn recalled(mut self, told: &[Told]) -> Result<Self, Error> {
+    pub fn recalled(mut self, told: &[CachedReport]) -> Result<Self, Error> {
         report::cache::recall(&mut self.rows, told)?;
         Ok(self)
     }

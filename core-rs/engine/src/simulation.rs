@@ -48,7 +48,7 @@ pub struct Simulation {
 struct Group {
     /// Index of the first in the plan.
     first: usize,
-    units: Vec<Playing>,
+    units: Vec<RunningUnit>,
     /// Threads that go through its large meshes together.
     team: usize,
     /// (STRETCH or LONG · n_out)
@@ -59,7 +59,7 @@ struct Group {
 
 /// A unit of a plan that plays.
 #[derive(Clone, Debug)]
-enum Playing {
+enum RunningUnit {
     Island(Box<Island>),
     Bank(Bank),
 }
@@ -115,8 +115,8 @@ impl Simulation {
             own.frame = from;
             for playing in own.groups.iter_mut().flat_map(|group| &mut group.units) {
                 match playing {
-                    Playing::Island(island) => island.seek(from),
-                    Playing::Bank(bank) => bank.seek(from),
+                    RunningUnit::Island(island) => island.seek(from),
+                    RunningUnit::Bank(bank) => bank.seek(from),
                 }
             }
         }
@@ -124,7 +124,7 @@ impl Simulation {
     }
 
     /// All units with what the plan says of them.
-    fn units(&self) -> impl Iterator<Item = (&Playing, &Unit)> {
+    fn units(&self) -> impl Iterator<Item = (&RunningUnit, &Unit)> {
         let units = self.groups.iter().flat_map(|group| &group.units);
         units.zip(&self.plan.units)
     }
@@ -132,7 +132,7 @@ impl Simulation {
     /// The islands that are stepped, each with what it is in the whole.
     fn islands(&self) -> impl Iterator<Item = (&Island, &IslandPlan)> {
         self.units().filter_map(|pair| match pair {
-            (Playing::Island(island), Unit::IslandPlan(isle)) => Some((&**island, &**isle)),
+            (RunningUnit::Island(island), Unit::IslandPlan(isle)) => Some((&**island, &**isle)),
             _ => None,
         })
     }
@@ -228,12 +228,12 @@ impl Simulation {
         let mut all = vec![f64::NAN; self.plan.network.n_mat()];
         for (playing, unit) in self.units() {
             match (playing, unit) {
-                (Playing::Island(island), Unit::IslandPlan(isle)) => {
+                (RunningUnit::Island(island), Unit::IslandPlan(isle)) => {
                     for (local, &value) in of(island).iter().enumerate() {
                         all[whole(&isle.to_whole.mats, local)] = value;
                     }
                 }
-                (Playing::Bank(bank), Unit::Bank(plan)) => {
+                (RunningUnit::Bank(bank), Unit::Bank(plan)) => {
                     for (oscillator, &(mat, rest)) in plan.mats.iter().enumerate() {
                         let (now, before) = bank.motion(oscillator);
                         all[mat as usize] = own(now + rest, before + rest);
@@ -262,7 +262,7 @@ impl Simulation {
     /// the way from tick to tick is taken for it.
     pub fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
         for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let Playing::Island(island) = playing {
+            if let RunningUnit::Island(island) = playing {
                 island.hold(hand, x, step);
             }
         }
@@ -280,11 +280,11 @@ impl Simulation {
         let fall = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
         for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             match playing {
-                Playing::Island(island) => {
+                RunningUnit::Island(island) => {
                     let by = crate::maths::exp(-fall / f64::from(island.times()));
                     island.damp(by);
                 }
-                Playing::Bank(bank) => bank.damp(crate::maths::exp(-fall)),
+                RunningUnit::Bank(bank) => bank.damp(crate::maths::exp(-fall)),
             }
         }
     }
@@ -312,7 +312,7 @@ impl Simulation {
         let mut all = Vec::new();
         let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         for (playing, unit) in units.zip(&self.plan.units) {
-            let (Playing::Island(island), Unit::IslandPlan(isle)) = (playing, unit) else {
+            let (RunningUnit::Island(island), Unit::IslandPlan(isle)) = (playing, unit) else {
                 continue;
             };
             all.extend(island.take_ergons().into_iter().map(|record| Taken {
@@ -330,7 +330,7 @@ impl Simulation {
 
     /// The ledger, if it is kept: not by a plan that computes anything as oscillators.
     pub fn energy(&self) -> Option<Energy> {
-        let is_bank = |(unit, _): (&Playing, &Unit)| matches!(unit, Playing::Bank(_));
+        let is_bank = |(unit, _): (&RunningUnit, &Unit)| matches!(unit, RunningUnit::Bank(_));
         if self.units().any(is_bank) {
             return None;
         }
@@ -386,7 +386,7 @@ impl Simulation {
     pub fn fork(&self) -> Self {
         let mut other = self.clone();
         for playing in other.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let Playing::Island(island) = playing {
+            if let RunningUnit::Island(island) = playing {
                 island.reserve();
             }
         }
@@ -410,12 +410,12 @@ impl Group {
                 let island = Island::new(network.clone(), timeline, bodies, often, options)?;
                 let room = island.n_out() * STRETCH;
                 self.sound.resize(self.sound.len().max(room), 0.0);
-                Playing::Island(Box::new(island))
+                RunningUnit::Island(Box::new(island))
             }
             Unit::Bank(bank) => {
                 let strikes = bank.strikes.clone();
                 let (own, is_open) = (&bank.oscillators, bank.is_open);
-                Playing::Bank(Bank::new(own, strikes, rate, STRETCH, is_open))
+                RunningUnit::Bank(Bank::new(own, strikes, rate, STRETCH, is_open))
             }
         });
         Ok(())
@@ -442,7 +442,7 @@ impl Group {
     }
 }
 
-impl Playing {
+impl RunningUnit {
     /// A few frames, added to `out` (n_frames · n_out); `sound` is room for its own.
     fn go_on(
         &mut self,
@@ -491,7 +491,7 @@ fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
     for group in &*groups {
         let cost = costs(group);
         all.push(cost);
-        if group.units.iter().any(Playing::is_shared) {
+        if group.units.iter().any(RunningUnit::is_shared) {
             large += cost;
         } else {
             small.push(cost);
@@ -499,7 +499,7 @@ fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
     }
     let together = large / (1.0 + HELP * (team - 1) as f64) + beside(&small);
     if team > 1 && together < beside(&all) {
-        let large = |group: &&mut Group| group.units.iter().any(Playing::is_shared);
+        let large = |group: &&mut Group| group.units.iter().any(RunningUnit::is_shared);
         groups
             .iter_mut()
             .filter(large)

@@ -11,9 +11,9 @@ use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, vio
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Way, Written};
+use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{Network, Term, Tie};
-use ergon_engine::plan::{Budget, Method, Plan, What};
+use ergon_engine::plan::{Budget, Computed, Method, Plan};
 use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -82,7 +82,7 @@ fn a_slow_key_does_not_allocate() {
     let key = timeline.key("key", struck);
     for (start, grain) in [(0.01, None), (0.12, Some(5e-3))] {
         let t = [start, start + 0.04, start + 0.1];
-        let way = [Way::Path(Curve::Smooth); 3];
+        let way = [Approach::Path(Curve::Smooth); 3];
         let written = Written {
             t: &t,
             x: &[0.0, 3e-3, 1e-3],
@@ -102,7 +102,7 @@ fn a_slow_key_does_not_allocate() {
     }
     timeline.strike(&network, struck, 0.23, 0.01, 0).unwrap();
     let plan = Plan::new(Arc::new(network), &timeline, &Budget::default(), None).unwrap();
-    assert!(plan.rows().iter().any(|row| row.what == What::Slow(10)));
+    assert!(plan.rows().iter().any(|row| row.what == Computed::Slow(10)));
     let options = Options {
         ledger: false,
         ..options(OnFault::Stop)

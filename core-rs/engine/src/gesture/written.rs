@@ -10,7 +10,7 @@ use super::script::{Ergons, Gesture, Manner, Stretch, Touch};
 
 /// The way into a written point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Approach {
     /// Along a curve, held by ergons all the way.
     Path(Curve),
     /// One strike at the point before, then free.
@@ -25,7 +25,7 @@ pub struct Written<'a> {
     /// Positions [m].
     pub x: &'a [f64],
     /// Ways into the points; the first is not read.
-    pub way: &'a [Way],
+    pub way: &'a [Approach],
     /// Places in the score, or empty.
     pub sources: &'a [u32],
 }
@@ -141,7 +141,7 @@ fn stretches(points: &Written<'_>) -> Result<Vec<Stretch>, GestureError> {
     let mut found = Vec::new();
     let mut i = 0;
     while i + 1 < t.len() {
-        let is_throw = |way: &Way| *way == Way::Throw;
+        let is_throw = |way: &Approach| *way == Approach::Throw;
         if is_throw(&way[i + 1]) {
             found.push(Stretch::Throw {
                 from: t[i],
@@ -168,8 +168,8 @@ fn path(points: &Written<'_>, from: usize, to: usize) -> Result<Stretch, Gesture
         t: points.t[i],
         x: points.x[i],
         curve: match points.way[i] {
-            Way::Path(curve) => curve,
-            Way::Throw => Curve::Hold,
+            Approach::Path(curve) => curve,
+            Approach::Throw => Curve::Hold,
         },
     };
     let points: Vec<Point> = (from..=to).map(point).collect();

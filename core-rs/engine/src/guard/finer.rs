@@ -136,8 +136,8 @@ impl Guard {
             (self.calm, self.now) = (0, steps / 2);
             self.before = if self.now == 1 { 1 } else { steps };
         }
-        self.told.frames += 1;
-        self.told.most = self.told.most.max(steps);
+        self.finer_frames.frames += 1;
+        self.finer_frames.most = self.finer_frames.most.max(steps);
         x.iter().all(|&x| sound(x))
     }
 }

@@ -8,7 +8,7 @@
 
 use std::sync::Arc;
 
-use super::Method;
+use super::Stepper;
 use super::mesh::{Mesh, Room};
 use super::passes;
 use crate::kernel::thread_team::ThreadTeam;
@@ -109,7 +109,7 @@ fn losses(zeta: &[f64], b: f64) -> [Vec<f64>; 2] {
     [decay, gain.collect()]
 }
 
-impl Method for Bm4 {
+impl Stepper for Bm4 {
     fn share(&mut self, threads: usize) {
         self.mesh.share(&mut self.room, threads);
     }

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use super::Method;
+use super::Stepper;
 use super::mesh::Mesh;
 use crate::guard::{self, Guard, Limit};
 use crate::kernel;
 use crate::kernel::Laws;
-use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::mesh_partition::MeshPartition;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
@@ -46,9 +46,10 @@ impl Ca {
     }
 }
 
-impl Method for Ca {
+impl Stepper for Ca {
     fn share(&mut self, threads: usize) {
-        self.laws.mesh_partition = MeshPartition::of(&self.scheme.fused, self.scheme.n_mat(), threads);
+        self.laws.mesh_partition =
+            MeshPartition::of(&self.scheme.fused, self.scheme.n_mat(), threads);
     }
 
     fn is_shared(&self) -> bool {

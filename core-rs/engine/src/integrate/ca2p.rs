@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::mesh::{Mesh, Room};
 use super::passes;
 use super::watched::Watched;
-use super::{Method, certify};
+use super::{Stepper, certify};
 use crate::guard::Guard;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
@@ -115,7 +115,7 @@ fn last_step(mesh: &Mesh, x0: &[f64], v0: &[f64], room: &mut Room) -> Vec<f64> {
         .collect()
 }
 
-impl Method for Ca2p {
+impl Stepper for Ca2p {
     fn share(&mut self, threads: usize) {
         self.mesh.share(&mut self.room, threads);
     }

@@ -14,11 +14,11 @@
 //! then, below the smallest unstable case (6.04) that a search for such cases found.
 
 use super::mesh::Mesh;
-use super::way::{BM4_LIMIT, Way};
+use super::method::{BM4_LIMIT, MeshMethod};
 use super::{faster, ieq, trapezoid};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, Kind, Scheme, Top, StabilityGuarantee, top};
+use crate::scheme::{Certificate, Kind, Scheme, StabilityGuarantee, Top, top};
 use crate::units::Rate;
 
 /// Rounding may take this from an eigenvalue.
@@ -34,11 +34,11 @@ const LOSSES: f64 = 2.0;
 pub(crate) fn certify(
     network: &Network,
     rate: Rate,
-    way: Way,
+    way: MeshMethod,
     substeps: u32,
 ) -> Result<Certificate, Error> {
     let rate = faster(rate, substeps)?;
-    if way == Way::Ca {
+    if way == MeshMethod::Ca {
         return Scheme::new(network, rate)?.certify(network);
     }
     let mesh = Mesh::new(network, rate, way)?;
@@ -55,7 +55,7 @@ pub(crate) fn certify(
         StabilityGuarantee::Guarded
     };
     match way {
-        Way::Ca2p => {
+        MeshMethod::Ca2p => {
             let (c, enough) = ca2p(&mesh);
             let found = look(c, enough)?;
             if found.lambda < enough {
@@ -66,7 +66,7 @@ pub(crate) fn certify(
                 Err(unstable(network, way, &found, SHARED))
             }
         }
-        Way::Bm4 => {
+        MeshMethod::Bm4 => {
             let most = BM4_LIMIT * BM4_LIMIT;
             let found = look(LOSSES, most)?;
             if found.lambda < most {
@@ -75,8 +75,8 @@ pub(crate) fn certify(
                 Err(unstable(network, way, &found, most))
             }
         }
-        Way::Ca | Way::Ieq | Way::Trapezoid => {
-            if way == Way::Ieq {
+        MeshMethod::Ca | MeshMethod::Ieq | MeshMethod::Trapezoid => {
+            if way == MeshMethod::Ieq {
                 ieq::takes(&mesh, network)?;
             } else {
                 trapezoid::linear(&mesh, network)?;
@@ -86,7 +86,11 @@ pub(crate) fn certify(
                 .others
                 .iter()
                 .any(|run| matches!(&run.kind, Kind::Lnl { law, .. } if law.is_damped()));
-            let word = if gives { StabilityGuarantee::Guarded } else { StabilityGuarantee::Proved };
+            let word = if gives {
+                StabilityGuarantee::Guarded
+            } else {
+                StabilityGuarantee::Proved
+            };
             Ok(of(&look(0.0, f64::INFINITY)?, word))
         }
     }
@@ -108,7 +112,7 @@ fn ca2p(mesh: &Mesh) -> (f64, f64) {
     if loses { (6.0, ANY) } else { (0.0, SHARED) }
 }
 
-fn unstable(network: &Network, way: Way, found: &Top, most: f64) -> Error {
+fn unstable(network: &Network, way: MeshMethod, found: &Top, most: f64) -> Error {
     let (name, lambda) = (way.facts().name, found.lambda);
     let times = (lambda / most).sqrt().ceil();
     Error::Refused {

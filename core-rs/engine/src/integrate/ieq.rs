@@ -11,7 +11,7 @@ mod loops;
 
 use std::sync::Arc;
 
-use super::Method;
+use super::Stepper;
 use super::conjugate::Conjugate;
 use super::mesh::Mesh;
 use super::passes;
@@ -82,7 +82,12 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     let (x, v) = (&network.mats().x0, mesh.start(network));
     let (scheme, n) = (&mesh.scheme, x.len());
     let mut force = vec![0.0; n];
-    mesh.total([x, &v], &mut mesh.room(), &mut force, &mut ThreadTeam::alone());
+    mesh.total(
+        [x, &v],
+        &mut mesh.room(),
+        &mut force,
+        &mut ThreadTeam::alone(),
+    );
     for (i, force) in force.iter_mut().enumerate() {
         let tie = scheme.kappa[i] * (x[i] - scheme.rest[i]) + scheme.zeta[i] * v[i];
         *force -= mesh.m[i] * tie;
@@ -105,7 +110,7 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
     v.iter().zip(&a).map(|(v, a)| v - 0.5 * a).collect()
 }
 
-impl Method for Ieq {
+impl Stepper for Ieq {
     fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut ThreadTeam<'_>) {
         let (mesh, links) = (&*self.mesh, &*self.links);
         // The links' explicit forces into `right`, their shares of the diagonal into `inverse`.

@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
+use super::method::MeshMethod;
 use super::passes::{self, Ties};
-use super::way::Way;
 use crate::kernel;
 use crate::kernel::Laws;
-use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::scheme::{Pull, Spring};
@@ -53,8 +53,8 @@ enum Part {
 
 impl Mesh {
     /// Refuses what a way cannot step.
-    pub(super) fn new(network: &Network, rate: Rate, way: Way) -> Result<Self, Error> {
-        let scheme = if way == Way::Ca {
+    pub(super) fn new(network: &Network, rate: Rate, way: MeshMethod) -> Result<Self, Error> {
+        let scheme = if way == MeshMethod::Ca {
             Scheme::new(network, rate)?
         } else {
             takes(network)?;

@@ -27,7 +27,7 @@ fn rate() -> Rate {
 }
 
 /// A network that goes on by a way, at 44.1 kHz.
-fn by(network: &Network, way: Way, substeps: u32) -> Integrator {
+fn by(network: &Network, way: MeshMethod, substeps: u32) -> Integrator {
     Integrator::new(network, rate(), way, substeps).expect("an integrator")
 }
 

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use super::Method;
+use super::Stepper;
 use super::banded::{Factor, MOST};
 use super::mesh::{Mesh, Room};
 use super::order;
@@ -126,13 +126,18 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
     Ok((mats, factor))
 }
 
-impl Method for Trapezoid {
+impl Stepper for Trapezoid {
     fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut ThreadTeam<'_>) {
         let mesh = &*self.mesh;
         for &(mat, impulse) in impulses {
             self.v[mat] += mesh.jump(mat, impulse);
         }
-        mesh.elastic(&self.x, &mut self.room, &mut self.force, &mut ThreadTeam::alone());
+        mesh.elastic(
+            &self.x,
+            &mut self.room,
+            &mut self.force,
+            &mut ThreadTeam::alone(),
+        );
         let scheme = &mesh.scheme;
         for (u, &i) in self.u.iter_mut().zip(&*self.mats) {
             let tie = 0.5 * scheme.kappa[i] * (self.x[i] - scheme.rest[i]);

@@ -6,7 +6,7 @@ use super::fault::Mutes;
 use super::fine::Fine;
 use super::hand::framed::FramedGesture;
 use super::hands::{Touch as HandTouch, grips};
-use super::inside::{self, Inside};
+use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
@@ -15,8 +15,8 @@ use crate::guard::{Guard, Limit};
 use crate::island::hand::free::{FreeKey, Motion};
 use crate::island::hand::voice::{Voice, VoiceScript};
 use crate::kernel::Laws;
-use crate::kernel::thread_team::ThreadTeam;
 use crate::kernel::mesh_partition::MeshPartition;
+use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network, Term};
 use crate::scheme::{Run, Scheme};
 use crate::start::backward_steps;
@@ -45,7 +45,7 @@ impl Island {
     pub(crate) fn new(
         network: Arc<Network>,
         timeline: &Timeline,
-        bodies: &[Inside],
+        bodies: &[BodyPlan],
         (steps, times): (usize, u32),
         options: Options,
     ) -> Result<Self, Error> {
@@ -63,7 +63,7 @@ impl Island {
         let fine = fine(&mut scheme, &network, &mut bodies, steps, timeline);
         let gestures = framed(timeline);
         let (scripts, voices) = hands(&network, timeline, &gestures, plans)?;
-        let ports: Vec<usize> = plans.iter().flat_map(Inside::ports).collect();
+        let ports: Vec<usize> = plans.iter().flat_map(BodyPlan::ports).collect();
         let guard = if options.unchecked {
             None // where it really diverges is asked for
         } else {
@@ -185,7 +185,7 @@ fn fuse(scheme: &mut Scheme, network: &Network, scripts: &[VoiceScript]) {
 fn fine(
     scheme: &mut Scheme,
     network: &Network,
-    bodies: &mut [inside::Playing],
+    bodies: &mut [inside::RunningBody],
     steps: usize,
     timeline: &Timeline,
 ) -> Option<Fine> {
@@ -196,7 +196,7 @@ fn fine(
         .into_iter()
         .partition(Run::can_substep);
     scheme.runs = runs;
-    for modal in bodies.iter_mut().filter_map(inside::Playing::modal_mut) {
+    for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
         modal.divide(steps);
     }
     Some(Fine::new(
@@ -206,17 +206,17 @@ fn fine(
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
 fn join(
-    bodies: &[Inside],
+    bodies: &[BodyPlan],
     network: &Network,
     timeline: &Timeline,
     body: &mut Body,
-) -> Result<Vec<inside::Playing>, Error> {
+) -> Result<Vec<inside::RunningBody>, Error> {
     if bodies.is_empty() {
         return Ok(Vec::new());
     }
     body.inner = vec![0.0; body.x.len()];
     let force = crate::start::forces(network, timeline, &body.x, &[]);
-    let start = |inside: &Inside| {
+    let start = |inside: &BodyPlan| {
         let playing = inside.start(&force, body)?;
         playing.place(body);
         Ok(playing)
@@ -270,7 +270,7 @@ fn hands(
     network: &Network,
     timeline: &Timeline,
     gestures: &[FramedGesture],
-    bodies: &[Inside],
+    bodies: &[BodyPlan],
 ) -> Result<(Vec<VoiceScript>, Vec<Voice>), Error> {
     let mut scripts = Vec::new();
     let mut voices = Vec::new();
@@ -316,7 +316,7 @@ fn free_key(
     network: &Network,
     timeline: &Timeline,
     key: &Key,
-    bodies: &[Inside],
+    bodies: &[BodyPlan],
 ) -> Result<(FreeKey, Motion), Error> {
     let mats = network.mats();
     if !mats.kind[key.struck].moves() {
@@ -366,7 +366,7 @@ fn free_key(
         slow: bodies
             .iter()
             .filter_map(|body| match body {
-                Inside::Slow(slow) if slow.part == part => Some(slow.alone(inside)),
+                BodyPlan::Slow(slow) if slow.part == part => Some(slow.alone(inside)),
                 _ => None,
             })
             .collect(),

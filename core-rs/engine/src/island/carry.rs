@@ -155,7 +155,7 @@ impl Island {
     }
 
     /// One of its bodies, as long as none of its parts is mute.
-    pub(crate) fn body(&mut self, body: usize) -> Option<&mut super::inside::Playing> {
+    pub(crate) fn body(&mut self, body: usize) -> Option<&mut super::inside::RunningBody> {
         if self.n_muted() > 0 {
             return None;
         }

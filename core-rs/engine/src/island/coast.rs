@@ -22,7 +22,7 @@ impl Island {
             script.voices.is_empty() && script.grips.is_empty() && script.drives.is_empty();
         let is_plain = script.gates.is_empty() && state.scheme.is_none() && state.damped >= 1.0;
         let is_whole = state.ledger.is_none() && state.mutes.list().next().is_none();
-        let by_modes = |body: &inside::Playing| body.modal().is_some();
+        let by_modes = |body: &inside::RunningBody| body.modal().is_some();
         let fine = state.fine.as_ref();
         (is_bare && is_left && is_plain && is_whole)
             && state.bodies.iter().all(by_modes)
@@ -46,8 +46,8 @@ impl Island {
         let ergon = ergon.map(|ergon| frame(ergon.at, scheme.rate));
         let events = push.into_iter().chain(ergon);
         let quiet = events.map(|at| at.saturating_sub(n) as usize);
-        let modals = state.bodies.iter().filter_map(inside::Playing::modal);
-        let ahead = modals.map(super::modal::Playing::ahead);
+        let modals = state.bodies.iter().filter_map(inside::RunningBody::modal);
+        let ahead = modals.map(super::modal::RunningModal::ahead);
         let most = quiet.chain(ahead).fold(to - from, usize::min);
         if most < LEAST {
             return Ok(0);
@@ -61,18 +61,24 @@ impl Island {
             }
             let out = heard.at(from + done);
             kernel::tap(scheme, &state.body, out);
-            for modal in state.bodies.iter().filter_map(inside::Playing::modal) {
+            for modal in state.bodies.iter().filter_map(inside::RunningBody::modal) {
                 modal.tap_ahead(done, out);
             }
             state.mutes.fade(n + done as u64, scheme, out);
-            sound = kernel::advance(scheme, &mut [], &mut state.body, None, &mut ThreadTeam::alone());
+            sound = kernel::advance(
+                scheme,
+                &mut [],
+                &mut state.body,
+                None,
+                &mut ThreadTeam::alone(),
+            );
             done += 1;
-            for modal in state.bodies.iter().filter_map(inside::Playing::modal) {
+            for modal in state.bodies.iter().filter_map(inside::RunningBody::modal) {
                 modal.place_ahead(done, &mut state.body);
             }
         }
         let modals = state.bodies.iter_mut();
-        for modal in modals.filter_map(inside::Playing::modal_mut) {
+        for modal in modals.filter_map(inside::RunningBody::modal_mut) {
             modal.coast(done);
         }
         state.frame += done as u64;

@@ -93,7 +93,11 @@ impl Island {
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
         let n = self.state.frame;
-        while let Some((module, part)) = self.state.bodies.iter().find_map(inside::Playing::culprit)
+        while let Some((module, part)) = self
+            .state
+            .bodies
+            .iter()
+            .find_map(inside::RunningBody::culprit)
         {
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.told(module, part));

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use super::inside::Playing;
+use super::inside::RunningBody;
 use crate::cell::Cell;
 use crate::kernel;
 use crate::network::{MatKind, Network};
@@ -69,7 +69,7 @@ impl Fine {
         contacts: Vec<Run>,
         network: &Network,
         scheme: &Scheme,
-        bodies: &[Playing],
+        bodies: &[RunningBody],
         steps: usize,
         timeline: &Timeline,
     ) -> Self {
@@ -161,7 +161,7 @@ impl Fine {
         scheme: &Scheme,
         gates: &[f64],
         targets: &[Target],
-        bodies: &mut [Playing],
+        bodies: &mut [RunningBody],
         body: &mut Body,
     ) {
         let next = |mat: usize, body: &Body| match targets.iter().find(|target| target.mat == mat) {
@@ -275,7 +275,7 @@ fn joint(
     is_held: bool,
     network: &Network,
     scheme: &Scheme,
-    bodies: &[Playing],
+    bodies: &[RunningBody],
     steps: usize,
     rate: Rate,
 ) -> Joint {
@@ -309,7 +309,7 @@ fn joint(
 /// What an impulse at `from` moves `to` by, j/S of a frame later.
 fn moves(
     joints: &[Joint],
-    bodies: &[Playing],
+    bodies: &[RunningBody],
     from: usize,
     to: usize,
     steps: usize,

@@ -3,14 +3,14 @@
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
 use super::slow::{self, Slow};
-use crate::guard::Told;
+use crate::guard::FinerFrames;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::state::Body;
 
 /// What a plan says of a body.
 #[derive(Clone, Debug)]
-pub(crate) enum Inside {
+pub(crate) enum BodyPlan {
     Modal(Modal),
     Mesh(Mesh),
     Slow(Slow),
@@ -18,22 +18,22 @@ pub(crate) enum Inside {
 
 /// A body that plays.
 #[derive(Clone, Debug)]
-pub(crate) enum Playing {
-    Modal(Box<modal::Playing>),
-    Mesh(Box<mesh::Playing>),
-    Slow(Box<slow::Playing>),
+pub(crate) enum RunningBody {
+    Modal(Box<modal::RunningModal>),
+    Mesh(Box<mesh::RunningMesh>),
+    Slow(Box<slow::RunningSlow>),
 }
 
-impl Inside {
+impl BodyPlan {
     /// At frame 0, against forces that act on its ports there (n_mat of the island); `body` is the island as if its
     /// ports were masses alone.
-    pub(super) fn start(&self, force: &[f64], body: &Body) -> Result<Playing, Error> {
+    pub(super) fn start(&self, force: &[f64], body: &Body) -> Result<RunningBody, Error> {
         Ok(match self {
             Self::Modal(modal) => {
-                Playing::Modal(Box::new(modal::Playing::new(&modal.pushed(force))))
+                RunningBody::Modal(Box::new(modal::RunningModal::new(&modal.pushed(force))))
             }
-            Self::Mesh(mesh) => Playing::Mesh(Box::new(mesh::Playing::new(mesh)?)),
-            Self::Slow(slow) => Playing::Slow(Box::new(slow::Playing::new(slow, body))),
+            Self::Mesh(mesh) => RunningBody::Mesh(Box::new(mesh::RunningMesh::new(mesh)?)),
+            Self::Slow(slow) => RunningBody::Slow(Box::new(slow::RunningSlow::new(slow, body))),
         })
     }
 
@@ -89,7 +89,7 @@ impl Inside {
     }
 }
 
-impl Playing {
+impl RunningBody {
     pub(crate) fn tap(&self, out: &mut [f64]) {
         match self {
             Self::Modal(modal) => modal.tap(out),
@@ -162,7 +162,7 @@ impl Playing {
     }
 
     /// Its modes, where it goes by them.
-    pub(crate) fn modal(&self) -> Option<&modal::Playing> {
+    pub(crate) fn modal(&self) -> Option<&modal::RunningModal> {
         match self {
             Self::Modal(modal) => Some(modal),
             Self::Mesh(_) | Self::Slow(_) => None,
@@ -170,7 +170,7 @@ impl Playing {
     }
 
     /// Its modes, where it goes by them.
-    pub(crate) fn modal_mut(&mut self) -> Option<&mut modal::Playing> {
+    pub(crate) fn modal_mut(&mut self) -> Option<&mut modal::RunningModal> {
         match self {
             Self::Modal(modal) => Some(modal),
             Self::Mesh(_) | Self::Slow(_) => None,
@@ -221,10 +221,10 @@ impl Playing {
     }
 
     /// The part of a mesh whose links stiffened, and which frames were computed finer for it.
-    pub(crate) fn told(&self) -> Option<(&str, Told)> {
+    pub(crate) fn finer_frames(&self) -> Option<(&str, FinerFrames)> {
         match self {
             Self::Modal(_) | Self::Slow(_) => None,
-            Self::Mesh(mesh) => mesh.told(),
+            Self::Mesh(mesh) => mesh.finer_frames(),
         }
     }
 

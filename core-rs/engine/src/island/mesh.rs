@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use crate::guard::Told;
-use crate::integrate::{Integrator, Way};
+use crate::guard::FinerFrames;
+use crate::integrate::{Integrator, MeshMethod};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Error, Network};
 use crate::state::Body;
@@ -15,7 +15,7 @@ use crate::units::Rate;
 pub(crate) struct Mesh {
     pub(crate) network: Arc<Network>,
     pub(crate) rate: Rate,
-    pub(crate) way: Way,
+    pub(crate) way: MeshMethod,
     pub(crate) substeps: u32,
     /// MATs that other modules touch: here, and in the island.
     pub(crate) ports: Vec<(usize, usize)>,
@@ -27,7 +27,7 @@ pub(crate) struct Mesh {
 
 /// A mesh that plays.
 #[derive(Clone, Debug)]
-pub(crate) struct Playing {
+pub(crate) struct RunningMesh {
     plan: Arc<Mesh>,
     integrator: Integrator,
     impulses: Vec<(usize, f64)>,
@@ -50,7 +50,7 @@ impl Mesh {
     }
 }
 
-impl Playing {
+impl RunningMesh {
     pub(crate) fn new(plan: &Mesh) -> Result<Self, Error> {
         let integrator = Integrator::new(&plan.network, plan.rate, plan.way, plan.substeps)?;
         let ports: Vec<usize> = plan.ports.iter().map(|&(own, _)| own).collect();
@@ -209,11 +209,11 @@ impl Playing {
     }
 
     /// The name of a part whose links stiffened, and which frames were computed finer for it.
-    pub(crate) fn told(&self) -> Option<(&str, Told)> {
-        let told = self.integrator.told()?;
+    pub(crate) fn finer_frames(&self) -> Option<(&str, FinerFrames)> {
+        let finer_frames = self.integrator.finer_frames()?;
         let network = &self.plan.network;
-        let part = network.mats().part[told.mat] as usize;
-        Some((&network.parts()[part].name, told))
+        let part = network.mats().part[finer_frames.mat] as usize;
+        Some((&network.parts()[part].name, finer_frames))
     }
 
     /// Whether all of it is within reason.

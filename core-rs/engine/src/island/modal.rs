@@ -26,7 +26,7 @@ const QUIET: u32 = 16;
 
 /// A body that plays.
 #[derive(Clone, Debug)]
-pub(crate) struct Playing {
+pub(crate) struct RunningModal {
     script: Arc<Script>,
     /// As they are at the last frame of `seen`.
     motions: Vec<Motion>,
@@ -56,7 +56,7 @@ pub(crate) struct Playing {
 /// Frames in `seen`: the present, and what follows.
 const ROOM: usize = AHEAD + 1;
 
-impl Playing {
+impl RunningModal {
     pub(crate) fn new(plan: &Modal) -> Self {
         let script = Script::new(plan);
         let groups = script.rates.len();

@@ -46,7 +46,7 @@ pub(crate) struct Slow {
 
 /// A slow body that plays.
 #[derive(Clone, Debug)]
-pub(crate) struct Playing {
+pub(crate) struct RunningSlow {
     plan: Arc<Slow>,
     x: Vec<f64>,
     v: Vec<f64>,
@@ -108,7 +108,7 @@ impl Slow {
     }
 }
 
-impl Playing {
+impl RunningSlow {
     /// At frame 0, where the steps of its ports already tell of all that is not slow.
     pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
         let bent: Vec<f64> = difference(&plan.x0, &plan.rest);

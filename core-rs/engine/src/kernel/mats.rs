@@ -2,8 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::thread_team::ThreadTeam;
 use super::mesh_partition::MeshPartition;
+use super::thread_team::ThreadTeam;
 use crate::maths::wide::wide;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
@@ -64,7 +64,12 @@ fn free(scheme: &Scheme, body: &mut Body) -> bool {
 }
 
 /// The same, every range of MATs by one of a crew.
-fn free_by(mesh_partition: &MeshPartition, team: &mut ThreadTeam<'_>, scheme: &Scheme, body: &mut Body) -> bool {
+fn free_by(
+    mesh_partition: &MeshPartition,
+    team: &mut ThreadTeam<'_>,
+    scheme: &Scheme,
+    body: &mut Body,
+) -> bool {
     let numbers = scheme.ties();
     let Body { x, d, force, .. } = body;
     if let Some(previous) = &mut body.previous {
@@ -75,7 +80,13 @@ fn free_by(mesh_partition: &MeshPartition, team: &mut ThreadTeam<'_>, scheme: &S
     mesh_partition.ranges(team, [x, d], |mats, [x, d]| {
         let (numbers, force) = (numbers.map(|all| &all[mats.clone()]), &force[mats.clone()]);
         let is_within = match previous {
-            Some(previous) => move_from(numbers, force, [&previous.x[mats.clone()], &previous.d[mats]], x, d),
+            Some(previous) => move_from(
+                numbers,
+                force,
+                [&previous.x[mats.clone()], &previous.d[mats]],
+                x,
+                d,
+            ),
             None => move_all(numbers, force, x, d),
         };
         if !is_within {

@@ -2,8 +2,8 @@
 //! although a mesh's runs overlap themselves.
 
 use super::Laws;
-use super::thread_team::ThreadTeam;
 use super::springs;
+use super::thread_team::ThreadTeam;
 use crate::law::Hardening;
 use crate::maths::power_law;
 use crate::maths::wide::wide;

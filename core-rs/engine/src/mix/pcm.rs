@@ -70,7 +70,10 @@ mod tests {
     fn rounds_half_to_even() {
         let step = 1.0 / 32_768.0;
         let mesh_partition = [0.5, 1.5, 2.5, -0.5, -1.5, -2.5, 2.500_000_1].map(|x| x * step);
-        assert_eq!(codes(&mesh_partition, 1.0, Bits::Sixteen), [0, 2, 2, 0, -2, -2, 3]);
+        assert_eq!(
+            codes(&mesh_partition, 1.0, Bits::Sixteen),
+            [0, 2, 2, 0, -2, -2, 3]
+        );
         let mesh_partition = [0.5, 1.5, -2.5].map(|x| x / 8_388_608.0);
         assert_eq!(codes(&mesh_partition, 1.0, Bits::TwentyFour), [0, 2, -2]);
     }

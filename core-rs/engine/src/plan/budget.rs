@@ -1,6 +1,6 @@
 //! What a plan may spend, and how far from the truth it may be.
 
-use crate::integrate::Way;
+use crate::integrate::MeshMethod;
 
 /// A method that is asked for by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,13 +21,13 @@ pub enum Method {
 
 impl Method {
     /// How it steps a mesh; `None`: as CA does.
-    pub(crate) fn way(self) -> Option<Way> {
+    pub(crate) fn way(self) -> Option<MeshMethod> {
         match self {
             Self::Ca | Self::Modal => None,
-            Self::Ca2p => Some(Way::Ca2p),
-            Self::Bm4 => Some(Way::Bm4),
-            Self::Ieq => Some(Way::Ieq),
-            Self::Trapezoid => Some(Way::Trapezoid),
+            Self::Ca2p => Some(MeshMethod::Ca2p),
+            Self::Bm4 => Some(MeshMethod::Bm4),
+            Self::Ieq => Some(MeshMethod::Ieq),
+            Self::Trapezoid => Some(MeshMethod::Trapezoid),
         }
     }
 }

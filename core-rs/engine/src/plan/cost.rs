@@ -1,7 +1,7 @@
 //! What a plan costs: work counted, times a table that ships as data.
 
-use crate::integrate::Way;
-use crate::island::inside::Inside;
+use crate::integrate::MeshMethod;
+use crate::island::inside::BodyPlan;
 use crate::island::slow::Slow;
 use crate::network::{Contact, LinkKind, Network};
 use crate::plan::BankPlan;
@@ -51,19 +51,20 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
 }
 
 /// What a body inside an island costs a frame [ns].
-pub(super) fn body_cost(inside: &Inside) -> f64 {
+pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
     match inside {
-        Inside::Modal(modal) => {
+        BodyPlan::Modal(modal) => {
             let rows = modal.ports.len() + modal.heard.len();
             modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
         }
-        Inside::Mesh(mesh) => {
-            let rung =
-                |&&(way, steps, _): &&(Way, u32, f64)| (way, steps) == (mesh.way, mesh.substeps);
+        BodyPlan::Mesh(mesh) => {
+            let rung = |&&(way, steps, _): &&(MeshMethod, u32, f64)| {
+                (way, steps) == (mesh.way, mesh.substeps)
+            };
             let times = LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times);
             times * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
         }
-        Inside::Slow(slow) => slow_cost(slow),
+        BodyPlan::Slow(slow) => slow_cost(slow),
     }
 }
 

@@ -10,17 +10,17 @@ use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::body;
 use crate::plan::passes::cells;
-use crate::plan::passes::islands::{Island, islands};
+use crate::plan::passes::islands::{IslandMembers, islands};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::Ways;
-use crate::plan::passes::ported::Found as Body;
+use crate::plan::passes::ported::PortedBody as Body;
 use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::{Own, split};
-use crate::plan::report::row::{self, Measured, PRESERVED, Reason, Row, What};
+use crate::plan::passes::split::{OwnTimeline, split};
+use crate::plan::report::row::{self, Computed, Measured, PRESERVED, Reason, Row};
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
-use crate::plan::trial::pilot::{self, Found};
+use crate::plan::trial::pilot::{self, Piloted};
 use crate::plan::{Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -35,7 +35,7 @@ struct Maker<'a> {
 
 /// How an island goes.
 struct Solved {
-    found: Found,
+    found: Piloted,
     growth: Option<Growth>,
     /// What its slow parts change of the sound.
     slow_error: Option<Measured>,
@@ -106,7 +106,7 @@ pub(super) fn make(
 
 impl Maker<'_> {
     /// An island that is not computed: counted with the others of its part.
-    fn drop(&mut self, island: &Island, reason: Reason) {
+    fn drop(&mut self, island: &IslandMembers, reason: Reason) {
         let row = Row::left_out(&self.plan.network, island, reason);
         if row.mats + row.links == 0 {
             return; // points that hold nothing
@@ -122,7 +122,7 @@ impl Maker<'_> {
     }
 
     /// Add what is heard of modules that never move.
-    fn rest(&mut self, island: &Island) -> Result<(), Error> {
+    fn rest(&mut self, island: &IslandMembers) -> Result<(), Error> {
         let subset = self
             .plan
             .network
@@ -137,7 +137,7 @@ impl Maker<'_> {
     }
 
     /// Isolated CELs.
-    fn cells(&mut self, subset: &Subset, own: &Own) -> Result<(), Error> {
+    fn cells(&mut self, subset: &Subset, own: &OwnTimeline) -> Result<(), Error> {
         let banks = cells::oscillators(subset, &own.timeline, &mut self.plan.still)?;
         let mut rows = row::cells(&self.plan.network, &banks, &own.timeline);
         let stay = multirate::all(subset, "its poles need none");
@@ -149,7 +149,7 @@ impl Maker<'_> {
     }
 
     /// An island: by its modes where it has them, else stepped.
-    fn island(&mut self, subset: Subset, own: Own) -> Result<(), Error> {
+    fn island(&mut self, subset: Subset, own: OwnTimeline) -> Result<(), Error> {
         let modules = subset.network.n_mat() + subset.network.n_lia();
         let pin = self.pins.next(modules)?;
         let mut why = None;
@@ -191,7 +191,7 @@ impl Maker<'_> {
     fn stepped(
         &mut self,
         subset: &Subset,
-        own: &Own,
+        own: &OwnTimeline,
         modules: usize,
         pin: Option<&Choice>,
         why: Option<NoModes>,
@@ -205,7 +205,7 @@ impl Maker<'_> {
             Ok(solved) => solved,
         };
         let Solved {
-            found: Found { island, error },
+            found: Piloted { island, error },
             growth,
             slow_error,
             stay,
@@ -247,7 +247,7 @@ impl Maker<'_> {
             let mut row = Row::ported(body, &isle.timeline);
             row.cost += std::mem::take(&mut hub);
             (row.times, row.error) = (isle.times, error);
-            if let (What::Slow(_), Some(growth)) = (row.what, growth) {
+            if let (Computed::Slow(_), Some(growth)) = (row.what, growth) {
                 row.error = slow_error;
                 row.word = Some(multirate::word(growth, certificate.word));
                 row.radius = Some(growth.radius);
@@ -264,7 +264,12 @@ impl Maker<'_> {
     }
 
     /// How an island goes, with its slow parts slow where they may be.
-    fn solve(&self, subset: &Subset, own: &Own, pin: Option<&Choice>) -> Result<Solved, Error> {
+    fn solve(
+        &self,
+        subset: &Subset,
+        own: &OwnTimeline,
+        pin: Option<&Choice>,
+    ) -> Result<Solved, Error> {
         let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
             let assemble = |how: (u32, Ways<'_>)| {
@@ -311,7 +316,7 @@ impl Maker<'_> {
     }
 
     /// The same with its keys slow, where that is cheaper by enough and sounds as it did.
-    fn offered(&self, subset: &Subset, own: &Own, plain: Solved) -> Result<Solved, Error> {
+    fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Result<Solved, Error> {
         let mut best = plain;
         for &(every, preserved) in &PRESERVED {
             let Some(slow) = multirate::offer(subset, own, self.budget, every) else {
@@ -335,7 +340,7 @@ impl Maker<'_> {
     }
 
     /// As it was decided, where keys were slow.
-    fn pinned_offer(&self, subset: &Subset, own: &Own, pin: &Choice) -> Option<Solved> {
+    fn pinned_offer(&self, subset: &Subset, own: &OwnTimeline, pin: &Choice) -> Option<Solved> {
         let every = *pin.kept.first()?.first()?;
         let slow = multirate::offer(subset, own, self.budget, every / pin.times.max(1))?;
         let solved = self.solve(&slow, own, Some(pin)).ok()?;

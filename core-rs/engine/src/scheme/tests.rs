@@ -57,7 +57,10 @@ fn row(n: usize, k: f64) -> Network {
 fn the_border_of_one_mass_is_four() {
     for (k, z) in [(4.0, 0.0), (2.0, 1.0), (0.0, 2.0)] {
         let below = certify(&one(k * (1.0 - 1e-12), z * (1.0 - 1e-12))).unwrap();
-        assert_eq!((below.word, below.oversampling()), (StabilityGuarantee::Proved, 1));
+        assert_eq!(
+            (below.word, below.oversampling()),
+            (StabilityGuarantee::Proved, 1)
+        );
         assert!(below.lambda_max < 4.0 && below.lambda_max > 4.0 - 1e-10);
         for factor in [1.0 + 1e-12, 1.1] {
             let (module, lambda, oversampling) = unstable(&one(k * factor, z * factor));
@@ -156,7 +159,10 @@ fn non_linear_links_are_guarded() {
         ..but(Contact::Plain)
     };
     let link = |but: But| move |network: &mut Network| _ = network.but("l", 0, 1, but).unwrap();
-    assert_eq!(scene(&link(plain(3.0))), Ok((StabilityGuarantee::Guarded, 3.0)));
+    assert_eq!(
+        scene(&link(plain(3.0))),
+        Ok((StabilityGuarantee::Guarded, 3.0))
+    );
     assert!(scene(&link(plain(4.001))).is_err());
     let exact = But {
         k: 1e12,
@@ -167,7 +173,10 @@ fn non_linear_links_are_guarded() {
         let law = Law::hardening(k, 1e6, 0.0).unwrap();
         move |network: &mut Network| _ = network.lnl("l", 0, 1, Arc::new(law.clone()), 0.0).unwrap()
     };
-    assert_eq!(scene(&law(3.5)).map(|it| it.0), Ok(StabilityGuarantee::Guarded));
+    assert_eq!(
+        scene(&law(3.5)).map(|it| it.0),
+        Ok(StabilityGuarantee::Guarded)
+    );
     assert!(scene(&law(4.5)).is_err());
     let damping = LawText {
         damping: Some("1.9*v"),

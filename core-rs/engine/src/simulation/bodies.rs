@@ -4,10 +4,10 @@
 use std::collections::HashSet;
 
 use super::side::{At, Side, Spot, others};
-use super::{Playing, Simulation};
-use crate::island::inside::{self, Inside};
+use super::{RunningUnit, Simulation};
+use crate::island::inside::{self, BodyPlan};
 use crate::network::Network;
-use crate::plan::{Seen, Sight};
+use crate::plan::{ModeShapes, Sight};
 
 /// Where a body is computed: a bank of its modes, or which body of an island.
 #[derive(Clone, Copy, Debug)]
@@ -22,26 +22,26 @@ pub(super) struct Body {
     pub(super) place: Place,
     /// Where its masses stand in the room.
     first: usize,
-    how: How,
+    how: Source,
 }
 
 #[derive(Clone, Debug)]
-enum How {
+enum Source {
     /// By its modes.
-    Modes(Box<Seen>),
+    Modes(Box<ModeShapes>),
     /// By another method: its own index of each mass, and its motion.
     Masses(Vec<(usize, (f64, f64))>),
 }
 
 /// A body that may be asked for its masses: names, where each begins [m] and by what step.
-struct Known<'a> {
+struct Candidate<'a> {
     place: Place,
     names: Vec<String>,
     start: Vec<(f64, f64)>,
-    what: What<'a>,
+    what: Wanted<'a>,
 }
 
-enum What<'a> {
+enum Wanted<'a> {
     /// Of a body: which of its modes, and what they were turned towards.
     Modes(&'a Network, (&'a [u32], Option<&'a [usize]>)),
     Masses(Vec<usize>),
@@ -55,7 +55,7 @@ pub(super) struct Room {
     before: Vec<f64>,
 }
 
-impl<'a> Known<'a> {
+impl<'a> Candidate<'a> {
     /// Bodies of units that are not the same, but for some.
     fn all(
         side: &'a Side<'a>,
@@ -72,34 +72,34 @@ impl<'a> Known<'a> {
                     body: Some(index),
                 };
                 let (network, kept, own): (&Network, Option<_>, Vec<usize>) = match body {
-                    Inside::Modal(modal) => {
+                    BodyPlan::Modal(modal) => {
                         let kept = (&modal.kept[..], modal.turned.as_deref());
                         (&modal.of, Some(kept), Vec::new())
                     }
-                    Inside::Mesh(mesh) => {
+                    BodyPlan::Mesh(mesh) => {
                         (&mesh.network, None, (0..mesh.network.n_mat()).collect())
                     }
-                    Inside::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
+                    BodyPlan::Slow(slow) => (&slow.network, None, (0..slow.free.len()).collect()),
                 };
                 let mats: Vec<usize> = match body {
-                    Inside::Slow(slow) => slow.free.clone(),
-                    Inside::Mesh(_) => own.clone(),
-                    Inside::Modal(_) => moving(network),
+                    BodyPlan::Slow(slow) => slow.free.clone(),
+                    BodyPlan::Mesh(_) => own.clone(),
+                    BodyPlan::Modal(_) => moving(network),
                 };
-                let what = kept.map_or(What::Masses(own), |kept| What::Modes(network, kept));
+                let what = kept.map_or(Wanted::Masses(own), |kept| Wanted::Modes(network, kept));
                 found.push(Self::new(place, network, &mats, what, step));
             }
         }
         for (&(at, bank), _) in others(&side.banks, banks) {
             let Some(network) = &bank.of else { continue };
             let place = Place { at, body: None };
-            let what = What::Modes(network, (&bank.kept, bank.turned.as_deref()));
+            let what = Wanted::Modes(network, (&bank.kept, bank.turned.as_deref()));
             found.push(Self::new(place, network, &moving(network), what, step));
         }
         found
     }
 
-    fn new(place: Place, network: &Network, mats: &[usize], what: What<'a>, step: f64) -> Self {
+    fn new(place: Place, network: &Network, mats: &[usize], what: Wanted<'a>, step: f64) -> Self {
         let own = network.mats();
         Self {
             place,
@@ -116,15 +116,15 @@ impl<'a> Known<'a> {
     fn body(self, side: &Side<'_>, sight: Sight, room: &mut Room) -> Option<Body> {
         let first = room.mats.len();
         let how = match self.what {
-            What::Modes(network, kept) => {
-                let seen = Seen::new(network, kept, side.rate, sight)?;
+            Wanted::Modes(network, kept) => {
+                let seen = ModeShapes::new(network, kept, side.rate, sight)?;
                 let n = room.now.len().max(seen.n_modes());
                 room.now.resize(n, 0.0);
                 room.before.resize(n, 0.0);
-                How::Modes(Box::new(seen))
+                Source::Modes(Box::new(seen))
             }
-            What::Masses(own) => {
-                How::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect())
+            Wanted::Masses(own) => {
+                Source::Masses(own.into_iter().map(|own| (own, (0.0, 0.0))).collect())
             }
         };
         room.mats.extend(self.start);
@@ -152,7 +152,7 @@ pub(super) fn bodies(
     room: &mut Room,
 ) -> (Vec<(String, Spot)>, Vec<Body>) {
     let (mut spots, mut found) = (Vec::new(), Vec::new());
-    for known in Known::all(side, same, without) {
+    for known in Candidate::all(side, same, without) {
         if !known.names.iter().any(|name| wanted(name)) {
             continue;
         }
@@ -173,7 +173,7 @@ pub(super) fn names(
     same: [&[bool]; 2],
     without: &HashSet<(At, usize)>,
 ) -> HashSet<String> {
-    let all = Known::all(side, same, without).into_iter();
+    let all = Candidate::all(side, same, without).into_iter();
     all.flat_map(|known| known.names).collect()
 }
 
@@ -182,36 +182,36 @@ impl Body {
     pub(super) fn look(&self, simulation: &mut Simulation, room: &mut Room) {
         let playing = simulation.playing(self.place.at);
         match &self.how {
-            How::Modes(seen) => {
+            Source::Modes(seen) => {
                 let n = seen.n_modes();
                 let (now, before) = (&mut room.now[..n], &mut room.before[..n]);
                 match (playing, self.place.body) {
-                    (Playing::Bank(bank), _) => {
+                    (RunningUnit::Bank(bank), _) => {
                         for mode in 0..n {
                             (now[mode], before[mode]) = bank.motion(mode);
                         }
                     }
-                    (Playing::Island(island), Some(body)) => {
-                        let Some(inside::Playing::Modal(modal)) = island.body(body) else {
+                    (RunningUnit::Island(island), Some(body)) => {
+                        let Some(inside::RunningBody::Modal(modal)) = island.body(body) else {
                             return;
                         };
                         modal.amplitudes(now, before);
                     }
-                    (Playing::Island(_), None) => return,
+                    (RunningUnit::Island(_), None) => return,
                 }
                 let mats = &mut room.mats[self.first..self.first + seen.mats.len()];
                 seen.positions(now, before, mats);
             }
-            How::Masses(all) => {
-                let (Playing::Island(island), Some(body)) = (playing, self.place.body) else {
+            Source::Masses(all) => {
+                let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
                     return;
                 };
                 let mats = room.mats[self.first..].iter_mut().zip(all);
                 match island.body(body) {
-                    Some(inside::Playing::Mesh(mesh)) => {
+                    Some(inside::RunningBody::Mesh(mesh)) => {
                         mats.for_each(|(mat, &(own, _))| *mat = mesh.motion(own));
                     }
-                    Some(inside::Playing::Slow(slow)) => {
+                    Some(inside::RunningBody::Slow(slow)) => {
                         mats.for_each(|(mat, &(own, _))| *mat = slow.motion(own));
                     }
                     _ => {}
@@ -224,7 +224,7 @@ impl Body {
     pub(super) fn put(&mut self, simulation: &mut Simulation, room: &mut Room) {
         let playing = simulation.playing(self.place.at);
         match &mut self.how {
-            How::Modes(seen) => {
+            Source::Modes(seen) => {
                 let n = seen.n_modes();
                 let (now, before) = (&mut room.now[..n], &mut room.before[..n]);
                 seen.amplitudes(
@@ -233,29 +233,29 @@ impl Body {
                     before,
                 );
                 match (playing, self.place.body) {
-                    (Playing::Bank(bank), _) => {
+                    (RunningUnit::Bank(bank), _) => {
                         for mode in 0..n {
                             bank.set_motion(mode, (now[mode], before[mode]));
                         }
                     }
-                    (Playing::Island(island), Some(body)) => {
-                        if let Some(inside::Playing::Modal(modal)) = island.body(body) {
+                    (RunningUnit::Island(island), Some(body)) => {
+                        if let Some(inside::RunningBody::Modal(modal)) = island.body(body) {
                             modal.set_amplitudes(now, before);
                         }
                     }
-                    (Playing::Island(_), None) => {}
+                    (RunningUnit::Island(_), None) => {}
                 }
             }
-            How::Masses(all) => {
-                let (Playing::Island(island), Some(body)) = (playing, self.place.body) else {
+            Source::Masses(all) => {
+                let (RunningUnit::Island(island), Some(body)) = (playing, self.place.body) else {
                     return;
                 };
                 for ((_, motion), mat) in all.iter_mut().zip(&room.mats[self.first..]) {
                     *motion = *mat;
                 }
                 match island.body(body) {
-                    Some(inside::Playing::Mesh(mesh)) => mesh.put(all),
-                    Some(inside::Playing::Slow(slow)) => slow.put(all),
+                    Some(inside::RunningBody::Mesh(mesh)) => mesh.put(all),
+                    Some(inside::RunningBody::Slow(slow)) => slow.put(all),
                     _ => {}
                 }
             }

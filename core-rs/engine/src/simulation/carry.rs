@@ -142,7 +142,7 @@ impl Carry {
             let mut found = false;
             for (own, body) in isle.bodies.iter().enumerate() {
                 let before = others(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
-                    let same = |their: &crate::island::inside::Inside| {
+                    let same = |their: &crate::island::inside::BodyPlan| {
                         let name = |mat| isle.network.mat_name(mat);
                         body.is_same(their, name, |mat| other.network.mat_name(mat))
                     };

@@ -1,6 +1,6 @@
 //! One of the two simulations of a take-over, as both are compared.
 
-use super::{Playing, Simulation};
+use super::{RunningUnit, Simulation};
 use crate::island::Island;
 use crate::network::Network;
 use crate::plan::{IslandPlan, Unit};
@@ -40,11 +40,11 @@ impl<'a> Side<'a> {
             let units = group.units.iter().zip(&plan.units[group.first..]);
             for (u, pair) in units.enumerate() {
                 match pair {
-                    (Playing::Island(island), Unit::IslandPlan(isle)) => {
+                    (RunningUnit::Island(island), Unit::IslandPlan(isle)) => {
                         side.islands.push(((g, u), island, isle));
                     }
                     (_, Unit::Bank(bank)) => side.banks.push(((g, u), bank)),
-                    (Playing::Bank(_), Unit::IslandPlan(_)) => {}
+                    (RunningUnit::Bank(_), Unit::IslandPlan(_)) => {}
                 }
             }
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::bodies::Room;
 use super::carry::Carry;
 use super::side::{At, Spot};
-use super::{Playing, Simulation};
+use super::{RunningUnit, Simulation};
 use crate::plan::Plan;
 
 impl Simulation {
@@ -21,13 +21,14 @@ impl Simulation {
         }
         for &(from, to) in &carry.units {
             match (self.playing(to), old.playing(from)) {
-                (Playing::Island(own), Playing::Island(old)) => own.go_on(old),
-                (Playing::Bank(own), Playing::Bank(old)) => own.go_on(old),
+                (RunningUnit::Island(own), RunningUnit::Island(old)) => own.go_on(old),
+                (RunningUnit::Bank(own), RunningUnit::Bank(old)) => own.go_on(old),
                 _ => {}
             }
         }
         for &(from, to, n) in &carry.modes {
-            if let (Playing::Bank(own), Playing::Bank(old)) = (self.playing(to), old.playing(from))
+            if let (RunningUnit::Bank(own), RunningUnit::Bank(old)) =
+                (self.playing(to), old.playing(from))
             {
                 (0..n).for_each(|mode| own.copy_motion(mode, old, mode));
             }
@@ -45,21 +46,21 @@ impl Simulation {
         }
         to.iter_mut().for_each(|body| body.put(self, room));
         for (from, to, through) in &carry.through {
-            if let (Playing::Island(own), Playing::Island(old)) =
+            if let (RunningUnit::Island(own), RunningUnit::Island(old)) =
                 (self.playing(*to), old.playing(*from))
             {
                 own.receive(through, old);
             }
         }
         for &at in &carry.placed {
-            if let Playing::Island(island) = self.playing(at) {
+            if let RunningUnit::Island(island) = self.playing(at) {
                 island.place();
             }
         }
         true
     }
 
-    pub(super) fn playing(&mut self, (group, unit): At) -> &mut Playing {
+    pub(super) fn playing(&mut self, (group, unit): At) -> &mut RunningUnit {
         &mut self.groups[group].units[unit]
     }
 
@@ -68,14 +69,14 @@ impl Simulation {
         let motion = match from {
             Spot::Room(slot) => room.mats[slot],
             Spot::Island(at, mat) => match old.playing(at) {
-                Playing::Island(island) => island.motion(mat),
-                Playing::Bank(_) => return,
+                RunningUnit::Island(island) => island.motion(mat),
+                RunningUnit::Bank(_) => return,
             },
             Spot::Bank(at, there, rest) => match old.playing(at) {
-                Playing::Bank(bank) => {
+                RunningUnit::Bank(bank) => {
                     if let Spot::Bank(at, here, own) = to
                         && own == rest
-                        && let Playing::Bank(new) = self.playing(at)
+                        && let RunningUnit::Bank(new) = self.playing(at)
                     {
                         new.copy_motion(here, bank, there);
                         return;
@@ -83,18 +84,18 @@ impl Simulation {
                     let (now, before) = bank.motion(there);
                     (now + rest, now - before)
                 }
-                Playing::Island(_) => return,
+                RunningUnit::Island(_) => return,
             },
         };
         match to {
             Spot::Room(slot) => room.mats[slot] = motion,
             Spot::Island(at, mat) => {
-                if let Playing::Island(island) = self.playing(at) {
+                if let RunningUnit::Island(island) = self.playing(at) {
                     island.set_motion(mat, motion);
                 }
             }
             Spot::Bank(at, oscillator, rest) => {
-                if let Playing::Bank(bank) = self.playing(at) {
+                if let RunningUnit::Bank(bank) = self.playing(at) {
                     let now = motion.0 - rest;
                     bank.set_motion(oscillator, (now, now - motion.1));
                 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Way, Written};
+use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
 use ergon_engine::plan::{Budget, Method, Plan};
@@ -141,10 +141,10 @@ fn lean(start: f64, x: f64, touch: Touch, layer: bool) -> Gesture {
         t: &[start, start + 0.04, start + 0.05, start + 0.09],
         x: &[0.0, x, x, 0.2 * x],
         way: &[
-            Way::Path(Curve::Smooth),
-            Way::Path(Curve::Smooth),
-            Way::Throw,
-            Way::Path(Curve::Line),
+            Approach::Path(Curve::Smooth),
+            Approach::Path(Curve::Smooth),
+            Approach::Throw,
+            Approach::Path(Curve::Line),
         ],
         sources: &[],
     };

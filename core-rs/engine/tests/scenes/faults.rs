@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Way, Written};
+use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::network::{Network, Term, Tie};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
@@ -53,7 +53,7 @@ fn gesture(touch: Touch, t: [f64; 2]) -> Gesture {
     let written = Written {
         t: &t,
         x: &[0.0, 1e-3],
-        way: &[Way::Path(Curve::Smooth); 2],
+        way: &[Approach::Path(Curve::Smooth); 2],
         sources: &[],
     };
     let manner = Manner {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::network::{Network, Term, Tie};
-use ergon_engine::plan::{Budget, Method, Plan, What};
+use ergon_engine::plan::{Budget, Computed, Method, Plan};
 use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -325,7 +325,12 @@ fn a_slow_body_goes_on() {
             .map(|budget| plan(network(k), &key(), budget))
     };
     let (before, after) = (plans(150.0), plans(150.0 * (1.0 + 1e-13)));
-    assert!(before[0].rows().iter().any(|row| row.what == What::Slow(8)));
+    assert!(
+        before[0]
+            .rows()
+            .iter()
+            .any(|row| row.what == Computed::Slow(8))
+    );
     let mut alone = Simulation::planned(before[0].clone(), plain()).unwrap();
     let mut unchanged = vec![0.0; 2 * 9_000];
     alone.process(&mut unchanged).unwrap();

@@ -6,7 +6,7 @@ use ergon_engine::gesture::error::GestureError;
 use ergon_engine::gesture::profile::Curve::{Hold, Line, Smooth};
 use ergon_engine::gesture::report::Report;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Way, Way::Path, Written};
+use ergon_engine::gesture::written::{Approach, Approach::Path, Written};
 use ergon_engine::network::{But, Contact, Error, Network, Side, Term, Tie};
 use ergon_engine::simulation::{OnFault, Simulation};
 use ergon_engine::timeline::Timeline;
@@ -35,7 +35,7 @@ struct Keyboard {
     timeline: Timeline,
 }
 
-type Points<'a> = &'a [(f64, f64, Way)];
+type Points<'a> = &'a [(f64, f64, Approach)];
 
 impl Keyboard {
     fn new(hertz: f64) -> Self {
@@ -54,7 +54,7 @@ impl Keyboard {
     fn try_play(&mut self, points: Points<'_>, manner: Manner) -> Result<usize, GestureError> {
         let t: Vec<f64> = points.iter().map(|point| point.0).collect();
         let x: Vec<f64> = points.iter().map(|point| point.1).collect();
-        let way: Vec<Way> = points.iter().map(|point| point.2).collect();
+        let way: Vec<Approach> = points.iter().map(|point| point.2).collect();
         let written = Written {
             t: &t,
             x: &x,
@@ -82,7 +82,7 @@ impl Keyboard {
     }
 }
 
-fn smooth(points: &[(f64, f64)]) -> Vec<(f64, f64, Way)> {
+fn smooth(points: &[(f64, f64)]) -> Vec<(f64, f64, Approach)> {
     points.iter().map(|&(t, x)| (t, x, Path(Smooth))).collect()
 }
 
@@ -155,8 +155,8 @@ fn a_throw_right_after_a_hold_lands() {
             &[
                 (start - 0.02, 0.0, Path(Line)),
                 (start, 0.0, Path(Hold)),
-                (thrown, 4e-3, Way::Throw),
-                (back, 1e-3, Way::Throw),
+                (thrown, 4e-3, Approach::Throw),
+                (back, 1e-3, Approach::Throw),
                 (back + 0.02, 1e-3, Path(Smooth)),
             ],
             OPEN,
@@ -185,7 +185,10 @@ fn a_throw_that_cannot_land_is_not_made() {
         .listen("m", vec![Term::Position { first, len, weight }])
         .unwrap();
     keys.play(
-        &[(0.0, 0.0, Way::Throw), (1.0 / 16.0, 5e-3, Way::Throw)],
+        &[
+            (0.0, 0.0, Approach::Throw),
+            (1.0 / 16.0, 5e-3, Approach::Throw),
+        ],
         OPEN,
     );
     let (x, reports) = keys.hear(0.2);
@@ -196,7 +199,7 @@ fn a_throw_that_cannot_land_is_not_made() {
 #[test]
 fn points_that_are_none_are_refused() {
     let mut keys = Keyboard::new(44_100.0);
-    for way in [Way::Throw, Path(Smooth)] {
+    for way in [Approach::Throw, Path(Smooth)] {
         for (t, x) in [(0.1, f64::NAN), (f64::NAN, 0.0), (f64::INFINITY, 0.0)] {
             assert!(
                 keys.try_play(&[(0.0, 0.0, way), (t, x, way)], OPEN)
@@ -205,7 +208,10 @@ fn points_that_are_none_are_refused() {
         }
     }
     let short = keys.try_play(
-        &[(0.1, 0.0, Way::Throw), (0.100_001, 1e-3, Way::Throw)],
+        &[
+            (0.1, 0.0, Approach::Throw),
+            (0.100_001, 1e-3, Approach::Throw),
+        ],
         OPEN,
     );
     assert!(matches!(short, Err(GestureError::Short { index: 1, .. })));
@@ -235,7 +241,7 @@ fn points_that_are_none_are_refused() {
     let written = Written {
         t: &[0.0],
         x: &[0.0],
-        way: &[Way::Throw],
+        way: &[Approach::Throw],
         sources: &[],
     };
     let elsewhere = Gesture::written(1, &written, OPEN).unwrap();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
-use ergon_engine::plan::{Budget, Method, Plan, What};
+use ergon_engine::plan::{Budget, Computed, Method, Plan};
 use ergon_engine::simulation::{OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -80,7 +80,7 @@ fn the_modes_of_a_discrete_body_are_the_body() {
     };
     let whole = Simulation::new(network.clone(), &timeline, options).unwrap();
     let plan = Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap();
-    let What::Modes { of, kept, .. } = plan.rows()[0].what else {
+    let Computed::Modes { of, kept, .. } = plan.rows()[0].what else {
         panic!("{:?}", plan.rows());
     };
     assert_eq!((of, kept), (12, 12));
@@ -155,7 +155,7 @@ fn the_modes_of_a_discrete_body_are_the_body_in_contact() {
         let plan =
             Arc::new(Plan::new(network, &timeline, &Budget::Method(Method::Modal), None).unwrap());
         assert!(
-            matches!(plan.rows()[1].what, What::Modes { of: 12, .. }),
+            matches!(plan.rows()[1].what, Computed::Modes { of: 12, .. }),
             "{:?}",
             plan.rows()
         );

@@ -6,7 +6,7 @@ use ergon_engine::chance::Chance;
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
 use ergon_engine::gesture::take::{Care, Take};
-use ergon_engine::gesture::written::{Way, Written};
+use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::law::{Law, LawText};
 use ergon_engine::maths;
 use ergon_engine::network::{But, Contact, Network, Side, Term, Tie};
@@ -274,16 +274,16 @@ impl Scene {
     fn gesture(&mut self, key: usize) {
         let mut t = vec![self.draw(-0.01, 0.12)];
         let mut x = vec![self.draw(-1e-3, 1e-3)];
-        let mut way = vec![Way::Path(Curve::Smooth)];
+        let mut way = vec![Approach::Path(Curve::Smooth)];
         for _ in 0..self.pick(4) {
             t.push(t[t.len() - 1] + self.draw(4e-3, 4e-2));
             let (last, next) = (x[x.len() - 1], self.draw(-3e-3, 3e-3));
             let (kind, at) = match self.pick(5) {
                 // Before the piece there is no frame in which to throw.
-                0 if t[t.len() - 1] > 1e-3 => (Way::Throw, next),
-                1 => (Way::Path(Curve::Line), next),
-                2 => (Way::Path(Curve::Hold), last),
-                _ => (Way::Path(Curve::Smooth), next),
+                0 if t[t.len() - 1] > 1e-3 => (Approach::Throw, next),
+                1 => (Approach::Path(Curve::Line), next),
+                2 => (Approach::Path(Curve::Hold), last),
+                _ => (Approach::Path(Curve::Smooth), next),
             };
             way.push(kind);
             x.push(at);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{But, Contact, Network, Side, Term};
-use ergon_engine::plan::{Budget, Plan, What};
+use ergon_engine::plan::{Budget, Computed, Plan};
 use ergon_engine::simulation::{Carry, OnFault, Options, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
@@ -70,7 +70,7 @@ fn plan(by: By, is_open: bool) -> Arc<Plan> {
 
 fn kept(plan: &Plan) -> usize {
     let modes = plan.rows().iter().find_map(|row| match row.what {
-        What::Modes { kept, .. } => Some(kept),
+        Computed::Modes { kept, .. } => Some(kept),
         _ => None,
     });
     modes.unwrap_or_else(|| panic!("{:?}", plan.rows()))

@@ -56,7 +56,7 @@ fn ca_is_the_island_s_scheme() {
         unchecked: false,
     };
     let mut simulation = Simulation::new(network.clone(), &timeline, options).expect("it plays");
-    let path = play(by(&network, Way::Ca, 1), 600, &strikes);
+    let path = play(by(&network, MeshMethod::Ca, 1), 600, &strikes);
     for (frame, x) in path.iter().enumerate() {
         simulation.skip(1).expect("it is stable");
         let island = simulation.positions();
@@ -69,8 +69,12 @@ fn ca_is_the_island_s_scheme() {
 
 #[test]
 fn a_clone_is_a_snapshot() {
-    for way in Way::ALL {
-        let hard = if way == Way::Trapezoid { 0.0 } else { 2e12 };
+    for way in MeshMethod::ALL {
+        let hard = if way == MeshMethod::Trapezoid {
+            0.0
+        } else {
+            2e12
+        };
         let network = hex(hard, Some(0.5));
         let mut it = by(&network, way, 2);
         it.step(&[(165, 0.02)], &mut ThreadTeam::alone());
@@ -100,12 +104,12 @@ fn a_crew_steps_the_same_bits() {
         network
     };
     for (network, way) in [
-        (hung(Some(0.5)), Way::Ca),
-        (hung(Some(0.5)), Way::Ca2p),
-        (hung(Some(0.5)), Way::Bm4),
-        (hung(None), Way::Ca2p),
-        (hung(None), Way::Bm4),
-        (hex_of(32, 60.0, 1e12, None), Way::Bm4),
+        (hung(Some(0.5)), MeshMethod::Ca),
+        (hung(Some(0.5)), MeshMethod::Ca2p),
+        (hung(Some(0.5)), MeshMethod::Bm4),
+        (hung(None), MeshMethod::Ca2p),
+        (hung(None), MeshMethod::Bm4),
+        (hex_of(32, 60.0, 1e12, None), MeshMethod::Bm4),
     ] {
         let last = |threads: usize| {
             let mut it = by(&network, way, 1);

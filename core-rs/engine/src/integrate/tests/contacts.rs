@@ -28,10 +28,15 @@ fn struck(k: f64, exponent: f64, z: f64) -> Network {
     network
 }
 
-const WAYS: [Way; 4] = [Way::Ca, Way::Ca2p, Way::Bm4, Way::Ieq];
+const WAYS: [MeshMethod; 4] = [
+    MeshMethod::Ca,
+    MeshMethod::Ca2p,
+    MeshMethod::Bm4,
+    MeshMethod::Ieq,
+];
 
 fn errors(network: &Network) -> [f64; 4] {
-    let truth = play(by(network, Way::Bm4, 128), FRAMES, &[]);
+    let truth = play(by(network, MeshMethod::Bm4, 128), FRAMES, &[]);
     WAYS.map(|way| decibels(&play(by(network, way, 1), FRAMES, &[]), &truth))
 }
 
@@ -63,7 +68,7 @@ fn power_laws_keep_or_lose_energy() {
         let errors = errors(&network);
         let good = errors.iter().zip(most).all(|(error, most)| *error < most);
         assert!(good, "{errors:?}");
-        let mut it = by(&network, Way::Ieq, 1);
+        let mut it = by(&network, MeshMethod::Ieq, 1);
         it.step(&[], &mut ThreadTeam::alone());
         let start = it.energy();
         let mut last = start;

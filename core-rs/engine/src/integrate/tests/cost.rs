@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::*;
 
 /// Seconds a frame, the best of five runs.
-fn cost(network: &Network, way: Way, frames: u32) -> f64 {
+fn cost(network: &Network, way: MeshMethod, frames: u32) -> f64 {
     let mut best = f64::INFINITY;
     let centre = network.centre(0);
     for _ in 0..5 {
@@ -25,11 +25,11 @@ fn cost(network: &Network, way: Way, frames: u32) -> f64 {
     best
 }
 
-fn table(network: &Network, frames: u32, ways: &[Way]) {
+fn table(network: &Network, frames: u32, ways: &[MeshMethod]) {
     let mut reference = f64::NAN;
     for &way in ways {
         let cost = cost(network, way, frames);
-        if way == Way::Ca {
+        if way == MeshMethod::Ca {
             reference = cost;
         }
         let (name, ratio) = (way.facts().name, cost / reference);
@@ -41,7 +41,7 @@ fn table(network: &Network, frames: u32, ways: &[Way]) {
 }
 
 /// Seconds a frame by a crew of so many, the best of many short runs: others may use the processor too.
-fn shared(network: &Network, way: Way, threads: usize) -> f64 {
+fn shared(network: &Network, way: MeshMethod, threads: usize) -> f64 {
     let (mut best, frames) = (f64::INFINITY, 50);
     let mut it = by(network, way, 1);
     it.share(threads);
@@ -62,7 +62,7 @@ fn shared(network: &Network, way: Way, threads: usize) -> f64 {
 fn of_a_crew() {
     for radius in [58, 26, 18, 12, 8] {
         let network = hex_of(radius, 60.0, 1e13, Some(2.0));
-        for way in [Way::Ca, Way::Ca2p, Way::Bm4] {
+        for way in [MeshMethod::Ca, MeshMethod::Ca2p, MeshMethod::Bm4] {
             let one = shared(&network, way, 1);
             let times = one / shared(&network, way, 2);
             let (name, n_mat, us) = (way.facts().name, network.n_mat(), 1e6 * one);
@@ -74,15 +74,15 @@ fn of_a_crew() {
 #[test]
 #[ignore = "a timing"]
 fn of_a_frame() {
-    let explicit = &Way::ALL[..4];
+    let explicit = &MeshMethod::ALL[..4];
     for t60 in [None, Some(2.0)] {
         eprintln!("331 masses, hardening, t60 {t60:?}");
         table(&hex(1e13, t60), 10_000, explicit);
         eprintln!("331 masses, linear, t60 {t60:?}");
-        table(&hex(0.0, t60), 10_000, &Way::ALL);
+        table(&hex(0.0, t60), 10_000, &MeshMethod::ALL);
     }
     eprintln!("10267 masses, hardening, t60 2 s");
     table(&hex_of(58, 60.0, 1e13, Some(2.0)), 300, explicit);
     eprintln!("10267 masses, linear, t60 2 s");
-    table(&hex_of(58, 60.0, 0.0, Some(2.0)), 200, &Way::ALL);
+    table(&hex_of(58, 60.0, 0.0, Some(2.0)), 200, &MeshMethod::ALL);
 }

@@ -20,9 +20,9 @@ fn drift(mut it: Integrator, frames: usize) -> f64 {
 #[test]
 fn linear_bodies_keep_their_energy_to_rounding() {
     let network = row(20, 2e5, 0.0, 0.0);
-    for way in Way::ALL {
+    for way in MeshMethod::ALL {
         // BM4 keeps an energy near to this one: it swings, and does not drift.
-        let most = if way == Way::Bm4 { 1e-6 } else { 2e-12 };
+        let most = if way == MeshMethod::Bm4 { 1e-6 } else { 2e-12 };
         let drift = drift(by(&network, way, 1), 4000);
         assert!(drift < most, "{way:?} {drift:e}");
     }
@@ -31,7 +31,12 @@ fn linear_bodies_keep_their_energy_to_rounding() {
 /// Links that harden until CA and CA2P go on by finer frames alone, and BM4 is thrown off: IEQ keeps its energy.
 #[test]
 fn a_hard_cubic_chain() {
-    let ways = [Way::Ca, Way::Ca2p, Way::Bm4, Way::Ieq];
+    let ways = [
+        MeshMethod::Ca,
+        MeshMethod::Ca2p,
+        MeshMethod::Bm4,
+        MeshMethod::Ieq,
+    ];
     let at = |q: f64| ways.map(|way| drift(by(&row(20, 2e5, q, 0.0), way, 1), 4000));
     let [ca, ca2p, bm4, ieq] = at(1e12);
     assert!(ca < 0.02 && ca2p < 0.02 && bm4 < 1e-5 && ieq < 1e-13);
@@ -46,9 +51,9 @@ fn a_hard_cubic_chain() {
 fn stiff_springs() {
     for k in [1e6, 1e7, 1e9] {
         let drifts = [
-            drift(by(&row(20, k, 0.0, 0.0), Way::Trapezoid, 1), 4000),
-            drift(by(&row(20, k, 0.0, 0.0), Way::Ieq, 1), 4000),
-            drift(by(&row(20, k, 1e14, 0.0), Way::Ieq, 1), 4000),
+            drift(by(&row(20, k, 0.0, 0.0), MeshMethod::Trapezoid, 1), 4000),
+            drift(by(&row(20, k, 0.0, 0.0), MeshMethod::Ieq, 1), 4000),
+            drift(by(&row(20, k, 1e14, 0.0), MeshMethod::Ieq, 1), 4000),
         ];
         assert!(
             drifts.iter().all(|drift| *drift < 5e-12),
@@ -61,7 +66,11 @@ fn stiff_springs() {
 #[test]
 fn ledgers_close() {
     let z = 0.3;
-    for (way, q) in [(Way::Ieq, 0.0), (Way::Ieq, 1e14), (Way::Trapezoid, 0.0)] {
+    for (way, q) in [
+        (MeshMethod::Ieq, 0.0),
+        (MeshMethod::Ieq, 1e14),
+        (MeshMethod::Trapezoid, 0.0),
+    ] {
         let network = row(20, 2e5, q, z);
         let links: Vec<(usize, usize)> = network.runs().iter().map(|run| (run.a, run.b)).collect();
         let mut it = by(&network, way, 1);
@@ -78,13 +87,13 @@ fn ledgers_close() {
             it.step(&[(7, impulse)], &mut ThreadTeam::alone());
             let next = it.positions().to_vec();
             // IEQ sees a force and the damping over two frames, the trapezoid a jump and one.
-            let (from, frames) = if way == Way::Ieq {
+            let (from, frames) = if way == MeshMethod::Ieq {
                 (&before, 2.0)
             } else {
                 (&now, 1.0)
             };
             let speed = |mat: usize| (next[mat] - from[mat]) * HERTZ / frames;
-            injected += if way == Way::Ieq {
+            injected += if way == MeshMethod::Ieq {
                 impulse * speed(7)
             } else {
                 impulse * (v[0] + 0.5 * impulse / 1e-3)
@@ -107,8 +116,12 @@ fn ledgers_close() {
 /// Stepping and looking take no memory.
 #[test]
 fn nothing_is_allocated() {
-    for way in Way::ALL {
-        let hard = if way == Way::Trapezoid { 0.0 } else { 1e13 };
+    for way in MeshMethod::ALL {
+        let hard = if way == MeshMethod::Trapezoid {
+            0.0
+        } else {
+            1e13
+        };
         let mut it = by(&hex(hard, Some(1.0)), way, 2);
         let mut v = [0.0; 2];
         reset_violation_count();

@@ -6,7 +6,12 @@ const FRAMES: usize = 1100; // 25 ms
 const CENTRE: usize = 165;
 /// Mass of one point [kg].
 const EACH: f64 = 1.0 / 331.0;
-const WAYS: [Way; 4] = [Way::Ca, Way::Ca2p, Way::Bm4, Way::Ieq];
+const WAYS: [MeshMethod; 4] = [
+    MeshMethod::Ca,
+    MeshMethod::Ca2p,
+    MeshMethod::Bm4,
+    MeshMethod::Ieq,
+];
 
 /// At 1 m/s: -10.0, -43.3, -83.7 and -11.0 dB; at 4 m/s: -10.1, -32.5, -81.3 and -11.7 dB.
 #[test]
@@ -14,7 +19,7 @@ fn a_struck_gong() {
     let network = hex(1e13, Some(2.0));
     for (v, most) in [(1.0, [-9.5, -42.5, -82.5]), (4.0, [-9.5, -32.0, -80.5])] {
         let strike = [(0, CENTRE, v * EACH)];
-        let truth = play(by(&network, Way::Bm4, 16), FRAMES, &strike);
+        let truth = play(by(&network, MeshMethod::Bm4, 16), FRAMES, &strike);
         let [ca, ca2p, bm4, ieq] =
             WAYS.map(|way| decibels(&play(by(&network, way, 1), FRAMES, &strike), &truth));
         assert!(
@@ -32,7 +37,7 @@ fn a_struck_gong() {
 #[test]
 fn harder_and_harder() {
     let network = hex(1e13, Some(2.0));
-    let survives = |way: Way, v: &f64| {
+    let survives = |way: MeshMethod, v: &f64| {
         play(by(&network, way, 1), FRAMES, &[(0, CENTRE, v * EACH)]).len() == FRAMES
     };
     let strikes = [1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 1000.0];

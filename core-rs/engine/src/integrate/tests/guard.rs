@@ -28,7 +28,7 @@ fn energies(network: &Network, x: &[f64], before: &[f64]) -> [f64; 2] {
 #[test]
 fn an_undamped_gong_keeps_its_energy() {
     let network = hex(1e13, None);
-    for way in [Way::Ca, Way::Ca2p] {
+    for way in [MeshMethod::Ca, MeshMethod::Ca2p] {
         for v in [32.0, 64.0, 128.0, 256.0] {
             let put_in = 0.5 * EACH * v * v;
             let mut it = by(&network, way, 1);
@@ -47,7 +47,11 @@ fn an_undamped_gong_keeps_its_energy() {
                 }
                 before.copy_from_slice(it.positions());
             }
-            assert!(it.told().is_some_and(|told| told.most >= 2), "{way:?} {v}");
+            assert!(
+                it.finer_frames()
+                    .is_some_and(|finer_frames| finer_frames.most >= 2),
+                "{way:?} {v}"
+            );
             assert!(
                 (0.8..1.1).contains(&(sum / put_in)),
                 "{way:?} {v} {}",
@@ -62,20 +66,23 @@ fn an_undamped_gong_keeps_its_energy() {
 fn eight_steps_are_eight_times_the_rate() {
     let network = hex_of(10, 60.0, 1e13, Some(2.0));
     let strike = [(0, CENTRE, 256.0 * EACH)];
-    let truth = play(by(&network, Way::Ca, 8), 60, &strike);
-    let error = decibels(&play(by(&network, Way::Ca, 1), 60, &strike), &truth);
+    let truth = play(by(&network, MeshMethod::Ca, 8), 60, &strike);
+    let error = decibels(&play(by(&network, MeshMethod::Ca, 1), 60, &strike), &truth);
     assert!(error < -250.0, "{error}");
 }
 
 #[test]
 fn nothing_is_allocated_in_it() {
     let network = hex(1e13, Some(2.0));
-    for way in [Way::Ca, Way::Ca2p] {
+    for way in [MeshMethod::Ca, MeshMethod::Ca2p] {
         let mut it = by(&network, way, 1);
         it.step(&[(CENTRE, 64.0 * EACH)], &mut ThreadTeam::alone());
         reset_violation_count();
         assert_no_alloc(|| (0..200).for_each(|_| it.step(&[], &mut ThreadTeam::alone())));
         assert_eq!(violation_count(), 0, "{way:?}");
-        assert!(it.told().is_some_and(|told| told.frames > 100));
+        assert!(
+            it.finer_frames()
+                .is_some_and(|finer_frames| finer_frames.frames > 100)
+        );
     }
 }

@@ -8,7 +8,7 @@ const STRIKES: [(usize, usize, f64); 2] = [(0, 2, 4e-4), (7, 5, -3e-4)];
 const FRAMES: usize = 120;
 
 /// Errors at 1, 2, 4 and 8 steps a frame [dB].
-fn errors(network: &Network, way: Way, exact: &[Vec<f64>]) -> Vec<f64> {
+fn errors(network: &Network, way: MeshMethod, exact: &[Vec<f64>]) -> Vec<f64> {
     [1, 2, 4, 8]
         .map(|substeps| decibels(&play(by(network, way, substeps), FRAMES, &STRIKES), exact))
         .to_vec()
@@ -32,7 +32,7 @@ fn an_undamped_row_converges_by_each_order() {
     let exact = exactly_hung(&network, FRAMES, &STRIKES);
     // At one step a frame: -10.7, -51.0, -90.3, -10.7 and -5.5 dB.
     let most = [-10.0, -50.0, -89.0, -10.0, -5.0];
-    for (way, most) in Way::ALL.into_iter().zip(most) {
+    for (way, most) in MeshMethod::ALL.into_iter().zip(most) {
         let errors = errors(&network, way, &exact);
         assert!(errors[0] < most, "{way:?} {errors:?}");
         let (slopes, order) = (slopes(&errors), f64::from(way.facts().order));
@@ -47,7 +47,7 @@ fn damped_links_take_orders_away() {
     let network = row(8, 1.7e5, 0.0, 0.05);
     let exact = exactly(&network, FRAMES, &STRIKES);
     let all = |network: &Network, exact: &[Vec<f64>]| {
-        Way::ALL.map(|way| {
+        MeshMethod::ALL.map(|way| {
             (
                 errors(network, way, exact)[0],
                 slopes(&errors(network, way, exact)),
@@ -76,7 +76,12 @@ fn damped_links_take_orders_away() {
 fn cubic_links() {
     let network = row(6, 8e4, 2e12, 0.0);
     let exact = finely(&network, FRAMES, &STRIKES);
-    for way in [Way::Ca, Way::Ca2p, Way::Bm4, Way::Ieq] {
+    for way in [
+        MeshMethod::Ca,
+        MeshMethod::Ca2p,
+        MeshMethod::Bm4,
+        MeshMethod::Ieq,
+    ] {
         let errors = errors(&network, way, &exact);
         let order = way.facts().order_nonlinear.map_or(f64::NAN, f64::from);
         let slopes = slopes(&errors);
@@ -85,10 +90,10 @@ fn cubic_links() {
     let network = row(6, 8e4, 2e12, 0.02);
     let exact = finely(&network, FRAMES, &STRIKES);
     for (way, least) in [
-        (Way::Ca, 1.7),
-        (Way::Ca2p, 1.9),
-        (Way::Bm4, 1.8),
-        (Way::Ieq, 1.9),
+        (MeshMethod::Ca, 1.7),
+        (MeshMethod::Ca2p, 1.9),
+        (MeshMethod::Bm4, 1.8),
+        (MeshMethod::Ieq, 1.9),
     ] {
         let slopes = slopes(&errors(&network, way, &exact));
         assert!(
@@ -102,7 +107,7 @@ fn cubic_links() {
 #[test]
 fn pitch_at_5_khz() {
     let expected = [38.440, -0.669, -0.0074, 38.440, -69.477];
-    for (way, expected) in Way::ALL.into_iter().zip(expected) {
+    for (way, expected) in MeshMethod::ALL.into_iter().zip(expected) {
         let mut network = Network::new();
         let m = network.mas("m", 1e-3, 0.0, 0.0).expect("a mass");
         let ground = network.sol("s", 0.0).expect("a point");
@@ -129,10 +134,10 @@ fn pitch_at_5_khz() {
 #[test]
 fn the_poles_of_a_cell() {
     for (way, most) in [
-        (Way::Ca, [1e-8, 1e-10]),
-        (Way::Ca2p, [0.02, 1e-5]),
-        (Way::Bm4, [2e-5, 1e-10]),
-        (Way::Trapezoid, [3.0, 0.01]),
+        (MeshMethod::Ca, [1e-8, 1e-10]),
+        (MeshMethod::Ca2p, [0.02, 1e-5]),
+        (MeshMethod::Bm4, [2e-5, 1e-10]),
+        (MeshMethod::Trapezoid, [3.0, 0.01]),
     ] {
         let mut network = Network::new();
         network.part("p", None);
@@ -163,7 +168,7 @@ fn the_poles_of_a_cell() {
 fn velocities() {
     let network = row(8, 1.7e5, 0.0, 0.0);
     let mats: Vec<usize> = (0..8).collect();
-    let found = |way: Way, substeps: u32| {
+    let found = |way: MeshMethod, substeps: u32| {
         let mut it = by(&network, way, substeps);
         for frame in 0..40 {
             let strikes = STRIKES.iter().filter(|strike| strike.0 == frame);
@@ -174,8 +179,8 @@ fn velocities() {
         it.velocities(&mats, &mut v);
         vec![v]
     };
-    let truth = found(Way::Bm4, 64);
-    for (way, order) in Way::ALL.into_iter().zip([2.0, 3.0, 4.0, 2.0, 2.0]) {
+    let truth = found(MeshMethod::Bm4, 64);
+    for (way, order) in MeshMethod::ALL.into_iter().zip([2.0, 3.0, 4.0, 2.0, 2.0]) {
         let errors = [1, 2, 4, 8].map(|substeps| decibels(&found(way, substeps), &truth));
         let slopes = slopes(&errors);
         assert!(close(&slopes, order, 0.25), "{way:?} {errors:?} {slopes:?}");

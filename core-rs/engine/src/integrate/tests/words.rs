@@ -16,12 +16,12 @@ fn one(kappa: f64, zeta: f64) -> Network {
     network
 }
 
-fn word(network: &Network, way: Way) -> Option<StabilityGuarantee> {
+fn word(network: &Network, way: MeshMethod) -> Option<StabilityGuarantee> {
     certify(network, rate(), way, 1).ok().map(|it| it.word)
 }
 
 /// Whether it stays within a hundred times where it began: at its border CA2P swings slowly and far.
-fn stays(network: &Network, way: Way) -> bool {
+fn stays(network: &Network, way: MeshMethod) -> bool {
     let path = play(by(network, way, 1), 20_000, &[]);
     path.len() == 20_000 && path.iter().all(|x| x[0].abs() < 0.1)
 }
@@ -29,11 +29,11 @@ fn stays(network: &Network, way: Way) -> bool {
 #[test]
 fn borders_are_where_methods_break() {
     let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
-    let most = super::super::way::BM4_LIMIT.powi(2);
+    let most = super::super::method::BM4_LIMIT.powi(2);
     for (way, border, sure) in [
-        (Way::Ca, 4.0, StabilityGuarantee::Proved),
-        (Way::Ca2p, 12.0, StabilityGuarantee::Proved),
-        (Way::Bm4, most, StabilityGuarantee::Tried),
+        (MeshMethod::Ca, 4.0, StabilityGuarantee::Proved),
+        (MeshMethod::Ca2p, 12.0, StabilityGuarantee::Proved),
+        (MeshMethod::Bm4, most, StabilityGuarantee::Tried),
     ] {
         assert_eq!(
             way.facts().limit.map(|limit| (limit * limit * 1e9).round()),
@@ -47,7 +47,7 @@ fn borders_are_where_methods_break() {
         // Twice the rate carries four times the stiffness.
         assert!(certify(&above, rate(), way, 2).is_ok());
     }
-    for way in [Way::Ieq, Way::Trapezoid] {
+    for way in [MeshMethod::Ieq, MeshMethod::Trapezoid] {
         assert_eq!(word(&one(1e5, 1.0), way), Some(StabilityGuarantee::Proved));
         assert!(stays(&one(1e5, 0.0), way), "{way:?}");
     }
@@ -62,21 +62,25 @@ fn damping_makes_ca2p_tried() {
         (6.5, 0.1, Some(StabilityGuarantee::Tried)),
     ] {
         let network = one(kappa, zeta);
-        assert_eq!(word(&network, Way::Ca2p), expected, "{kappa} {zeta}");
-        assert!(expected.is_none() || stays(&network, Way::Ca2p));
+        assert_eq!(word(&network, MeshMethod::Ca2p), expected, "{kappa} {zeta}");
+        assert!(expected.is_none() || stays(&network, MeshMethod::Ca2p));
     }
     // BM4's losses go by the midpoint rule.
     for (zeta, expected) in [(4.9, Some(StabilityGuarantee::Tried)), (9.0, None)] {
         let network = one(1e-3, zeta);
-        assert_eq!(word(&network, Way::Bm4), expected, "{zeta}");
-        assert_eq!(stays(&network, Way::Bm4), expected.is_some(), "{zeta}");
+        assert_eq!(word(&network, MeshMethod::Bm4), expected, "{zeta}");
+        assert_eq!(
+            stays(&network, MeshMethod::Bm4),
+            expected.is_some(),
+            "{zeta}"
+        );
     }
 }
 
 #[test]
 fn links_that_harden_are_watched() {
     let network = hex(1e13, Some(2.0));
-    let words = Way::ALL.map(|way| word(&network, way));
+    let words = MeshMethod::ALL.map(|way| word(&network, way));
     use StabilityGuarantee::{Guarded, Proved, Tried};
     let expected = [
         Some(Guarded),
@@ -105,8 +109,8 @@ fn law(text: &str) -> Network {
 
 #[test]
 fn what_a_way_cannot_step_is_refused() {
-    let refused = |network: &Network, ways: &[Way]| {
-        for way in Way::ALL {
+    let refused = |network: &Network, ways: &[MeshMethod]| {
+        for way in MeshMethod::ALL {
             let it = Integrator::new(network, rate(), way, 1);
             assert_eq!(it.is_err(), ways.contains(&way), "{way:?}");
             assert_eq!(
@@ -116,7 +120,7 @@ fn what_a_way_cannot_step_is_refused() {
             );
         }
     };
-    use Way::{Bm4, Ca2p, Ieq, Trapezoid};
+    use MeshMethod::{Bm4, Ca2p, Ieq, Trapezoid};
     refused(&row(4, 1e4, 0.0, 0.1), &[]);
     refused(&row(4, 1e4, 1e9, 0.1), &[Trapezoid]);
     // Energies: unknown, known, below that at rest.
@@ -141,7 +145,7 @@ fn what_a_way_cannot_step_is_refused() {
     discrete.part("discrete", Some(rate()));
     discrete.mas("m", 1.0, 0.0, 0.0).expect("a mass");
     refused(&discrete, &[Ca2p, Bm4, Ieq, Trapezoid]);
-    assert!(Integrator::new(&row(2, 1e4, 0.0, 0.0), rate(), Way::Ca, 0).is_err());
+    assert!(Integrator::new(&row(2, 1e4, 0.0, 0.0), rate(), MeshMethod::Ca, 0).is_err());
 }
 
 /// The same spring as three numbers, as an expression, and as its points.
@@ -167,11 +171,11 @@ fn general_laws_are_stepped_like_springs() {
         ..LawText::default()
     });
     for (way, most) in [
-        (Way::Ca, -250.0),
-        (Way::Ca2p, -250.0),
-        (Way::Bm4, -250.0),
+        (MeshMethod::Ca, -250.0),
+        (MeshMethod::Ca2p, -250.0),
+        (MeshMethod::Bm4, -250.0),
         // All of a general law is quadratised, of a spring what hardens: another scheme of its order.
-        (Way::Ieq, -25.0),
+        (MeshMethod::Ieq, -25.0),
     ] {
         let exact = play(by(&known, way, 1), 400, &[(0, 0, 1e-3)]);
         let error = decibels(&play(by(&spring, way, 1), 400, &[(0, 0, 1e-3)]), &exact);
@@ -180,7 +184,7 @@ fn general_laws_are_stepped_like_springs() {
         // The straight lines between points are 1 µm long.
         assert!(by_points < f64::max(most, -95.0), "{way:?} {by_points}");
     }
-    let mut undamped = by(&law("2e4*d + 1e11*d**3"), Way::Ieq, 1);
+    let mut undamped = by(&law("2e4*d + 1e11*d**3"), MeshMethod::Ieq, 1);
     undamped.step(&[], &mut ThreadTeam::alone());
     let start = undamped.energy();
     for _ in 0..4000 {

@@ -39,7 +39,7 @@ pub(crate) struct FreeKey {
 #[derive(Clone, Debug)]
 pub(crate) struct Motion {
     pub(crate) body: Body,
-    slow: Vec<slow::Playing>,
+    slow: Vec<slow::RunningSlow>,
 }
 
 impl FreeKey {
@@ -119,8 +119,8 @@ pub(crate) struct Room {
 impl FreeKey {
     /// Its motion at frame 0, from that of its MATs.
     pub(crate) fn start(&self, mut body: Body) -> Motion {
-        let new = |slow: &Slow| slow::Playing::new(slow, &body);
-        let slow: Vec<slow::Playing> = self.slow.iter().map(new).collect();
+        let new = |slow: &Slow| slow::RunningSlow::new(slow, &body);
+        let slow: Vec<slow::RunningSlow> = self.slow.iter().map(new).collect();
         if !slow.is_empty() {
             body.inner = vec![0.0; body.x.len()];
             slow.iter().for_each(|slow| slow.place(&mut body));

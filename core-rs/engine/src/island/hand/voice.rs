@@ -97,7 +97,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) gestures: &'a [FramedGesture],
     pub(crate) reports: &'a mut [Report],
     pub(crate) stream: &'a mut Stream,
-    pub(crate) bodies: &'a mut [inside::Playing],
+    pub(crate) bodies: &'a mut [inside::RunningBody],
     /// How far layers take each key from where its gesture wants it [m]   (n_keys)
     pub(crate) layers: &'a [f64],
 }

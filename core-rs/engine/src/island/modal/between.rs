@@ -1,6 +1,6 @@
 //! A body between two frames: where its ports are at instants of a frame, and what impulses at such instants do.
 
-use super::{Playing, ROOM, lanes};
+use super::{ROOM, RunningModal, lanes};
 use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports;
 use crate::state::Body;
@@ -15,7 +15,7 @@ pub(super) struct Between {
     kick: Vec<Vec<[Lanes; 2]>>,
 }
 
-impl Playing {
+impl RunningModal {
     /// Make tables for `steps` instants of a frame: for continuous modes alone.
     pub(crate) fn divide(&mut self, steps: usize) {
         let plan = &self.script.plan;

@@ -4,9 +4,9 @@
 //! velocity by half a pull, and behind by as much before the next. A hand that has it pass a point at every frame
 //! takes that away: each time before the springs pull, and where the hand lets go, it is given back.
 
-use super::Playing;
+use super::RunningSlow;
 
-impl Playing {
+impl RunningSlow {
     /// What a port has of its last pull for each frame [m a frame].
     fn pull(&self, mat: usize) -> f64 {
         let port = self.plan.ports.iter().find(|port| port.1 == mat);

@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use crate::integrate::Way;
-use crate::island::inside::Inside;
+use crate::integrate::MeshMethod;
+use crate::island::inside::BodyPlan;
 use crate::network::{Error, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::Ways;
-use crate::plan::passes::ported::{self, Cut, Found};
+use crate::plan::passes::ported::{self, Cut, PortedBody};
 use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::Own;
-use crate::plan::passes::truncate::Kept;
+use crate::plan::passes::split::OwnTimeline;
+use crate::plan::passes::truncate::KeptModes;
 use crate::plan::{IslandPlan, Whole};
 use crate::scheme::{Certificate, Scheme};
 use crate::timeline::Timeline;
@@ -22,7 +22,7 @@ use crate::units::Rate;
 #[derive(Clone)]
 pub(in crate::plan) struct Assembled {
     pub(in crate::plan) isle: IslandPlan,
-    pub(in crate::plan) bodies: Vec<Found>,
+    pub(in crate::plan) bodies: Vec<PortedBody>,
     pub(in crate::plan) certificate: Certificate,
     /// Why a body goes by no modes.
     pub(in crate::plan) because: Option<NoModes>,
@@ -32,7 +32,7 @@ impl Assembled {
     /// At `times` the rate. Refused where that is not stable.
     pub(in crate::plan) fn new(
         subset: &Subset,
-        own: &Own,
+        own: &OwnTimeline,
         budget: &Budget,
         (times, ways): (u32, Ways<'_>),
         pin: Option<&Choice>,
@@ -94,21 +94,21 @@ impl Assembled {
     }
 
     /// How its bodies go that are meshes, in order.
-    pub(in crate::plan) fn ways(&self) -> Vec<Option<(Way, u32)>> {
+    pub(in crate::plan) fn ways(&self) -> Vec<Option<(MeshMethod, u32)>> {
         let bodies = self.isle.bodies.iter();
-        let way = |body: &Inside| match body {
-            Inside::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
-            Inside::Modal(_) | Inside::Slow(_) => None,
+        let way = |body: &BodyPlan| match body {
+            BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
+            BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
         };
         bodies.map(way).collect()
     }
 
     /// With some of its bodies' modes only, and contacts computed so often.
-    pub(in crate::plan) fn only(mut self, steps: usize, kept: Vec<Kept>) -> Self {
+    pub(in crate::plan) fn only(mut self, steps: usize, kept: Vec<KeptModes>) -> Self {
         let mut hub = (*self.isle.network).clone();
         for (body, kept) in self.bodies.iter_mut().zip(kept) {
-            if let Inside::Modal(modal) = &body.inside {
-                body.inside = Inside::Modal(modal.only(&kept.modes));
+            if let BodyPlan::Modal(modal) = &body.inside {
+                body.inside = BodyPlan::Modal(modal.only(&kept.modes));
                 body.left_out = kept.left_out;
                 body.kept = kept.numbers();
                 ported::loosen(&mut hub, &body.inside);

@@ -11,7 +11,7 @@ use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::loudness::Loudness;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::truncate::{self, Kept};
+use crate::plan::passes::truncate::{self, KeptModes};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 use crate::units::{floor_frame, frame};
@@ -25,7 +25,7 @@ pub(in crate::plan) struct Body {
     /// What outputs hear of where it rests   (its n_out)
     pub(in crate::plan) rest: Vec<f64>,
     pub(in crate::plan) modes: usize,
-    pub(in crate::plan) kept: Kept,
+    pub(in crate::plan) kept: KeptModes,
 }
 
 /// The modes of an island, as many as this score excites and the budget asks for, or those that were decided
@@ -45,7 +45,7 @@ pub(in crate::plan) fn bank(
     if !timeline.gates.is_empty() {
         return Err(NoModes::Coupled);
     }
-    let Heard { mut rows, held } = heard(network)?;
+    let OutputSums { mut rows, held } = heard(network)?;
     let n_out = rows.len();
     let discrete = network.mats().part.first().map(|&part| part as usize);
     let is_discrete = discrete.is_some_and(|part| network.parts()[part].ca_rate.is_some());
@@ -62,7 +62,7 @@ pub(in crate::plan) fn bank(
     }
     let (seen, felt) = modes.shapes.split_at(n_out);
     let kept = match pinned {
-        Some([kept]) => Kept::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
+        Some([kept]) => KeptModes::pinned(kept, modes.len()).ok_or(NoModes::Pinned)?,
         Some(_) => return Err(NoModes::Pinned),
         None => {
             // Of what a session may bring nothing is known: nothing that can be heard is left out.
@@ -108,7 +108,7 @@ fn keep(
     mut allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
-) -> Kept {
+) -> KeptModes {
     let given: Vec<Vec<f64>> = strikes
         .values()
         .map(|blows| blows.iter().map(|&(_, _, impulse)| impulse).collect())
@@ -219,7 +219,7 @@ pub(in crate::plan) fn blows(
 }
 
 /// What outputs sum.
-pub(in crate::plan) struct Heard {
+pub(in crate::plan) struct OutputSums {
     /// Positions, by output.
     pub(in crate::plan) rows: Vec<Row>,
     /// Of those, what points say that never move, by output.
@@ -227,7 +227,7 @@ pub(in crate::plan) struct Heard {
 }
 
 /// What each output of a body sums.
-pub(in crate::plan) fn heard(network: &Network) -> Result<Heard, NoModes> {
+pub(in crate::plan) fn heard(network: &Network) -> Result<OutputSums, NoModes> {
     let mats = network.mats();
     let (mut rows, mut held) = (Vec::new(), Vec::new());
     for output in network.outputs() {
@@ -246,5 +246,5 @@ pub(in crate::plan) fn heard(network: &Network) -> Result<Heard, NoModes> {
         rows.push(row);
         held.push(still);
     }
-    Ok(Heard { rows, held })
+    Ok(OutputSums { rows, held })
 }

@@ -1,9 +1,9 @@
 //! Isolated CELs: oscillators as they are, with the very poles of the scheme; and free masses, which fly.
 
-use crate::bank::{Blow, Oscillator, What};
+use crate::bank::{Blow, Kick, Oscillator};
 use crate::network::{Error, MatKind, Network, Subset, Term};
 use crate::plan::BankPlan;
-use crate::plan::passes::islands::Island;
+use crate::plan::passes::islands::IslandMembers;
 use crate::plan::passes::modes::ANGLE_MIN;
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
@@ -16,7 +16,7 @@ const TOGETHER: usize = 2_048;
 
 /// Whether an island is one CEL or MAS that no link, hand or path touches. One that swings so slowly that a
 /// two-term recurrence would round its pitch is not.
-pub(in crate::plan) fn is_loose(network: &Network, island: &Island, rate: Rate) -> bool {
+pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate: Rate) -> bool {
     let &[mat] = &island.mats[..] else {
         return false;
     };
@@ -81,14 +81,14 @@ pub(in crate::plan) fn oscillators(
         let mat = push.mat as usize;
         all[mat].blows.push(Blow {
             frame: push.frame,
-            what: What::By(scheme.w[mat] * push.force),
+            kick: Kick::By(scheme.w[mat] * push.force),
         });
     }
     for ergon in &timeline.ergons {
         let mat = ergon.mat as usize;
         all[mat].blows.push(Blow {
             frame: frame(ergon.at, rate.hertz()),
-            what: What::Ergon {
+            kick: Kick::Ergon {
                 mass: ergon.mass,
                 speed: ergon.speed,
                 w: scheme.w[mat],

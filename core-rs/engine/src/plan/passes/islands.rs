@@ -8,7 +8,7 @@ use crate::timeline::{DriveKind, Source, Timeline};
 
 /// Modules that can move each other, and the points that hold them.
 #[derive(Clone, Debug, Default)]
-pub(in crate::plan) struct Island {
+pub(in crate::plan) struct IslandMembers {
     /// Its own, rising   (n_mat)
     pub(in crate::plan) mats: Vec<u32>,
     /// Held points of other islands that its links end on, rising.
@@ -24,7 +24,7 @@ pub(in crate::plan) struct Island {
 }
 
 /// All islands, in the order of their first MATs.
-pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Island> {
+pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembers> {
     let n = network.n_mat();
     let is_free = free(network, timeline);
     let mut forest = Forest::new(n);
@@ -41,14 +41,14 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             forest.join(key.struck, mat);
         }
     }
-    let (moved, heard) = (moved(network, timeline), Heard::new(network, timeline));
+    let (moved, heard) = (moved(network, timeline), Listened::new(network, timeline));
     let mut index = vec![u32::MAX; n];
-    let mut found: Vec<Island> = Vec::new();
+    let mut found: Vec<IslandMembers> = Vec::new();
     for (mat, &is_moved) in moved.iter().enumerate() {
         let root = forest.root(mat);
         if index[root] == u32::MAX {
             index[root] = found.len() as u32;
-            found.push(Island::default());
+            found.push(IslandMembers::default());
         }
         let island = &mut found[index[root] as usize];
         island.mats.push(mat as u32);
@@ -98,12 +98,12 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
 }
 
 /// What outputs listen to, and hands feel.
-struct Heard {
+struct Listened {
     mats: Vec<bool>,
     links: Vec<bool>,
 }
 
-impl Heard {
+impl Listened {
     fn new(network: &Network, timeline: &Timeline) -> Self {
         let mut heard = Self {
             mats: vec![false; network.n_mat()],

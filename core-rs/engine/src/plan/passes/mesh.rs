@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use crate::integrate::{Way, certify};
+use crate::integrate::{MeshMethod, certify};
 use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::Network;
@@ -14,17 +14,17 @@ use crate::timeline::{Timeline, pushes};
 use crate::units::Rate;
 
 /// Methods by what they cost a frame, in steps of CA (docs/benchmarks.md); the last cannot diverge.
-pub(in crate::plan) const LADDER: [(Way, u32, f64); 10] = [
-    (Way::Ca, 1, 1.0),
-    (Way::Ca2p, 1, 1.5),
-    (Way::Ca, 2, 2.0),
-    (Way::Ca2p, 2, 3.0),
-    (Way::Ca2p, 4, 6.0),
-    (Way::Bm4, 1, 6.7),
-    (Way::Bm4, 2, 13.4),
-    (Way::Bm4, 4, 26.8),
-    (Way::Ieq, 1, 14.0),
-    (Way::Ieq, 2, 28.0),
+pub(in crate::plan) const LADDER: [(MeshMethod, u32, f64); 10] = [
+    (MeshMethod::Ca, 1, 1.0),
+    (MeshMethod::Ca2p, 1, 1.5),
+    (MeshMethod::Ca, 2, 2.0),
+    (MeshMethod::Ca2p, 2, 3.0),
+    (MeshMethod::Ca2p, 4, 6.0),
+    (MeshMethod::Bm4, 1, 6.7),
+    (MeshMethod::Bm4, 2, 13.4),
+    (MeshMethod::Bm4, 4, 26.8),
+    (MeshMethod::Ieq, 1, 14.0),
+    (MeshMethod::Ieq, 2, 28.0),
 ];
 
 /// How meshes are to go.
@@ -35,18 +35,18 @@ pub(in crate::plan) enum Ways<'a> {
     /// By what cannot diverge.
     Safe,
     /// As the meshes among these bodies do, in order: an island at another rate.
-    As(&'a [Option<(Way, u32)>]),
+    As(&'a [Option<(MeshMethod, u32)>]),
     /// All by one method.
-    All((Way, u32)),
+    All((MeshMethod, u32)),
 }
 
 /// Error of a pitch [cents] by a method, x = ωT of its steps.
-fn cents(way: Way, x: f64) -> f64 {
+fn cents(way: MeshMethod, x: f64) -> f64 {
     match way {
-        Way::Ca | Way::Ieq => 72.13 * x * x,
-        Way::Ca2p => 2.404 * x * x * x * x,
-        Way::Bm4 => 0.0255 * x * x * x * x,
-        Way::Trapezoid => 144.3 * x * x,
+        MeshMethod::Ca | MeshMethod::Ieq => 72.13 * x * x,
+        MeshMethod::Ca2p => 2.404 * x * x * x * x,
+        MeshMethod::Bm4 => 0.0255 * x * x * x * x,
+        MeshMethod::Trapezoid => 144.3 * x * x,
     }
 }
 
@@ -77,7 +77,7 @@ pub(in crate::plan) fn mesh(
     }
     let rate = timeline.rate;
     let (way, substeps) = match pin {
-        Some(&[way, substeps]) => (*Way::ALL.get(way as usize)?, substeps),
+        Some(&[way, substeps]) => (*MeshMethod::ALL.get(way as usize)?, substeps),
         Some(_) => return None,
         None => match ways {
             Ways::As(bodies) => (*bodies.get(index)?)?,
@@ -117,18 +117,23 @@ pub(in crate::plan) fn mesh(
 
 /// A mesh's method, as numbers of a plan.
 pub(in crate::plan) fn numbers(mesh: &Mesh) -> Vec<u32> {
-    let way = Way::ALL.iter().position(|&way| way == mesh.way);
+    let way = MeshMethod::ALL.iter().position(|&way| way == mesh.way);
     vec![way.unwrap_or(0) as u32, mesh.substeps]
 }
 
 /// The first rung of the ladder that is exact enough by its formula, and stable; `is_safe`: that cannot diverge.
-fn choose(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Option<(Way, u32)> {
+fn choose(
+    network: &Network,
+    rate: Rate,
+    budget: &Budget,
+    is_safe: bool,
+) -> Option<(MeshMethod, u32)> {
     if let Budget::Method(method) = budget {
         let way = method.way()?;
         return certify(network, rate, way, 1).ok().map(|_| (way, 1));
     }
     // The highest frequency of the mesh at rest: CA bends it to 2·asin(√λ/2).
-    let lambda = certify(network, rate, Way::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
+    let lambda = certify(network, rate, MeshMethod::Ca2p, 1).map_or(4.0, |found| found.lambda_max);
     let highest = sqrt(lambda.max(0.0)).min(PI);
     for (way, substeps, _) in LADDER {
         let steps = f64::from(substeps);
@@ -140,12 +145,12 @@ fn choose(network: &Network, rate: Rate, budget: &Budget, is_safe: bool) -> Opti
             // The pilot finds better ones where it has to.
             Budget::Error(_) | Budget::Method(_) => true,
         };
-        let cannot_diverge = matches!(way, Way::Ieq);
+        let cannot_diverge = matches!(way, MeshMethod::Ieq);
         if is_safe && !cannot_diverge {
             continue;
         }
         if (is_enough || cannot_diverge) && certify(network, rate, way, substeps).is_ok() {
-            return ((way, substeps) != (Way::Ca, 1)).then_some((way, substeps));
+            return ((way, substeps) != (MeshMethod::Ca, 1)).then_some((way, substeps));
         }
     }
     None

@@ -15,7 +15,7 @@ pub(crate) enum Sight {
 
 /// Every mass of a body and every mode that is computed of it.
 #[derive(Clone, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct ModeShapes {
     /// Its MATs that move, by their index in the body's network   (n)
     pub(crate) mats: Vec<usize>,
     /// How much each sees of each mode   (n_modes, n) for positions, (n, n_modes) for amplitudes
@@ -25,7 +25,7 @@ pub(crate) struct Seen {
     rest: Vec<f64>,
 }
 
-impl Seen {
+impl ModeShapes {
     /// Of a body by itself, some of its modes, turned towards some MATs. Takes as long as its whole spectrum, and longer. `None`
     /// where it has none.
     pub(crate) fn new(

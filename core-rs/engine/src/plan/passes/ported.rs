@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::island::modal::{Modal, Mode, Port, Struck};
 use crate::network::forest::ends;
 use crate::network::{Network, Subset, Term};
@@ -14,7 +14,7 @@ use crate::plan::passes::mesh::{self, Ways};
 use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::slow::slow;
 use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::{Own, split};
+use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::passes::wiring::{Body, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -23,14 +23,14 @@ use crate::units::Rate;
 pub(in crate::plan) struct Cut {
     /// What is stepped; ports of bodies are masses in it.
     pub(in crate::plan) hub: Subset,
-    pub(in crate::plan) own: Own,
-    pub(in crate::plan) bodies: Vec<Found>,
+    pub(in crate::plan) own: OwnTimeline,
+    pub(in crate::plan) bodies: Vec<PortedBody>,
 }
 
 /// A body that was found.
 #[derive(Clone)]
-pub(in crate::plan) struct Found {
-    pub(in crate::plan) inside: Inside,
+pub(in crate::plan) struct PortedBody {
+    pub(in crate::plan) inside: BodyPlan,
     /// MATs and LIAs that are no longer stepped.
     pub(in crate::plan) mats: usize,
     pub(in crate::plan) links: usize,
@@ -56,12 +56,12 @@ pub(in crate::plan) fn cut(
     let (mut found, mut why) = (Vec::new(), None);
     for (body, slow) in slow(network, timeline).bodies {
         wiring.take(&body.mats);
-        found.push((body, Inside::Slow(slow)));
+        found.push((body, BodyPlan::Slow(slow)));
     }
     if budget.takes_modes() {
         for body in wiring.bodies(network, false) {
             match modal(network, timeline, &body, memo) {
-                Ok(modal) => found.push((body, Inside::Modal(modal))),
+                Ok(modal) => found.push((body, BodyPlan::Modal(modal))),
                 Err(reason) => why = Some(reason),
             }
         }
@@ -75,7 +75,7 @@ pub(in crate::plan) fn cut(
             if let Some(mesh) =
                 mesh::mesh(network, timeline, &body, budget, pin, (ways, found.len()))
             {
-                found.push((body, Inside::Mesh(mesh)));
+                found.push((body, BodyPlan::Mesh(mesh)));
             }
         }
     }
@@ -85,19 +85,19 @@ pub(in crate::plan) fn cut(
     (Some(hub(island, timeline, found)), why)
 }
 
-impl Found {
+impl PortedBody {
     /// What was decided, as numbers of a plan.
     pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
         match &self.inside {
-            Inside::Modal(_) => self.kept.clone(),
-            Inside::Mesh(mesh) => mesh::numbers(mesh),
-            Inside::Slow(slow) => vec![slow.flow.every],
+            BodyPlan::Modal(_) => self.kept.clone(),
+            BodyPlan::Mesh(mesh) => mesh::numbers(mesh),
+            BodyPlan::Slow(slow) => vec![slow.flow.every],
         }
     }
 }
 
 /// An island that nothing is cut out of.
-pub(in crate::plan) fn whole(island: &Subset, own: &Own, timeline: Timeline) -> Cut {
+pub(in crate::plan) fn whole(island: &Subset, own: &OwnTimeline, timeline: Timeline) -> Cut {
     let all = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
         mats: all(island.mats.len()),
@@ -105,7 +105,7 @@ pub(in crate::plan) fn whole(island: &Subset, own: &Own, timeline: Timeline) -> 
         outputs: all(island.outputs.len()),
         network: island.network.clone(),
     };
-    let own = Own {
+    let own = OwnTimeline {
         timeline,
         keys: all(own.keys.len()),
         gestures: all(own.gestures.len()),
@@ -218,7 +218,7 @@ fn own(modes: &Modes, mode: usize, rate: Rate) -> Mode {
 }
 
 /// What is left when the bodies are cut out: their ports stay, as masses that move as freely.
-fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut {
+fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cut {
     let network = &island.network;
     let (mut is_gone, mut is_cut) = (vec![false; network.n_mat()], vec![false; network.n_lia()]);
     let mut ports: Vec<u32> = Vec::new();
@@ -227,7 +227,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut 
         for &mat in &body.mats {
             is_gone[mat as usize] = true;
             // A slow body is struck at its ports, in the island.
-            is_struck_there[mat as usize] = !matches!(inside, Inside::Slow(_));
+            is_struck_there[mat as usize] = !matches!(inside, BodyPlan::Slow(_));
         }
         body.links
             .iter()
@@ -251,19 +251,19 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut 
     for (body, mut inside) in found {
         let local = |mat: usize| hub.mat(mat).unwrap_or(0);
         let of = match &mut inside {
-            Inside::Modal(modal) => {
+            BodyPlan::Modal(modal) => {
                 for port in &mut modal.ports {
                     port.mat = local(port.mat);
                 }
                 modal.modes.len()
             }
-            Inside::Mesh(mesh) => {
+            BodyPlan::Mesh(mesh) => {
                 for (_, mat) in &mut mesh.ports {
                     *mat = local(*mat);
                 }
                 0
             }
-            Inside::Slow(slow) => {
+            BodyPlan::Slow(slow) => {
                 for (_, mat) in &mut slow.ports {
                     *mat = local(*mat);
                 }
@@ -271,7 +271,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, Inside)>) -> Cut 
             }
         };
         loosen(&mut hub.network, &inside);
-        bodies.push(Found {
+        bodies.push(PortedBody {
             mats: body.mats.len(),
             links: body.links.len(),
             parts: network.parts_of(&body.mats),
@@ -306,9 +306,9 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
 }
 
 /// The ports of a body as masses that move as freely.
-pub(in crate::plan) fn loosen(hub: &mut Network, inside: &Inside) {
+pub(in crate::plan) fn loosen(hub: &mut Network, inside: &BodyPlan) {
     match inside {
-        Inside::Modal(modal) => {
+        BodyPlan::Modal(modal) => {
             let step = modal.rate.step();
             let is_discrete = modal.modes.first().is_some_and(|mode| mode.cell.is_none());
             let unit = if is_discrete { 1.0 } else { step * step };
@@ -316,12 +316,12 @@ pub(in crate::plan) fn loosen(hub: &mut Network, inside: &Inside) {
                 hub.loosen(port.mat, unit / modal.give(at));
             }
         }
-        Inside::Mesh(mesh) => {
+        BodyPlan::Mesh(mesh) => {
             for &(own, mat) in &mesh.ports {
                 hub.loosen(mat, mesh.network.mats().m[own]);
             }
         }
-        Inside::Slow(slow) => {
+        BodyPlan::Slow(slow) => {
             for &(own, mat) in &slow.ports {
                 hub.loosen(mat, slow.network.mats().m[slow.free[own]]);
             }

@@ -32,14 +32,14 @@ pub(in crate::plan) type Stays = (String, String);
 
 /// What was found.
 #[derive(Default)]
-pub(in crate::plan) struct Found {
+pub(in crate::plan) struct SlowBodies {
     pub(in crate::plan) bodies: Vec<(Body, Slow)>,
     pub(in crate::plan) stay: Vec<Stays>,
 }
 
 /// The slow bodies of a network, by its parts' own rates.
-pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> Found {
-    let mut found = Found::default();
+pub(in crate::plan) fn slow(network: &Network, timeline: &Timeline) -> SlowBodies {
+    let mut found = SlowBodies::default();
     for (part, own) in network.parts().iter().enumerate() {
         let is_here = || network.mats().part.contains(&(part as u32));
         let Some(every) = own.every.filter(|_| is_here()) else {

@@ -7,7 +7,7 @@ use crate::network::Subset;
 use crate::timeline::{Drive, Ergon, Glide, Strike, Timeline};
 
 /// An island's own timeline, and what its keys and gestures are in the whole.
-pub(in crate::plan) struct Own {
+pub(in crate::plan) struct OwnTimeline {
     pub(in crate::plan) timeline: Timeline,
     pub(in crate::plan) keys: Vec<u32>,
     pub(in crate::plan) gestures: Vec<u32>,
@@ -17,12 +17,15 @@ pub(in crate::plan) struct Own {
 type Home = (usize, usize);
 
 /// Each subset with its share. What happens to nothing that is kept is forgotten.
-pub(in crate::plan) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, Own)> {
+pub(in crate::plan) fn split(
+    subsets: Vec<Subset>,
+    timeline: &Timeline,
+) -> Vec<(Subset, OwnTimeline)> {
     let homes = homes(&subsets, timeline);
     let home = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
-    let mut own: Vec<Own> = subsets
+    let mut own: Vec<OwnTimeline> = subsets
         .iter()
-        .map(|_| Own {
+        .map(|_| OwnTimeline {
             timeline: Timeline {
                 is_open: timeline.is_open,
                 ..Timeline::new(timeline.rate)

@@ -10,14 +10,14 @@ use crate::units::Rate;
 const FIRST: f64 = 0.1;
 
 /// The modes that stay.
-pub(in crate::plan) struct Kept {
+pub(in crate::plan) struct KeptModes {
     /// Rising.
     pub(in crate::plan) modes: Vec<usize>,
     /// How loud the others would have been together, relative to all [dB]; `None`: silent, or none.
     pub(in crate::plan) left_out: Option<f64>,
 }
 
-impl Kept {
+impl KeptModes {
     /// Of a body that goes by none.
     pub(in crate::plan) fn none() -> Self {
         Self {
@@ -53,7 +53,7 @@ pub(in crate::plan) fn keep(
     allowed: Option<f64>,
     budget: &Budget,
     rate: Rate,
-) -> Kept {
+) -> KeptModes {
     let own: Vec<f64> = (0..modes.len())
         .map(|mode| energy(modes, felt, blows, mode, rate))
         .collect();
@@ -71,7 +71,7 @@ pub(in crate::plan) fn choose(
     allowed: Option<f64>,
     budget: &Budget,
     frequency: impl Fn(usize) -> f64,
-) -> Kept {
+) -> KeptModes {
     let n = ways.first().map_or(0, Vec::len);
     // A mode's loudness where it is loudest.
     let mut most = vec![0.0_f64; n];
@@ -101,7 +101,7 @@ pub(in crate::plan) fn choose(
         }
     }
     stays.sort_unstable();
-    Kept {
+    KeptModes {
         modes: stays,
         left_out: (fallen > 0.0).then(|| 10.0 * log10(fallen)),
     }

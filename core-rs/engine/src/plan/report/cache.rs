@@ -8,12 +8,12 @@ use crate::network::{Error, Network};
 use crate::plan::budget::Budget;
 use crate::plan::choice::another;
 use crate::plan::passes::linear::NoModes;
-use crate::plan::report::row::{Measured, Row, What};
+use crate::plan::report::row::{Computed, Measured, Row};
 use crate::timeline::Timeline;
 
 /// What a row says that its choice does not: a pilot found it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Told {
+pub struct CachedReport {
     /// The error that was measured.
     pub error: Option<Measured>,
     /// How loud the modes that are not computed would be [dB].
@@ -44,25 +44,29 @@ impl Write for Sink {
 }
 
 /// Give rows back what was told of them; refused where it was told of others.
-pub(in crate::plan) fn recall(rows: &mut [Row], told: &[Told]) -> Result<(), Error> {
-    if rows.len() != told.len() {
+pub(in crate::plan) fn recall(rows: &mut [Row], reports: &[CachedReport]) -> Result<(), Error> {
+    if rows.len() != reports.len() {
         return Err(another());
     }
-    for (row, told) in rows.iter_mut().zip(told) {
-        let numbers = told.error.iter();
-        let numbers = numbers.flat_map(|told| [Some(told.db), Some(told.over), told.spectral]);
-        let is_number = numbers.flatten().chain(told.left_out).all(f64::is_finite);
-        let is_known = told.because.as_deref().is_none_or(NoModes::is_why);
+    for (row, reports) in rows.iter_mut().zip(reports) {
+        let numbers = reports.error.iter();
+        let numbers =
+            numbers.flat_map(|reports| [Some(reports.db), Some(reports.over), reports.spectral]);
+        let is_number = numbers
+            .flatten()
+            .chain(reports.left_out)
+            .all(f64::is_finite);
+        let is_known = reports.because.as_deref().is_none_or(NoModes::is_why);
         if !is_number || !is_known {
             return Err(another());
         }
-        match (&mut row.what, told.left_out) {
-            (What::Modes { left_out, .. }, told) => *left_out = told,
+        match (&mut row.what, reports.left_out) {
+            (Computed::Modes { left_out, .. }, reports) => *left_out = reports,
             (_, None) => {}
             (_, Some(_)) => return Err(another()),
         }
-        row.error = told.error;
-        row.because.clone_from(&told.because);
+        row.error = reports.error;
+        row.because.clone_from(&reports.because);
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use crate::plan::choice::Choice;
-use crate::plan::report::row::{Reason, Row, What};
+use crate::plan::report::row::{Computed, Reason, Row};
 
 /// A hash of decisions, and of what they are about.
 pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
@@ -14,13 +14,13 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             sha.update(part);
         }
         let what: u64 = match row.what {
-            What::Stepped => 0,
-            What::Oscillators => 1,
-            What::Modes { .. } => 2,
-            What::Mesh(..) => 3,
-            What::Slow(_) => 6,
-            What::LeftOut(Reason::Unheard) => 4,
-            What::LeftOut(Reason::Still) => 5,
+            Computed::Stepped => 0,
+            Computed::Oscillators => 1,
+            Computed::Modes { .. } => 2,
+            Computed::Mesh(..) => 3,
+            Computed::Slow(_) => 6,
+            Computed::LeftOut(Reason::Unheard) => 4,
+            Computed::LeftOut(Reason::Still) => 5,
         };
         let numbers = [
             row.parts.len() as u64,

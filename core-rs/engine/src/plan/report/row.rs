@@ -1,13 +1,13 @@
 //! What a plan tells of itself: a row for everything that is computed together, and for all that is not.
 
 use crate::integrate::certify;
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
 use crate::plan::BankPlan;
 use crate::plan::cost::{self, Costs};
 use crate::plan::passes::body::Body;
-use crate::plan::passes::islands::Island;
-use crate::plan::passes::ported::Found;
+use crate::plan::passes::islands::IslandMembers;
+use crate::plan::passes::ported::PortedBody;
 use crate::scheme::{Certificate, StabilityGuarantee};
 use crate::timeline::Timeline;
 
@@ -22,7 +22,7 @@ pub enum Reason {
 
 /// How modules are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum What {
+pub enum Computed {
     /// Module by module, by the CA scheme.
     Stepped,
     /// Each isolated CEL by its own poles.
@@ -66,7 +66,7 @@ pub struct Row {
     /// LIAs.
     pub links: usize,
     /// How they are computed.
-    pub what: What,
+    pub what: Computed,
     /// Seconds of work for a second of sound, by the table of costs.
     pub cost: f64,
     /// Whether it can diverge; `None` where nothing is computed.
@@ -94,7 +94,7 @@ pub(in crate::plan) const PRESERVED: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)
 impl Row {
     /// Whether a slow part sounds as at every frame, as far as a pilot heard.
     pub fn is_preserved(&self) -> bool {
-        let (What::Slow(every), Some(error)) = (self.what, self.error) else {
+        let (Computed::Slow(every), Some(error)) = (self.what, self.error) else {
             return false;
         };
         let every = every / self.times.max(1);
@@ -104,7 +104,7 @@ impl Row {
     }
 
     /// A row of parts, their MATs that move and their LIAs; nothing else is known of them yet.
-    fn new(parts: Vec<String>, [mats, links]: [usize; 2], what: What) -> Self {
+    fn new(parts: Vec<String>, [mats, links]: [usize; 2], what: Computed) -> Self {
         Self {
             parts,
             mats,
@@ -131,7 +131,11 @@ impl Row {
         }
     }
 
-    pub(in crate::plan) fn left_out(network: &Network, island: &Island, reason: Reason) -> Self {
+    pub(in crate::plan) fn left_out(
+        network: &Network,
+        island: &IslandMembers,
+        reason: Reason,
+    ) -> Self {
         let mats = network.mats();
         let part = mats.part[island.mats[0] as usize] as usize;
         let is_free = |mat: &&u32| mats.kind[**mat as usize].moves();
@@ -140,7 +144,7 @@ impl Row {
             island.links.len(),
         ];
         let parts = vec![network.parts()[part].name.clone()];
-        Self::new(parts, counts, What::LeftOut(reason))
+        Self::new(parts, counts, Computed::LeftOut(reason))
     }
 
     pub(in crate::plan) fn stepped(
@@ -149,19 +153,19 @@ impl Row {
         certificate: Certificate,
     ) -> Self {
         let ns = cost::stepped_cost(network, timeline);
-        Self::of(network, What::Stepped).costing(ns, timeline, certificate.word)
+        Self::of(network, Computed::Stepped).costing(ns, timeline, certificate.word)
     }
 
     /// A body inside an island: followed frame by frame.
-    pub(in crate::plan) fn ported(found: &Found, timeline: &Timeline) -> Self {
+    pub(in crate::plan) fn ported(found: &PortedBody, timeline: &Timeline) -> Self {
         let what = match &found.inside {
-            Inside::Modal(modal) => What::Modes {
+            BodyPlan::Modal(modal) => Computed::Modes {
                 of: found.of,
                 kept: modal.modes.len(),
                 left_out: found.left_out,
             },
-            Inside::Mesh(mesh) => What::Mesh(mesh.way.facts().name, mesh.substeps),
-            Inside::Slow(slow) => What::Slow(slow.flow.every),
+            BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.way.facts().name, mesh.substeps),
+            BodyPlan::Slow(slow) => Computed::Slow(slow.flow.every),
         };
         let ns = cost::body_cost(&found.inside);
         Self::new(found.parts.clone(), [found.mats, found.links], what).costing(
@@ -172,7 +176,7 @@ impl Row {
     }
 
     pub(in crate::plan) fn modal(subset: &Subset, body: &Body, timeline: &Timeline) -> Self {
-        let what = What::Modes {
+        let what = Computed::Modes {
             of: body.modes,
             kept: body.kept.modes.len(),
             left_out: body.kept.left_out,
@@ -182,7 +186,7 @@ impl Row {
     }
 
     /// All of a network.
-    fn of(network: &Network, what: What) -> Self {
+    fn of(network: &Network, what: Computed) -> Self {
         let counts = [network.n_moving(), network.n_lia()];
         Self::new(network.moving_parts(), counts, what)
     }
@@ -203,7 +207,7 @@ pub(in crate::plan) fn cells(
         .filter(|(_, count)| *count > 0)
         .map(|(part, count)| {
             let ns = Costs::of("oscillator") * count as f64;
-            Row::new(vec![part.name.clone()], [count, 0], What::Oscillators).costing(
+            Row::new(vec![part.name.clone()], [count, 0], Computed::Oscillators).costing(
                 ns,
                 timeline,
                 StabilityGuarantee::Proved,
@@ -213,11 +217,11 @@ pub(in crate::plan) fn cells(
 }
 
 /// What is sure of a body: modes cannot diverge, but what pushes them may.
-fn word(inside: &Inside) -> StabilityGuarantee {
+fn word(inside: &BodyPlan) -> StabilityGuarantee {
     match inside {
         // Of a slow body the whole island's certificate tells.
-        Inside::Modal(_) | Inside::Slow(_) => StabilityGuarantee::Guarded,
-        Inside::Mesh(mesh) => {
+        BodyPlan::Modal(_) | BodyPlan::Slow(_) => StabilityGuarantee::Guarded,
+        BodyPlan::Mesh(mesh) => {
             let found = certify(&mesh.network, mesh.rate, mesh.way, mesh.substeps);
             found.map_or(StabilityGuarantee::Tried, |found| found.word)
         }

@@ -5,7 +5,7 @@
 //! where it grows faster than that the part is chaotic. Then waveforms tell of the time until they part,
 //! and after it what is left to compare is the spectrum.
 
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{Error, LinkKind, Network};
 use crate::plan::IslandPlan;
@@ -289,8 +289,8 @@ fn is_linear(isle: &IslandPlan) -> bool {
             .all(|run| matches!(run.kind, LinkKind::Ref))
     };
     let meshes = isle.bodies.iter().filter_map(|body| match body {
-        Inside::Mesh(mesh) => Some(&*mesh.network),
-        Inside::Modal(_) | Inside::Slow(_) => None,
+        BodyPlan::Mesh(mesh) => Some(&*mesh.network),
+        BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
     });
     meshes.chain([&*isle.network]).all(is_linear)
 }

@@ -6,9 +6,9 @@
 use nalgebra::DMatrix;
 
 use crate::interrupt;
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::island::modal::Modal;
-use crate::island::slow::{Playing, Slow};
+use crate::island::slow::{RunningSlow, Slow};
 use crate::plan::IslandPlan;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
@@ -78,7 +78,7 @@ struct Map<'a> {
     body: Body,
     /// MATs that go by the scheme.
     stepped: Vec<usize>,
-    slow: Vec<Playing>,
+    slow: Vec<RunningSlow>,
     modes: Vec<Modes<'a>>,
     /// Frames from one time when all slow parts are kicked to the next.
     frames: u64,
@@ -102,31 +102,31 @@ impl<'a> Map<'a> {
         body.inner = vec![0.0; n];
         let mut is_port = vec![false; n];
         let bodies = || isle.bodies.iter();
-        for mat in bodies().flat_map(Inside::ports) {
+        for mat in bodies().flat_map(BodyPlan::ports) {
             is_port[mat] = true;
         }
-        let of = |inside: &'a Inside| match inside {
-            Inside::Slow(slow) => Some(slow),
+        let of = |inside: &'a BodyPlan| match inside {
+            BodyPlan::Slow(slow) => Some(slow),
             _ => None,
         };
         let slow: Vec<&Slow> = bodies().filter_map(of).collect();
         let every: Vec<u64> = slow.iter().map(|slow| slow.flow.every.into()).collect();
         let frames = every.iter().copied().fold(1, together);
         let quickest = every.iter().copied().min()?;
-        let is_partial = bodies().any(|inside| matches!(inside, Inside::Mesh(_)));
+        let is_partial = bodies().any(|inside| matches!(inside, BodyPlan::Mesh(_)));
         for mat in bodies()
-            .filter(|inside| matches!(inside, Inside::Mesh(_)))
-            .flat_map(Inside::ports)
+            .filter(|inside| matches!(inside, BodyPlan::Mesh(_)))
+            .flat_map(BodyPlan::ports)
         {
             is_port[mat] = false;
         }
-        let playing = |slow: &&Slow| Playing::new(&slow.deviation(), &body);
-        let playing: Vec<Playing> = slow.iter().map(playing).collect();
+        let playing = |slow: &&Slow| RunningSlow::new(&slow.deviation(), &body);
+        let playing: Vec<RunningSlow> = slow.iter().map(playing).collect();
         (frames <= FRAMES_MAX).then(|| Self {
             slow: playing,
             modes: bodies()
                 .filter_map(|inside| match inside {
-                    Inside::Modal(modal) => Some(Modes {
+                    BodyPlan::Modal(modal) => Some(Modes {
                         now: vec![0.0; modal.modes.len()],
                         before: vec![0.0; modal.modes.len()],
                         modal,
@@ -148,7 +148,7 @@ impl<'a> Map<'a> {
 
     /// How many numbers it moves.
     fn len(&self) -> usize {
-        let slow: usize = self.slow.iter().map(Playing::n_state).sum();
+        let slow: usize = self.slow.iter().map(RunningSlow::n_state).sum();
         let modes: usize = self.modes.iter().map(|modes| 2 * modes.now.len()).sum();
         2 * self.stepped.len() + slow + modes
     }
@@ -315,7 +315,7 @@ impl<'a> Map<'a> {
             .sum();
         let bent = |link: &Link| (x[link.b] - x[link.a]) * (x[link.b] - x[link.a]);
         let links: f64 = self.links.iter().map(|link| link.k * bent(link)).sum();
-        let slow: f64 = self.slow.iter().map(Playing::energy).sum();
+        let slow: f64 = self.slow.iter().map(RunningSlow::energy).sum();
         let of = |modes: &Modes<'_>| -> f64 {
             let pairs = modes.now.iter().zip(&modes.before);
             let each = pairs.zip(&modes.modal.modes);

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::network::{Error, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::cost;
@@ -11,7 +11,7 @@ use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::Ways;
 use crate::plan::passes::slow::{Stays, slow};
 use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::Own;
+use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::take::{is_worth, length, play};
@@ -23,7 +23,11 @@ use crate::scheme::StabilityGuarantee;
 const TURN: f64 = 1.0;
 
 /// An island with only those of its parts slow that may be, as far as one sees without playing; and the others.
-pub(in crate::plan) fn settle(subset: &Subset, own: &Own, budget: &Budget) -> (Subset, Vec<Stays>) {
+pub(in crate::plan) fn settle(
+    subset: &Subset,
+    own: &OwnTimeline,
+    budget: &Budget,
+) -> (Subset, Vec<Stays>) {
     let stay = match budget {
         Budget::Method(_) => all(subset, "one method is asked for all"),
         Budget::Error(_) | Budget::Cents { .. } => slow(&subset.network, &own.timeline).stay,
@@ -58,7 +62,7 @@ pub(in crate::plan) fn without(subset: &Subset, stay: &[Stays]) -> Subset {
 /// changes no more than rounding does.
 pub(in crate::plan) fn offer(
     subset: &Subset,
-    own: &Own,
+    own: &OwnTimeline,
     budget: &Budget,
     every: u32,
 ) -> Option<Subset> {
@@ -114,7 +118,7 @@ fn is_more(network: &Network, than: &Network) -> bool {
 /// cannot be slow.
 pub(in crate::plan) fn certify(island: &Assembled) -> Result<Option<Growth>, String> {
     let bodies = &island.isle.bodies;
-    if !bodies.iter().any(|body| matches!(body, Inside::Slow(_))) {
+    if !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
         return Ok(None);
     }
     let growth = macrostep::growth(&island.isle);
@@ -131,7 +135,7 @@ pub(in crate::plan) fn certify(island: &Assembled) -> Result<Option<Growth>, Str
 /// every frame. `None` where that would take long.
 pub(in crate::plan) fn error(
     subset: &Subset,
-    own: &Own,
+    own: &OwnTimeline,
     budget: &Budget,
     island: &Assembled,
     memo: &Memo<'_>,
@@ -165,5 +169,9 @@ pub(in crate::plan) fn error(
 
 /// How sure a certificate is of an island whose other links say `word`.
 pub(in crate::plan) fn word(growth: Growth, word: StabilityGuarantee) -> StabilityGuarantee {
-    if growth.is_tried { StabilityGuarantee::Tried } else { word }
+    if growth.is_tried {
+        StabilityGuarantee::Tried
+    } else {
+        word
+    }
 }

@@ -6,14 +6,14 @@
 
 use std::cell::OnceCell;
 
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Run};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::Ways;
-use crate::plan::passes::truncate::Kept;
+use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::prune_modes::fewer;
@@ -25,23 +25,23 @@ use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 const LEAST: usize = 2;
 
 /// An island with what its budget asks for, and the error that is left.
-pub(in crate::plan) struct Found {
+pub(in crate::plan) struct Piloted {
     pub(in crate::plan) island: Assembled,
     pub(in crate::plan) error: Option<Measured>,
 }
 
 /// What a plan decided before; `None` where it does not fit.
-pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> {
+pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted> {
     if pin.kept.len() != island.bodies.len() {
         return None;
     }
     let pairs = pin.kept.iter().zip(&island.isle.bodies);
     let kept = pairs.map(|(kept, body)| match body {
-        Inside::Modal(modal) => Kept::pinned(kept, modal.modes.len()),
-        Inside::Mesh(_) | Inside::Slow(_) => Some(Kept::none()),
+        BodyPlan::Modal(modal) => KeptModes::pinned(kept, modal.modes.len()),
+        BodyPlan::Mesh(_) | BodyPlan::Slow(_) => Some(KeptModes::none()),
     });
     let kept = kept.collect::<Option<Vec<_>>>()?;
-    Some(Found {
+    Some(Piloted {
         island: island.only(pin.steps.clamp(1, Budget::STEPS_MAX), kept),
         error: None,
     })
@@ -51,10 +51,10 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Found> 
 pub(in crate::plan) fn pilot(
     assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
-) -> Result<Found, Error> {
+) -> Result<Piloted, Error> {
     if let Budget::Method(_) = budget {
         let island = assemble((1, Ways::Budget))?;
-        return Ok(Found {
+        return Ok(Piloted {
             island,
             error: None,
         });
@@ -63,14 +63,14 @@ pub(in crate::plan) fn pilot(
     let timeline = &island.isle.timeline;
     if timeline.is_open || timeline.hands().next().is_some() {
         // Nobody knows beforehand what a hand or a session will do: nothing is left out.
-        return Ok(Found {
+        return Ok(Piloted {
             island,
             error: None,
         });
     }
     let n_frames = length(&island.isle)?;
     if n_frames == 0 {
-        return Ok(Found {
+        return Ok(Piloted {
             island,
             error: None,
         });
@@ -104,7 +104,7 @@ pub(in crate::plan) fn pilot(
     let Some(finer) = search.finer(&island) else {
         let error = told(found.error, found.parting.as_ref());
         let island = fewer(&island, (found.steps, &found.take), n_frames, budget)?;
-        return Ok(Found { island, error });
+        return Ok(Piloted { island, error });
     };
     let start = search.hold(island, found.take.clone(), &finer, None, None)?;
     let mut best = search.climb(start, budget)?;
@@ -130,7 +130,7 @@ pub(in crate::plan) fn pilot(
         .parting
         .map(|parting| parting.with(found.parting.as_ref()));
     let error = told(own, parting.as_ref());
-    Ok(Found {
+    Ok(Piloted {
         island: fewer(&best.island, (best.steps, &best.take), n_frames, budget)?,
         error,
     })

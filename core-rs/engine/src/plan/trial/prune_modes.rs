@@ -1,13 +1,13 @@
 //! Which modes of the bodies in an island are computed: those that are heard, by what a pilot told.
 
-use crate::island::inside::Inside;
+use crate::island::inside::BodyPlan;
 use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
-use crate::plan::passes::truncate::{Kept, choose};
+use crate::plan::passes::truncate::{KeptModes, choose};
 use crate::plan::trial::take::{Take, is_worth, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
@@ -24,8 +24,8 @@ pub(in crate::plan) fn fewer(
     let with = |allowed: Option<f64>| {
         let bodies = island.isle.bodies.iter().zip(&take.squares);
         let kept = bodies.map(|(body, squares)| match body {
-            Inside::Modal(modal) => keep(&island.isle, modal, squares, allowed, budget),
-            Inside::Mesh(_) | Inside::Slow(_) => Kept::none(),
+            BodyPlan::Modal(modal) => keep(&island.isle, modal, squares, allowed, budget),
+            BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::none(),
         });
         island.clone().only(steps, kept.collect())
     };
@@ -34,7 +34,7 @@ pub(in crate::plan) fn fewer(
             .isle
             .bodies
             .iter()
-            .map(Inside::n_modes)
+            .map(BodyPlan::n_modes)
             .sum::<usize>()
     };
     let Some(most) = budget.left_out() else {
@@ -70,7 +70,13 @@ pub(in crate::plan) fn fewer(
 }
 
 /// The modes of a body that its outputs hear and its ports feel.
-fn keep(isle: &IslandPlan, body: &Modal, squares: &[f64], allowed: Option<f64>, budget: &Budget) -> Kept {
+fn keep(
+    isle: &IslandPlan,
+    body: &Modal,
+    squares: &[f64],
+    allowed: Option<f64>,
+    budget: &Budget,
+) -> KeptModes {
     let ports = body.ports.iter().map(|port| port.shape.as_slice());
     let heard = body.heard.iter().map(|(_, shape)| shape.as_slice());
     let rows: Vec<&[f64]> = ports.chain(heard).collect();

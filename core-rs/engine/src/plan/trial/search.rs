@@ -3,7 +3,7 @@
 use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 use std::cell::OnceCell;
 
-use crate::integrate::Way;
+use crate::integrate::MeshMethod;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
@@ -14,12 +14,12 @@ use crate::plan::trial::take::{Take, is_worth, play};
 /// An island is stepped at most so often a frame.
 pub(in crate::plan) const TIMES_MAX: u32 = 8;
 /// Methods of meshes where the budget's first is not exact enough, each dearer than the one before.
-const RUNGS: [(Way, u32); 5] = [
-    (Way::Ca2p, 1),
-    (Way::Ca2p, 2),
-    (Way::Bm4, 1),
-    (Way::Bm4, 2),
-    (Way::Bm4, 4),
+const RUNGS: [(MeshMethod, u32); 5] = [
+    (MeshMethod::Ca2p, 1),
+    (MeshMethod::Ca2p, 2),
+    (MeshMethod::Bm4, 1),
+    (MeshMethod::Bm4, 2),
+    (MeshMethod::Bm4, 4),
 ];
 /// The way to an island that is exact enough: meshes by better methods, all of it more often.
 pub(in crate::plan) struct Search<'a, F> {

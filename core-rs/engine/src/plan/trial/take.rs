@@ -85,7 +85,11 @@ fn island(isle: &IslandPlan, steps: usize) -> Result<Island, Error> {
     )
 }
 
-pub(in crate::plan) fn play(isle: &IslandPlan, steps: usize, n_frames: usize) -> Result<Take, Error> {
+pub(in crate::plan) fn play(
+    isle: &IslandPlan,
+    steps: usize,
+    n_frames: usize,
+) -> Result<Take, Error> {
     nudged(isle, steps, n_frames, (n_frames, 1.0))
 }
 

@@ -5,7 +5,7 @@ pub(super) const BM4_LIMIT: f64 = 3.164;
 
 /// A method of stepping a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum MeshMethod {
     /// The scheme of CORDIS-ANIMA.
     Ca,
     /// CA in two passes, the second where the forces' own curvature is taken out (Takahashi & Imada 1984).
@@ -34,7 +34,7 @@ pub(crate) struct Facts {
     pub(crate) limit: Option<f64>,
 }
 
-impl Way {
+impl MeshMethod {
     /// All, from the cheapest to the dearest of the explicit ones, then the implicit ones.
     pub(crate) const ALL: [Self; 5] = [Self::Ca, Self::Ca2p, Self::Bm4, Self::Ieq, Self::Trapezoid];
 
