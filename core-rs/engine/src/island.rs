@@ -105,15 +105,15 @@ struct Heard<'a> {
     out: &'a mut [f64],
     /// (n_out)
     unheard: &'a mut [f64],
-    times: usize,
+    oversampling: usize,
 }
 
 impl Heard<'_> {
     /// Of a step, counted from the first frame's.
     fn at(&mut self, step: usize) -> &mut [f64] {
         let n_out = self.unheard.len();
-        if step.is_multiple_of(self.times) {
-            &mut self.out[step / self.times * n_out..][..n_out]
+        if step.is_multiple_of(self.oversampling) {
+            &mut self.out[step / self.oversampling * n_out..][..n_out]
         } else {
             self.unheard
         }
@@ -127,7 +127,7 @@ pub(crate) struct Island {
     script: Arc<Script>,
     state: State,
     /// Steps in a frame of the scene.
-    times: u32,
+    oversampling: u32,
 }
 
 impl Island {
@@ -149,7 +149,7 @@ impl Island {
         let mut heard = Heard {
             out,
             unheard: &mut unheard,
-            times: self.times as usize,
+            oversampling: self.oversampling as usize,
         };
         let end = self.go(&mut heard, n_frames, team);
         self.state.unheard = unheard;
@@ -163,7 +163,7 @@ impl Island {
         n_frames: usize,
         team: &mut ThreadTeam<'_>,
     ) -> Result<(), Fault> {
-        let (steps, may_coast) = (n_frames * heard.times, self.may_coast());
+        let (steps, may_coast) = (n_frames * heard.oversampling, self.may_coast());
         let (mut done, mut looks) = (0, 0_usize);
         while done < steps {
             if looks.is_multiple_of(LOOK) {
@@ -288,8 +288,8 @@ impl Island {
     }
 
     /// How many steps make a frame of the scene.
-    pub(crate) fn times(&self) -> u32 {
-        self.times
+    pub(crate) fn oversampling(&self) -> u32 {
+        self.oversampling
     }
 
     /// Steps x[n] − x[n−1] now [m], (n_mat).
@@ -386,7 +386,7 @@ impl Island {
             .iter()
             .filter_map(inside::RunningBody::finer_frames);
         own.chain(bodies).map(|(part, finer_frames)| {
-            let FinerFrames { frames, most, .. } = finer_frames.by(self.times);
+            let FinerFrames { frames, most, .. } = finer_frames.by(self.oversampling);
             (part, frames, most)
         })
     }

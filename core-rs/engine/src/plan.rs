@@ -34,9 +34,9 @@ pub(crate) struct IslandPlan {
     /// Bodies in it that go by a method of their own.
     pub(crate) bodies: Vec<BodyPlan>,
     /// How often a frame contacts are computed while they may be closed.
-    pub(crate) steps: usize,
+    pub(crate) contact_substeps: usize,
     /// How often a frame all of it is stepped; its timeline is that much faster.
-    pub(crate) times: u32,
+    pub(crate) oversampling: u32,
     pub(crate) to_whole: Whole,
 }
 
@@ -45,7 +45,7 @@ impl IslandPlan {
     fn cost(&self) -> f64 {
         let bodies = self.bodies.iter().map(cost::body_cost);
         let hub = cost::stepped_cost(&self.network, &self.timeline);
-        f64::from(self.times) * (hub + bodies.sum::<f64>())
+        f64::from(self.oversampling) * (hub + bodies.sum::<f64>())
     }
 }
 
@@ -91,7 +91,7 @@ impl Unit {
     /// Nanoseconds a frame, by the table of costs.
     pub(crate) fn cost(&self) -> f64 {
         match self {
-            Self::IslandPlan(isle) => isle.cost(),
+            Self::IslandPlan(island_plan) => island_plan.cost(),
             Self::Bank(bank) => cost::bank_cost(bank),
         }
     }
@@ -134,8 +134,8 @@ impl Plan {
             network,
             timeline: timeline.clone(),
             bodies: Vec::new(),
-            steps: 1,
-            times: 1,
+            contact_substeps: 1,
+            oversampling: 1,
             to_whole: Whole::default(),
         })));
         Ok(plan)

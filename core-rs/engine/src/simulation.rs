@@ -132,7 +132,9 @@ impl Simulation {
     /// The islands that are stepped, each with what it is in the whole.
     fn islands(&self) -> impl Iterator<Item = (&Island, &IslandPlan)> {
         self.units().filter_map(|pair| match pair {
-            (RunningUnit::Island(island), Unit::IslandPlan(isle)) => Some((&**island, &**isle)),
+            (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
+                Some((&**island, &**island_plan))
+            }
             _ => None,
         })
     }
@@ -216,9 +218,12 @@ impl Simulation {
     /// plan computes none.
     pub fn steps(&self) -> Vec<f64> {
         let mut steps = self.motion(|x, before| x - before, Island::steps);
-        for (island, isle) in self.islands().filter(|(island, _)| island.times() > 1) {
+        for (island, island_plan) in self
+            .islands()
+            .filter(|(island, _)| island.oversampling() > 1)
+        {
             for local in 0..island.steps().len() {
-                steps[whole(&isle.to_whole.mats, local)] *= f64::from(island.times());
+                steps[whole(&island_plan.to_whole.mats, local)] *= f64::from(island.oversampling());
             }
         }
         steps
@@ -228,9 +233,9 @@ impl Simulation {
         let mut all = vec![f64::NAN; self.plan.network.n_mat()];
         for (playing, unit) in self.units() {
             match (playing, unit) {
-                (RunningUnit::Island(island), Unit::IslandPlan(isle)) => {
+                (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
                     for (local, &value) in of(island).iter().enumerate() {
-                        all[whole(&isle.to_whole.mats, local)] = value;
+                        all[whole(&island_plan.to_whole.mats, local)] = value;
                     }
                 }
                 (RunningUnit::Bank(bank), Unit::Bank(plan)) => {
@@ -248,9 +253,9 @@ impl Simulation {
     /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys,).
     pub fn asked(&self) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.n_keys];
-        for (island, isle) in self.islands() {
+        for (island, island_plan) in self.islands() {
             for (local, asked) in island.asked().into_iter().enumerate() {
-                all[whole(&isle.to_whole.keys, local)] = asked;
+                all[whole(&island_plan.to_whole.keys, local)] = asked;
             }
         }
         all
@@ -281,7 +286,7 @@ impl Simulation {
         for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
             match playing {
                 RunningUnit::Island(island) => {
-                    let by = crate::maths::exp(-fall / f64::from(island.times()));
+                    let by = crate::maths::exp(-fall / f64::from(island.oversampling()));
                     island.damp(by);
                 }
                 RunningUnit::Bank(bank) => bank.damp(crate::maths::exp(-fall)),
@@ -297,11 +302,13 @@ impl Simulation {
     /// Reports of all gestures, in the timeline's order.
     pub fn reports(&self) -> Vec<Report> {
         let mut all = vec![Report::default(); self.plan.n_gestures];
-        for (island, isle) in self.islands() {
+        for (island, island_plan) in self.islands() {
             for (local, report) in island.reports().iter().enumerate() {
                 let mut report = *report;
-                report.pushed_by = report.pushed_by.map(|mat| whole(&isle.to_whole.mats, mat));
-                all[whole(&isle.to_whole.gestures, local)] = report;
+                report.pushed_by = report
+                    .pushed_by
+                    .map(|mat| whole(&island_plan.to_whole.mats, mat));
+                all[whole(&island_plan.to_whole.gestures, local)] = report;
             }
         }
         all
@@ -312,12 +319,13 @@ impl Simulation {
         let mut all = Vec::new();
         let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
         for (playing, unit) in units.zip(&self.plan.units) {
-            let (RunningUnit::Island(island), Unit::IslandPlan(isle)) = (playing, unit) else {
+            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (playing, unit)
+            else {
                 continue;
             };
             all.extend(island.take_ergons().into_iter().map(|record| Taken {
                 record: Record {
-                    mat: whole(&isle.to_whole.mats, record.record.mat as usize) as u32,
+                    mat: whole(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
                     ..record.record
                 },
                 ..record
@@ -342,9 +350,9 @@ impl Simulation {
     /// Parts put to silence, with the frame of each.
     pub fn muted(&self) -> Vec<(String, u64)> {
         let of = |island: &Island| {
-            let times = u64::from(island.times());
+            let oversampling = u64::from(island.oversampling());
             let muted = island.muted().into_iter();
-            muted.map(move |(part, step)| (part, step / times))
+            muted.map(move |(part, step)| (part, step / oversampling))
         };
         self.islands().flat_map(|(island, _)| of(island)).collect()
     }
@@ -397,16 +405,16 @@ impl Simulation {
 impl Group {
     fn add(&mut self, unit: &Unit, rate: Rate, options: Options) -> Result<(), Error> {
         self.units.push(match unit {
-            Unit::IslandPlan(isle) => {
+            Unit::IslandPlan(island_plan) => {
                 let IslandPlan {
                     network,
                     timeline,
                     bodies,
-                    steps,
-                    times,
+                    contact_substeps,
+                    oversampling,
                     ..
-                } = &**isle;
-                let often = (*steps, *times);
+                } = &**island_plan;
+                let often = (*contact_substeps, *oversampling);
                 let island = Island::new(network.clone(), timeline, bodies, often, options)?;
                 let room = island.n_out() * STRETCH;
                 self.sound.resize(self.sound.len().max(room), 0.0);
@@ -454,13 +462,13 @@ impl RunningUnit {
     ) -> Option<Fault> {
         match (self, unit) {
             (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
-            (Self::Island(island), Unit::IslandPlan(isle)) => {
+            (Self::Island(island), Unit::IslandPlan(island_plan)) => {
                 let own = island.n_out();
                 let sound = &mut sound[..own * n_frames];
                 if let Err(fault) = island.process(sound, n_frames, team) {
-                    return Some(fault.at_frame(island.times()));
+                    return Some(fault.at_frame(island.oversampling()));
                 }
-                add(sound, own, isle, out, n_out);
+                add(sound, own, island_plan, out, n_out);
             }
             (Self::Island(_), Unit::Bank(_)) => {}
         }
@@ -535,13 +543,13 @@ fn shared(
 }
 
 /// Add an island's sound (n_frames · own) to the outputs that it is heard at (n_frames · n_out).
-fn add(sound: &[f64], own: usize, isle: &IslandPlan, out: &mut [f64], n_out: usize) {
+fn add(sound: &[f64], own: usize, island_plan: &IslandPlan, out: &mut [f64], n_out: usize) {
     if n_out == 0 || own == 0 {
         return;
     }
     for (frame, heard) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(own)) {
         for (local, heard) in heard.iter().enumerate() {
-            frame[whole(&isle.to_whole.outputs, local)] += heard;
+            frame[whole(&island_plan.to_whole.outputs, local)] += heard;
         }
     }
 }

@@ -46,7 +46,7 @@ impl Island {
         network: Arc<Network>,
         timeline: &Timeline,
         bodies: &[BodyPlan],
-        (steps, times): (usize, u32),
+        (steps, oversampling): (usize, u32),
         options: Options,
     ) -> Result<Self, Error> {
         if options.ledger && timeline.hands().next().is_some() {
@@ -131,7 +131,7 @@ impl Island {
             network,
             script: Arc::new(script),
             state,
-            times,
+            oversampling,
         };
         simulation.reserve();
         Ok(simulation)

@@ -25,7 +25,7 @@ pub(crate) enum Through {
 impl Island {
     /// Begin at a frame of the scene instead of 0: what was due before it is past.
     pub(crate) fn seek(&mut self, frame_of_scene: u64) {
-        let n = frame_of_scene * u64::from(self.times);
+        let n = frame_of_scene * u64::from(self.oversampling);
         let (script, state) = (&*self.script, &mut self.state);
         let rate = script.scheme.rate;
         state.frame = n;
@@ -140,14 +140,14 @@ impl Island {
     /// Where a MAT is [m], and its step in a frame of the scene [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
         let body = &self.state.body;
-        (body.x[mat], body.d[mat] * f64::from(self.times))
+        (body.x[mat], body.d[mat] * f64::from(self.oversampling))
     }
 
     /// Put a MAT where it is, as it came there; one that cannot move stays.
     pub(crate) fn set_motion(&mut self, mat: usize, (x, step): (f64, f64)) {
         if kernel::sound(x) && step.is_finite() {
             self.state.body.x[mat] = x;
-            self.state.body.d[mat] = step / f64::from(self.times);
+            self.state.body.d[mat] = step / f64::from(self.oversampling);
             if let Some(guard) = &mut self.state.guard {
                 guard.forget();
             }

@@ -124,7 +124,7 @@ impl Budget {
 
     /// How often a frame contacts are computed while they may be closed, κ = K(1/M + 1/M) being the stiffest of
     /// theirs: their error falls by 12 dB with each doubling, from −50 dB where κ is at most 1.
-    pub(crate) fn steps(&self, kappa: f64) -> usize {
+    pub(crate) fn contact_substeps(&self, kappa: f64) -> usize {
         if let Self::Method(_) = self {
             return 1;
         }

@@ -10,16 +10,16 @@ pub struct Choice {
     /// Modules of the island: a plan of another score has others.
     pub modules: usize,
     /// How often a frame the island is stepped.
-    pub times: u32,
+    pub oversampling: u32,
     /// How often a step contacts are computed; 0: the island is a bank of modes.
-    pub steps: usize,
+    pub contact_substeps: usize,
     /// The modes that are computed of each body; of one that goes by another method, which, and its steps.
     pub kept: Vec<Vec<u32>>,
 }
 
 impl Choice {
     pub(super) fn is_bank(&self) -> bool {
-        self.steps == 0
+        self.contact_substeps == 0
     }
 }
 

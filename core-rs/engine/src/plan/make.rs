@@ -60,7 +60,7 @@ pub(super) fn make(
         pins: Pins::new(pins),
         memo: Memo::new(like.map_or(&[], |like| &like.solved)),
     };
-    let (mut loose, mut isles, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut loose, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
     let glides: BTreeSet<u32> = timeline
         .glides
         .iter()
@@ -81,19 +81,19 @@ pub(super) fn make(
                 gliding.extend(island.mats);
             }
             (true, true) => {
-                isles.push(network.subset(&island.mats, &island.guests, &island.links));
+                island_plans.push(network.subset(&island.mats, &island.guests, &island.links));
             }
         }
     }
     if !gliding.is_empty() {
-        isles.push(network.subset(&gliding, &[], &[]));
+        island_plans.push(network.subset(&gliding, &[], &[]));
     }
-    let n_isles = isles.len();
+    let n_islands = island_plans.len();
     if !loose.is_empty() {
-        isles.push(network.subset(&loose, &[], &[]));
+        island_plans.push(network.subset(&loose, &[], &[]));
     }
-    for (at, (subset, own)) in split(isles, timeline).into_iter().enumerate() {
-        if at < n_isles {
+    for (at, (subset, own)) in split(island_plans, timeline).into_iter().enumerate() {
+        if at < n_islands {
             maker.island(subset, own)?;
         } else {
             maker.cells(&subset, &own)?;
@@ -165,8 +165,8 @@ impl Maker<'_> {
                     }
                     self.plan.choices.push(Choice {
                         modules,
-                        times: 1,
-                        steps: 0,
+                        oversampling: 1,
+                        contact_substeps: 0,
                         kept: vec![found.kept.numbers()],
                     });
                     let mut row = Row::modal(&subset, &found, &own.timeline);
@@ -214,22 +214,26 @@ impl Maker<'_> {
         } = solved;
         let first_row = self.plan.rows.len();
         let Assembled {
-            isle,
+            island_plan,
             bodies,
             certificate,
             because,
         } = island;
         self.plan.choices.push(Choice {
             modules,
-            times: isle.times,
-            steps: isle.steps,
+            oversampling: island_plan.oversampling,
+            contact_substeps: island_plan.contact_substeps,
             kept: bodies.iter().map(Body::numbers).collect(),
         });
         let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
-        if isle.network.n_mat() > n_ports {
-            let mut row = Row::stepped(&isle.network, &isle.timeline, certificate);
+        if island_plan.network.n_mat() > n_ports {
+            let mut row = Row::stepped(&island_plan.network, &island_plan.timeline, certificate);
             row.mats -= n_ports;
-            (row.times, row.steps, row.error) = (isle.times, isle.steps, error);
+            (row.oversampling, row.contact_substeps, row.error) = (
+                island_plan.oversampling,
+                island_plan.contact_substeps,
+                error,
+            );
             let because = why.filter(|_| bodies.is_empty()).or(because);
             row.because = because.map(|why| why.why().to_owned());
             self.plan.rows.push(row);
@@ -237,16 +241,16 @@ impl Maker<'_> {
         // What is left beside bodies has a row of its own, or goes with the first of them.
         let mut hub = if self.plan.rows.len() == first_row {
             cost::seconds(
-                cost::stepped_cost(&isle.network, &isle.timeline),
-                &isle.timeline,
+                cost::stepped_cost(&island_plan.network, &island_plan.timeline),
+                &island_plan.timeline,
             )
         } else {
             0.0
         };
         for body in &bodies {
-            let mut row = Row::ported(body, &isle.timeline);
+            let mut row = Row::ported(body, &island_plan.timeline);
             row.cost += std::mem::take(&mut hub);
-            (row.times, row.error) = (isle.times, error);
+            (row.oversampling, row.error) = (island_plan.oversampling, error);
             if let (Computed::Slow(_), Some(growth)) = (row.what, growth) {
                 row.error = slow_error;
                 row.word = Some(multirate::word(growth, certificate.word));
@@ -259,7 +263,9 @@ impl Maker<'_> {
             row.stays = told(&stay, row);
         }
         self.plan.stay.extend(stay);
-        self.plan.units.push(Unit::IslandPlan(Box::new(isle)));
+        self.plan
+            .units
+            .push(Unit::IslandPlan(Box::new(island_plan)));
         Ok(())
     }
 
@@ -282,12 +288,14 @@ impl Maker<'_> {
             };
             if judged.is_ok() {
                 let found = match pin {
-                    Some(pin) => pilot::pinned(assemble((pin.times.max(1), Ways::Budget))?, pin)
-                        .ok_or_else(another)?,
+                    Some(pin) => {
+                        pilot::pinned(assemble((pin.oversampling.max(1), Ways::Budget))?, pin)
+                            .ok_or_else(another)?
+                    }
                     None => pilot::pilot(&assemble, self.budget)?,
                 };
                 // Where all of it goes more often its map is another.
-                if found.island.isle.times > 1 {
+                if found.island.island_plan.oversampling > 1 {
                     judged = multirate::certify(&found.island);
                 }
                 if let Ok(growth) = judged {
@@ -342,7 +350,7 @@ impl Maker<'_> {
     /// As it was decided, where keys were slow.
     fn pinned_offer(&self, subset: &Subset, own: &OwnTimeline, pin: &Choice) -> Option<Solved> {
         let every = *pin.kept.first()?.first()?;
-        let slow = multirate::offer(subset, own, self.budget, every / pin.times.max(1))?;
+        let slow = multirate::offer(subset, own, self.budget, every / pin.oversampling.max(1))?;
         let solved = self.solve(&slow, own, Some(pin)).ok()?;
         Some(Solved {
             is_offered: true,
@@ -353,7 +361,7 @@ impl Maker<'_> {
 
 impl Solved {
     fn cost(&self) -> f64 {
-        self.found.island.isle.cost()
+        self.found.island.island_plan.cost()
     }
 
     /// Within what is asked for, or no further from it than another.

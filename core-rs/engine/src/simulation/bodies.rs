@@ -64,8 +64,8 @@ impl<'a> Candidate<'a> {
     ) -> Vec<Self> {
         let step = side.rate.step();
         let mut found = Vec::new();
-        for (&(at, _, isle), _) in others(&side.islands, islands) {
-            let bodies = isle.bodies.iter().enumerate();
+        for (&(at, _, island_plan), _) in others(&side.islands, islands) {
+            let bodies = island_plan.bodies.iter().enumerate();
             for (index, body) in bodies.filter(|(index, _)| !without.contains(&(at, *index))) {
                 let place = Place {
                     at,

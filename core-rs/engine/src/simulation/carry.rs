@@ -69,17 +69,18 @@ impl Carry {
             vec![false; there.islands.len()],
             vec![false; here.islands.len()],
         ];
-        let first = |isle: &IslandPlan| isle.network.mat_name(0);
+        let first = |island_plan: &IslandPlan| island_plan.network.mat_name(0);
         let by_name: HashMap<String, usize> = {
             let all = there.islands.iter().enumerate();
-            all.map(|(at, (_, _, isle))| (first(isle), at)).collect()
+            all.map(|(at, (_, _, island_plan))| (first(island_plan), at))
+                .collect()
         };
-        for (at, &(to, _, isle)) in here.islands.iter().enumerate() {
-            let Some(&before) = by_name.get(&first(isle)) else {
+        for (at, &(to, _, island_plan)) in here.islands.iter().enumerate() {
+            let Some(&before) = by_name.get(&first(island_plan)) else {
                 continue;
             };
             let (from, _, other) = there.islands[before];
-            if are_same_isles(isle, other) {
+            if are_same_isles(island_plan, other) {
                 (same[0][before], same[1][at]) = (true, true);
                 self.units.push((from, to));
             }
@@ -138,12 +139,12 @@ impl Carry {
 
     /// Bodies of islands that are not the same, where the bodies are.
     fn bodies(&mut self, there: &Side<'_>, here: &Side<'_>, same: &[Vec<bool>; 2]) {
-        for (&(to, _, isle), _) in others(&here.islands, &same[1]) {
+        for (&(to, _, island_plan), _) in others(&here.islands, &same[1]) {
             let mut found = false;
-            for (own, body) in isle.bodies.iter().enumerate() {
+            for (own, body) in island_plan.bodies.iter().enumerate() {
                 let before = others(&there.islands, &same[0]).find_map(|(&(from, _, other), _)| {
                     let same = |their: &crate::island::inside::BodyPlan| {
-                        let name = |mat| isle.network.mat_name(mat);
+                        let name = |mat| island_plan.network.mat_name(mat);
                         body.is_same(their, name, |mat| other.network.mat_name(mat))
                     };
                     Some((from, other.bodies.iter().position(same)?))
@@ -220,18 +221,19 @@ impl Carry {
 }
 
 /// Whether one island can go on as another stands, to the last bit.
-fn are_same_isles(isle: &IslandPlan, other: &IslandPlan) -> bool {
-    let imposed = |isle: &IslandPlan| -> Vec<usize> {
-        let drives = isle.timeline.drives.iter();
+fn are_same_isles(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
+    let imposed = |island_plan: &IslandPlan| -> Vec<usize> {
+        let drives = island_plan.timeline.drives.iter();
         let paths = drives.filter(|drive| drive.kind == DriveKind::Position);
         paths.map(|drive| drive.mat).collect()
     };
-    let name = |mat| isle.network.mat_name(mat);
-    let bodies = || isle.bodies.iter().zip(&other.bodies);
-    (isle.steps, isle.times) == (other.steps, other.times)
-        && isle.bodies.len() == other.bodies.len()
-        && isle.network.is_same(&other.network)
-        && imposed(isle) == imposed(other)
+    let name = |mat| island_plan.network.mat_name(mat);
+    let bodies = || island_plan.bodies.iter().zip(&other.bodies);
+    (island_plan.contact_substeps, island_plan.oversampling)
+        == (other.contact_substeps, other.oversampling)
+        && island_plan.bodies.len() == other.bodies.len()
+        && island_plan.network.is_same(&other.network)
+        && imposed(island_plan) == imposed(other)
         && bodies().all(|(own, their)| own.is_same(their, name, name))
 }
 

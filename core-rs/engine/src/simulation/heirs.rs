@@ -15,20 +15,20 @@ impl Carry {
     /// Voices by the MATs that they strike, with their gestures' reports.
     pub(super) fn voices(&mut self, there: &Side<'_>, here: &Side<'_>, n: u64) {
         let mut by_name: HashMap<(String, bool), Vec<Known<'_>>> = HashMap::new();
-        for &(from, island, isle) in &there.islands {
+        for &(from, island, island_plan) in &there.islands {
             for (voice, own) in island.script().voices.iter().enumerate() {
-                let name = (isle.network.mat_name(own.struck), own.layer);
+                let name = (island_plan.network.mat_name(own.struck), own.layer);
                 by_name
                     .entry(name)
                     .or_default()
-                    .push((from, island, isle, voice));
+                    .push((from, island, island_plan, voice));
             }
         }
-        for &(to, island, isle) in &here.islands {
+        for &(to, island, island_plan) in &here.islands {
             let script = island.script();
-            let limit = n * u64::from(isle.times);
+            let limit = n * u64::from(island_plan.oversampling);
             for (voice, own) in script.voices.iter().enumerate() {
-                let name = (isle.network.mat_name(own.struck), own.layer);
+                let name = (island_plan.network.mat_name(own.struck), own.layer);
                 let Some(candidates) = by_name.get_mut(&name) else {
                     continue;
                 };
@@ -49,11 +49,11 @@ impl Carry {
                 let old = candidates.remove(at).1.script();
                 let their = &old.voices[there];
                 let (name, other_name) = (
-                    |mat| isle.network.mat_name(mat),
+                    |mat| island_plan.network.mat_name(mat),
                     |mat| other.network.mat_name(mat),
                 );
                 let mats = if own.free.is_like(&their.free, name, other_name)
-                    && isle.times == other.times
+                    && island_plan.oversampling == other.oversampling
                 {
                     None
                 } else {
@@ -91,30 +91,33 @@ impl Carry {
     pub(super) fn holds(&mut self, there: &Side<'_>, here: &Side<'_>) {
         let mut gates = HashMap::new();
         let mut hands: HashMap<String, Vec<(At, usize)>> = HashMap::new();
-        for &(from, island, isle) in &there.islands {
+        for &(from, island, island_plan) in &there.islands {
             for (gate, own) in island.script().gates.iter().enumerate() {
-                gates.insert(isle.network.link_name(own.link), (from, gate));
+                gates.insert(island_plan.network.link_name(own.link), (from, gate));
             }
             // A hand that several islands touch has a part in each of them.
             for (hand, own) in island.script().grips.iter().enumerate() {
-                let name = isle.network.mat_name(own.mat());
+                let name = island_plan.network.mat_name(own.mat());
                 hands.entry(name).or_default().push((from, hand));
             }
         }
         let has_link = |name: &str| {
-            let of = |(at, isle): (At, &IslandPlan)| {
-                let runs = isle.network.runs().iter();
-                let mut names = runs.map(|run| isle.network.link_name(run.first));
+            let of = |(at, island_plan): (At, &IslandPlan)| {
+                let runs = island_plan.network.runs().iter();
+                let mut names = runs.map(|run| island_plan.network.link_name(run.first));
                 names.any(|own| own == name).then_some(at)
             };
-            let mut all = there.islands.iter().map(|&(at, _, isle)| (at, isle));
+            let mut all = there
+                .islands
+                .iter()
+                .map(|&(at, _, island_plan)| (at, island_plan));
             all.find_map(of)
         };
         let same: HashMap<At, At> = self.units.iter().map(|&(from, to)| (to, from)).collect();
-        for &(to, island, isle) in &here.islands {
+        for &(to, island, island_plan) in &here.islands {
             let script = island.script();
             for (gate, own) in script.gates.iter().enumerate() {
-                let name = isle.network.link_name(own.link);
+                let name = island_plan.network.link_name(own.link);
                 if let Some(&(from, before)) = gates.get(&name) {
                     let through = Through::Gate(Some(before), gate);
                     self.through.push((from, to, through));
@@ -123,7 +126,7 @@ impl Carry {
                 }
             }
             for (hand, own) in script.grips.iter().enumerate() {
-                let Some(known) = hands.get(&isle.network.mat_name(own.mat())) else {
+                let Some(known) = hands.get(&island_plan.network.mat_name(own.mat())) else {
                     continue;
                 };
                 let ours = known.iter().find(|(from, _)| same.get(&to) == Some(from));

@@ -40,8 +40,8 @@ impl<'a> Side<'a> {
             let units = group.units.iter().zip(&plan.units[group.first..]);
             for (u, pair) in units.enumerate() {
                 match pair {
-                    (RunningUnit::Island(island), Unit::IslandPlan(isle)) => {
-                        side.islands.push(((g, u), island, isle));
+                    (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
+                        side.islands.push(((g, u), island, island_plan));
                     }
                     (_, Unit::Bank(bank)) => side.banks.push(((g, u), bank)),
                     (RunningUnit::Bank(_), Unit::IslandPlan(_)) => {}
@@ -64,12 +64,18 @@ pub(super) fn others<'a, T>(
 /// The MATs of units that are not the same, by name: those that move, and no port, which goes where its body has it.
 pub(super) fn spots(side: &Side<'_>, [islands, banks]: [&[bool]; 2]) -> Vec<(String, Spot)> {
     let mut found = Vec::new();
-    for (&(at, _, isle), _) in others(&side.islands, islands) {
-        let mut ports: Vec<usize> = isle.bodies.iter().flat_map(|body| body.ports()).collect();
+    for (&(at, _, island_plan), _) in others(&side.islands, islands) {
+        let mut ports: Vec<usize> = island_plan
+            .bodies
+            .iter()
+            .flat_map(|body| body.ports())
+            .collect();
         ports.sort_unstable();
-        let kinds = isle.network.mats().kind.iter().enumerate();
+        let kinds = island_plan.network.mats().kind.iter().enumerate();
         let free = kinds.filter(|(mat, kind)| kind.moves() && ports.binary_search(mat).is_err());
-        found.extend(free.map(|(mat, _)| (isle.network.mat_name(mat), Spot::Island(at, mat))));
+        found.extend(
+            free.map(|(mat, _)| (island_plan.network.mat_name(mat), Spot::Island(at, mat))),
+        );
     }
     for (&(at, bank), _) in others(&side.banks, banks) {
         let mats = bank.mats.iter().enumerate();

@@ -21,7 +21,7 @@ use crate::units::Rate;
 /// An island that can be played.
 #[derive(Clone)]
 pub(in crate::plan) struct Assembled {
-    pub(in crate::plan) isle: IslandPlan,
+    pub(in crate::plan) island_plan: IslandPlan,
     pub(in crate::plan) bodies: Vec<PortedBody>,
     pub(in crate::plan) certificate: Certificate,
     /// Why a body goes by no modes.
@@ -34,21 +34,21 @@ impl Assembled {
         subset: &Subset,
         own: &OwnTimeline,
         budget: &Budget,
-        (times, ways): (u32, Ways<'_>),
+        (oversampling, ways): (u32, Ways<'_>),
         pin: Option<&Choice>,
         memo: &Memo<'_>,
     ) -> Result<Self, Error> {
-        let timeline = if times == 1 {
+        let timeline = if oversampling == 1 {
             own.timeline.clone()
         } else {
-            faster(&own.timeline, times, &subset.network)?
+            faster(&own.timeline, oversampling, &subset.network)?
         };
         let rate = timeline.rate;
         // A slow part stays as slow when all else is quicker.
-        let sped = (times > 1 && subset.network.has_slow_parts()).then(|| Subset {
+        let sped = (oversampling > 1 && subset.network.has_slow_parts()).then(|| Subset {
             network: subset
                 .network
-                .with_every(|_, every| every?.checked_mul(times)),
+                .with_every(|_, every| every?.checked_mul(oversampling)),
             ..subset.clone()
         });
         let subset = sped.as_ref().unwrap_or(subset);
@@ -60,7 +60,7 @@ impl Assembled {
                 Err(_) => because = Some(NoModes::Stiff),
             }
         }
-        let (cut, (steps, certificate)) = match found {
+        let (cut, (contact_substeps, certificate)) = match found {
             Some(found) => found,
             None => {
                 let stable = hub(&subset.network, rate, budget)?;
@@ -72,7 +72,7 @@ impl Assembled {
             own: inner,
             bodies,
         } = cut;
-        let isle = IslandPlan {
+        let island_plan = IslandPlan {
             to_whole: Whole {
                 mats: Some(through(&subset.mats, &hub.mats)),
                 outputs: Some(subset.outputs.clone()),
@@ -82,11 +82,11 @@ impl Assembled {
             network: Arc::new(hub.network),
             timeline: inner.timeline,
             bodies: bodies.iter().map(|found| found.inside.clone()).collect(),
-            steps,
-            times,
+            contact_substeps,
+            oversampling,
         };
         Ok(Self {
-            isle,
+            island_plan,
             bodies,
             certificate,
             because,
@@ -95,7 +95,7 @@ impl Assembled {
 
     /// How its bodies go that are meshes, in order.
     pub(in crate::plan) fn ways(&self) -> Vec<Option<(MeshMethod, u32)>> {
-        let bodies = self.isle.bodies.iter();
+        let bodies = self.island_plan.bodies.iter();
         let way = |body: &BodyPlan| match body {
             BodyPlan::Mesh(mesh) => Some((mesh.way, mesh.substeps)),
             BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
@@ -104,8 +104,8 @@ impl Assembled {
     }
 
     /// With some of its bodies' modes only, and contacts computed so often.
-    pub(in crate::plan) fn only(mut self, steps: usize, kept: Vec<KeptModes>) -> Self {
-        let mut hub = (*self.isle.network).clone();
+    pub(in crate::plan) fn only(mut self, contact_substeps: usize, kept: Vec<KeptModes>) -> Self {
+        let mut hub = (*self.island_plan.network).clone();
         for (body, kept) in self.bodies.iter_mut().zip(kept) {
             if let BodyPlan::Modal(modal) = &body.inside {
                 body.inside = BodyPlan::Modal(modal.only(&kept.modes));
@@ -114,25 +114,27 @@ impl Assembled {
                 ported::loosen(&mut hub, &body.inside);
             }
         }
-        self.isle.network = Arc::new(hub);
-        self.isle.bodies = self
+        self.island_plan.network = Arc::new(hub);
+        self.island_plan.bodies = self
             .bodies
             .iter()
             .map(|found| found.inside.clone())
             .collect();
-        self.isle.steps = steps;
+        self.island_plan.contact_substeps = contact_substeps;
         self
     }
 }
 
-fn faster(timeline: &Timeline, times: u32, network: &Network) -> Result<Timeline, Error> {
+fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<Timeline, Error> {
     let mut parts = network.mats().part.iter().map(|&part| part as usize);
     // Where the discrete network is the truth there is but one rate.
     let is_discrete = parts.any(|part| network.parts()[part].ca_rate.is_some());
-    let faster = (!is_discrete).then(|| timeline.faster(times)).flatten();
+    let faster = (!is_discrete)
+        .then(|| timeline.faster(oversampling))
+        .flatten();
     faster.ok_or_else(|| Error::Refused {
         module: network.mat_name(0),
-        message: format!("what happens to it cannot be computed {times} times a frame"),
+        message: format!("what happens to it cannot be computed {oversampling} times a frame"),
     })
 }
 
@@ -141,15 +143,15 @@ fn hub(network: &Network, rate: Rate, budget: &Budget) -> Result<(usize, Certifi
     let mut scheme = Scheme::new(network, rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
-    let steps = match scheme.stiffest_contact() {
+    let contact_substeps = match scheme.stiffest_contact() {
         // Where the discrete network is the truth, so are its contacts.
-        Some(kappa) if !truths.any(|truth| truth.is_some()) => budget.steps(kappa),
+        Some(kappa) if !truths.any(|truth| truth.is_some()) => budget.contact_substeps(kappa),
         _ => 1,
     };
-    if steps > 1 {
+    if contact_substeps > 1 {
         scheme.without_contacts();
     }
-    Ok((steps, scheme.certify(network)?))
+    Ok((contact_substeps, scheme.certify(network)?))
 }
 
 /// Two maps one after the other.

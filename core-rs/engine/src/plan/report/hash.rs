@@ -33,8 +33,13 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             .for_each(|number| sha.update(number.to_le_bytes()));
     }
     for choice in choices {
-        let times = choice.times as usize;
-        let numbers = [choice.modules, times, choice.steps, choice.kept.len()];
+        let oversampling = choice.oversampling as usize;
+        let numbers = [
+            choice.modules,
+            oversampling,
+            choice.contact_substeps,
+            choice.kept.len(),
+        ];
         numbers
             .iter()
             .for_each(|&number| sha.update((number as u64).to_le_bytes()));

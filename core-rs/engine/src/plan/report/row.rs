@@ -72,9 +72,9 @@ pub struct Row {
     /// Whether it can diverge; `None` where nothing is computed.
     pub word: Option<StabilityGuarantee>,
     /// How often a frame it is stepped.
-    pub times: u32,
+    pub oversampling: u32,
     /// How often a step its contacts are computed while they may be closed.
-    pub steps: usize,
+    pub contact_substeps: usize,
     /// The error that a pilot measured; `None`: exact, but for what is left out.
     pub error: Option<Measured>,
     /// Why it is not computed in a better way.
@@ -97,7 +97,7 @@ impl Row {
         let (Computed::Slow(every), Some(error)) = (self.what, self.error) else {
             return false;
         };
-        let every = every / self.times.max(1);
+        let every = every / self.oversampling.max(1);
         PRESERVED
             .iter()
             .any(|&(most, db)| every <= most && error.db <= db)
@@ -112,8 +112,8 @@ impl Row {
             what,
             cost: 0.0,
             word: None,
-            times: 1,
-            steps: 1,
+            oversampling: 1,
+            contact_substeps: 1,
             error: None,
             because: None,
             radius: None,

@@ -174,13 +174,13 @@ impl Pair<'_> {
     /// finer steps bring takes together.
     pub(in crate::plan) fn parting(
         &self,
-        isle: &IslandPlan,
-        steps: usize,
+        island_plan: &IslandPlan,
+        contact_substeps: usize,
     ) -> Result<Option<Parting>, Error> {
-        if self.take.is_lost || self.parts_at().is_none() || is_linear(isle) {
+        if self.take.is_lost || self.parts_at().is_none() || is_linear(island_plan) {
             return Ok(None);
         }
-        let grown = self.nudge(isle, steps)?;
+        let grown = self.nudge(island_plan, contact_substeps)?;
         if !is_chaotic(&grown) {
             return Ok(None);
         }
@@ -214,10 +214,14 @@ impl Pair<'_> {
     }
 
     /// How far a nudge has the take from itself, stretch by stretch.
-    fn nudge(&self, isle: &IslandPlan, steps: usize) -> Result<Vec<Option<f64>>, Error> {
+    fn nudge(
+        &self,
+        island_plan: &IslandPlan,
+        contact_substeps: usize,
+    ) -> Result<Vec<Option<f64>>, Error> {
         let n_frames = self.take.sound.len() / self.spans.n_out.max(1);
         let from = self.stretches.start().next_multiple_of(LOOK);
-        let nudged = nudged(isle, steps, n_frames, (from, 1.0 - NUDGE))?;
+        let nudged = nudged(island_plan, contact_substeps, n_frames, (from, 1.0 - NUDGE))?;
         // From then on it goes as it will.
         let after = Stretches::from(from + LOOK, n_frames, self.spans);
         Ok(after.apart(&nudged.sound, &self.take.sound).alone)
@@ -281,16 +285,16 @@ impl Parting {
     }
 }
 
-fn is_linear(isle: &IslandPlan) -> bool {
+fn is_linear(island_plan: &IslandPlan) -> bool {
     let is_linear = |network: &Network| {
         network
             .runs()
             .iter()
             .all(|run| matches!(run.kind, LinkKind::Ref))
     };
-    let meshes = isle.bodies.iter().filter_map(|body| match body {
+    let meshes = island_plan.bodies.iter().filter_map(|body| match body {
         BodyPlan::Mesh(mesh) => Some(&*mesh.network),
         BodyPlan::Modal(_) | BodyPlan::Slow(_) => None,
     });
-    meshes.chain([&*isle.network]).all(is_linear)
+    meshes.chain([&*island_plan.network]).all(is_linear)
 }

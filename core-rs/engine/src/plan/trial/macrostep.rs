@@ -39,13 +39,13 @@ impl Growth {
 }
 
 /// How much an island grows, with its contacts open or closed.
-pub(in crate::plan) fn growth(isle: &IslandPlan) -> Growth {
+pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Growth {
     let mut found = Growth {
         radius: 0.0,
         is_tried: false,
     };
     for closed in [false, true] {
-        let Some(mut map) = Map::new(isle, closed) else {
+        let Some(mut map) = Map::new(island_plan, closed) else {
             found.is_tried = true;
             continue;
         };
@@ -89,19 +89,19 @@ struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
-    fn new(isle: &'a IslandPlan, closed: bool) -> Option<Self> {
-        let scheme = Scheme::new(&isle.network, isle.timeline.rate).ok()?;
+    fn new(island_plan: &'a IslandPlan, closed: bool) -> Option<Self> {
+        let scheme = Scheme::new(&island_plan.network, island_plan.timeline.rate).ok()?;
         let links = scheme
             .runs
             .iter()
-            .filter_map(|run| linear(run, closed, isle.steps > 1))
+            .filter_map(|run| linear(run, closed, island_plan.contact_substeps > 1))
             .flatten()
             .collect();
         let n = scheme.n_mat();
         let mut body = Body::new(&scheme, vec![0.0; n], vec![0.0; n]);
         body.inner = vec![0.0; n];
         let mut is_port = vec![false; n];
-        let bodies = || isle.bodies.iter();
+        let bodies = || island_plan.bodies.iter();
         for mat in bodies().flat_map(BodyPlan::ports) {
             is_port[mat] = true;
         }

@@ -117,11 +117,11 @@ fn is_more(network: &Network, than: &Network) -> bool {
 /// How much an island with slow parts grows from kick to kick; `None`: it has none. Where it does grow, why they
 /// cannot be slow.
 pub(in crate::plan) fn certify(island: &Assembled) -> Result<Option<Growth>, String> {
-    let bodies = &island.isle.bodies;
+    let bodies = &island.island_plan.bodies;
     if !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
         return Ok(None);
     }
-    let growth = macrostep::growth(&island.isle);
+    let growth = macrostep::growth(&island.island_plan);
     if growth.is_stable() {
         return Ok(Some(growth));
     }
@@ -141,8 +141,11 @@ pub(in crate::plan) fn error(
     memo: &Memo<'_>,
 ) -> Result<Option<Measured>, Error> {
     let ways = island.ways();
-    let (times, steps) = (island.isle.times, island.isle.steps);
-    let how = (times, Ways::As(&ways));
+    let (oversampling, contact_substeps) = (
+        island.island_plan.oversampling,
+        island.island_plan.contact_substeps,
+    );
+    let how = (oversampling, Ways::As(&ways));
     let slow = Assembled::new(subset, own, budget, how, None, memo)?;
     let single = Subset {
         network: subset.network.with_every(|_, every| every.map(|_| 1)),
@@ -151,12 +154,12 @@ pub(in crate::plan) fn error(
     let Ok(single) = Assembled::new(&single, own, budget, how, None, memo) else {
         return Ok(None);
     };
-    let n_frames = length(&slow.isle)?;
-    if n_frames == 0 || !is_worth(&single.isle, n_frames) {
+    let n_frames = length(&slow.island_plan)?;
+    if n_frames == 0 || !is_worth(&single.island_plan, n_frames) {
         return Ok(None);
     }
-    let spans = Spans::of(&slow.isle, n_frames);
-    let pair = [&slow, &single].map(|island| play(&island.isle, steps, n_frames));
+    let spans = Spans::of(&slow.island_plan, n_frames);
+    let pair = [&slow, &single].map(|island| play(&island.island_plan, contact_substeps, n_frames));
     let [slow, single] = pair;
     let db = difference(&slow?.sound, &single?.sound, &spans);
     let over = n_frames as f64 / spans.rate;

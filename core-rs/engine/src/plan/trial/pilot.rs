@@ -35,14 +35,14 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
     if pin.kept.len() != island.bodies.len() {
         return None;
     }
-    let pairs = pin.kept.iter().zip(&island.isle.bodies);
+    let pairs = pin.kept.iter().zip(&island.island_plan.bodies);
     let kept = pairs.map(|(kept, body)| match body {
         BodyPlan::Modal(modal) => KeptModes::pinned(kept, modal.modes.len()),
         BodyPlan::Mesh(_) | BodyPlan::Slow(_) => Some(KeptModes::none()),
     });
     let kept = kept.collect::<Option<Vec<_>>>()?;
     Some(Piloted {
-        island: island.only(pin.steps.clamp(1, Budget::STEPS_MAX), kept),
+        island: island.only(pin.contact_substeps.clamp(1, Budget::STEPS_MAX), kept),
         error: None,
     })
 }
@@ -60,7 +60,7 @@ pub(in crate::plan) fn pilot(
         });
     }
     let island = first(assemble)?;
-    let timeline = &island.isle.timeline;
+    let timeline = &island.island_plan.timeline;
     if timeline.is_open || timeline.hands().next().is_some() {
         // Nobody knows beforehand what a hand or a session will do: nothing is left out.
         return Ok(Piloted {
@@ -68,21 +68,21 @@ pub(in crate::plan) fn pilot(
             error: None,
         });
     }
-    let n_frames = length(&island.isle)?;
+    let n_frames = length(&island.island_plan)?;
     if n_frames == 0 {
         return Ok(Piloted {
             island,
             error: None,
         });
     }
-    let spans = Spans::of(&island.isle, n_frames);
+    let spans = Spans::of(&island.island_plan, n_frames);
     let stretches = OnceCell::new();
-    let found = contacts(&island.isle, budget, n_frames, (&spans, &stretches))?;
+    let found = contacts(&island.island_plan, budget, n_frames, (&spans, &stretches))?;
     let search = Search {
         assemble,
         stretches: &stretches,
         spans: &spans,
-        once: found.steps * island.isle.times as usize,
+        once: found.contact_substeps * island.island_plan.oversampling as usize,
         n_frames,
     };
     let told = |own: Option<f64>, parting: Option<&Parting>| {
@@ -103,7 +103,12 @@ pub(in crate::plan) fn pilot(
     };
     let Some(finer) = search.finer(&island) else {
         let error = told(found.error, found.parting.as_ref());
-        let island = fewer(&island, (found.steps, &found.take), n_frames, budget)?;
+        let island = fewer(
+            &island,
+            (found.contact_substeps, &found.take),
+            n_frames,
+            budget,
+        )?;
         return Ok(Piloted { island, error });
     };
     let start = search.hold(island, found.take.clone(), &finer, None, None)?;
@@ -111,12 +116,12 @@ pub(in crate::plan) fn pilot(
     if best.take.is_lost
         && let Ok(island) = assemble((1, Ways::Safe))
     {
-        let steps = search.once;
-        let take = play(&island.isle, steps, n_frames)?;
+        let contact_substeps = search.once;
+        let take = play(&island.island_plan, contact_substeps, n_frames)?;
         if !take.is_lost {
             best = Standing {
                 island,
-                steps,
+                contact_substeps,
                 take,
                 own: f64::NAN,
                 parting: None,
@@ -131,7 +136,12 @@ pub(in crate::plan) fn pilot(
         .map(|parting| parting.with(found.parting.as_ref()));
     let error = told(own, parting.as_ref());
     Ok(Piloted {
-        island: fewer(&best.island, (best.steps, &best.take), n_frames, budget)?,
+        island: fewer(
+            &best.island,
+            (best.contact_substeps, &best.take),
+            n_frames,
+            budget,
+        )?,
         error,
     })
 }
@@ -144,7 +154,8 @@ fn first(
         // Where it diverges at this rate it may not at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher = [2, 4, 8, 2 * TIMES_MAX].into_iter();
-            let mut stable = higher.filter_map(|times| assemble((times, Ways::Budget)).ok());
+            let mut stable =
+                higher.filter_map(|oversampling| assemble((oversampling, Ways::Budget)).ok());
             stable.next().ok_or(error)
         }
         other => other,
@@ -153,7 +164,7 @@ fn first(
 
 /// How finely contacts are computed: as finely as it takes for twice as often to make no difference.
 struct Contacts {
-    steps: usize,
+    contact_substeps: usize,
     error: Option<f64>,
     take: Take,
     /// Where it is chaotic: then the error is that of the time until takes part.
@@ -161,35 +172,35 @@ struct Contacts {
 }
 
 fn contacts(
-    isle: &IslandPlan,
+    island_plan: &IslandPlan,
     budget: &Budget,
     n_frames: usize,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),
 ) -> Result<Contacts, Error> {
-    if isle.steps == 1 {
+    if island_plan.contact_substeps == 1 {
         return Ok(Contacts {
-            steps: 1,
+            contact_substeps: 1,
             error: None,
-            take: play(isle, 1, n_frames)?,
+            take: play(island_plan, 1, n_frames)?,
             parting: None,
         });
     }
     let aim = budget.contact();
     // Where a contact with damping closes its force jumps.
     let jumps = |run: &Run| matches!(run.kind, LinkKind::But(_)) && run.z != 0.0;
-    let order = if isle.network.runs().iter().any(jumps) {
+    let order = if island_plan.network.runs().iter().any(jumps) {
         ORDERS.0
     } else {
         ORDERS.1
     };
-    let mut steps = LEAST;
-    let mut take = play(isle, steps, n_frames)?;
+    let mut contact_substeps = LEAST;
+    let mut take = play(island_plan, contact_substeps, n_frames)?;
     // Once a frame tells how fast the error falls; it is no choice, for it may diverge.
-    let once = difference(&play(isle, 1, n_frames)?.sound, &take.sound, spans);
+    let once = difference(&play(island_plan, 1, n_frames)?.sound, &take.sound, spans);
     let mut last = Some(once).filter(|change| change.is_finite());
     let (mut parting, mut until) = (None, n_frames);
     loop {
-        let finer = play(isle, 2 * steps, n_frames)?;
+        let finer = play(island_plan, 2 * contact_substeps, n_frames)?;
         let pair = (!take.is_lost).then(|| Pair {
             take: &take,
             finer: &finer,
@@ -199,7 +210,7 @@ fn contacts(
         if let Some(pair) = pair
             && parting.is_none()
         {
-            parting = pair.parting(isle, steps)?;
+            parting = pair.parting(island_plan, contact_substeps)?;
             if parting.is_some() {
                 // Of contacts only the time until takes part tells.
                 (until, last) = (pair.together().unwrap_or(n_frames), None);
@@ -217,16 +228,16 @@ fn contacts(
         if own <= aim {
             let parting = told(false);
             return Ok(Contacts {
-                steps,
+                contact_substeps,
                 error: Some(own),
                 take,
                 parting,
             });
         }
-        steps *= 2;
-        if left <= aim || 2 * steps > Budget::STEPS_MAX {
+        contact_substeps *= 2;
+        if left <= aim || 2 * contact_substeps > Budget::STEPS_MAX {
             return Ok(Contacts {
-                steps,
+                contact_substeps,
                 error: Some(left),
                 parting: told(true),
                 take: finer,

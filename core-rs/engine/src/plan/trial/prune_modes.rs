@@ -17,21 +17,21 @@ const QUIETER: f64 = 2.0;
 /// An island without the modes that are not heard: those that energies tell, then tested by ear.
 pub(in crate::plan) fn fewer(
     island: &Assembled,
-    (steps, take): (usize, &Take),
+    (contact_substeps, take): (usize, &Take),
     n_frames: usize,
     budget: &Budget,
 ) -> Result<Assembled, Error> {
     let with = |allowed: Option<f64>| {
-        let bodies = island.isle.bodies.iter().zip(&take.squares);
+        let bodies = island.island_plan.bodies.iter().zip(&take.squares);
         let kept = bodies.map(|(body, squares)| match body {
-            BodyPlan::Modal(modal) => keep(&island.isle, modal, squares, allowed, budget),
+            BodyPlan::Modal(modal) => keep(&island.island_plan, modal, squares, allowed, budget),
             BodyPlan::Mesh(_) | BodyPlan::Slow(_) => KeptModes::none(),
         });
-        island.clone().only(steps, kept.collect())
+        island.clone().only(contact_substeps, kept.collect())
     };
     let count = |island: &Assembled| {
         island
-            .isle
+            .island_plan
             .bodies
             .iter()
             .map(BodyPlan::n_modes)
@@ -40,7 +40,7 @@ pub(in crate::plan) fn fewer(
     let Some(most) = budget.left_out() else {
         return Ok(with(None));
     };
-    if !is_worth(&island.isle, 2 * n_frames) {
+    if !is_worth(&island.island_plan, 2 * n_frames) {
         return Ok(with(Some(most)));
     }
     // What nobody can hear is no error.
@@ -48,16 +48,16 @@ pub(in crate::plan) fn fewer(
     let sound = if count(&all) == count(island) {
         take.sound.clone()
     } else {
-        play(&all.isle, steps, n_frames)?.sound
+        play(&all.island_plan, contact_substeps, n_frames)?.sound
     };
-    let spans = Spans::of(&island.isle, n_frames);
+    let spans = Spans::of(&island.island_plan, n_frames);
     let mut allowed = most;
     for _ in 0..TRIES {
         let mut fewer = with(Some(allowed));
         if count(&fewer) == count(&all) {
             break;
         }
-        let take = play(&fewer.isle, steps, n_frames)?;
+        let take = play(&fewer.island_plan, contact_substeps, n_frames)?;
         let loud = difference(&take.sound, &sound, &spans);
         if loud <= most {
             let bodies = fewer.bodies.iter_mut();
@@ -71,7 +71,7 @@ pub(in crate::plan) fn fewer(
 
 /// The modes of a body that its outputs hear and its ports feel.
 fn keep(
-    isle: &IslandPlan,
+    island_plan: &IslandPlan,
     body: &Modal,
     squares: &[f64],
     allowed: Option<f64>,
@@ -92,7 +92,7 @@ fn keep(
         .filter(|mode| kept.modes.binary_search(mode).is_err())
         .collect();
     for port in &body.ports {
-        let stiff = stiffest(isle, port.mat);
+        let stiff = stiffest(island_plan, port.mat);
         let give =
             |mode: usize| stiff * port.shape[mode] * port.shape[mode] * body.compliance(mode);
         let mut lost: f64 = fallen.iter().map(|&mode| give(mode)).sum();
@@ -126,8 +126,8 @@ fn ways(body: &Modal, squares: &[f64]) -> Vec<Vec<f64>> {
 }
 
 /// Stiffness of the stiffest link on a MAT [N/m].
-fn stiffest(isle: &IslandPlan, mat: usize) -> f64 {
-    let runs = isle.network.runs().iter();
+fn stiffest(island_plan: &IslandPlan, mat: usize) -> f64 {
+    let runs = island_plan.network.runs().iter();
     let on = runs.filter(|run| {
         [run.a, run.b]
             .iter()

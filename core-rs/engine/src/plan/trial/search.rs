@@ -37,8 +37,8 @@ pub(in crate::plan) struct Standing {
     pub(in crate::plan) island: Assembled,
     /// Which of `RUNGS` its meshes go by; `None`: as the budget said.
     pub(in crate::plan) rung: Option<usize>,
-    pub(in crate::plan) times: u32,
-    pub(in crate::plan) steps: usize,
+    pub(in crate::plan) oversampling: u32,
+    pub(in crate::plan) contact_substeps: usize,
     pub(in crate::plan) take: Take,
     /// Its error by what half the step changes [dB]; infinite where it is lost.
     pub(in crate::plan) own: f64,
@@ -60,26 +60,34 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     /// An island put together with the error that it has; `None` where that would take long, or it is not stable.
     fn stand(
         &self,
-        times: u32,
+        oversampling: u32,
         ways: Ways<'_>,
         rung: Option<usize>,
         last: Option<f64>,
     ) -> Result<Option<Standing>, Error> {
-        let Ok(island) = (self.assemble)((times, ways)) else {
+        let Ok(island) = (self.assemble)((oversampling, ways)) else {
             return Ok(None);
         };
         let Some(finer) = self.finer(&island) else {
             return Ok(None);
         };
-        let take = play(&island.isle, self.steps(times), self.n_frames)?;
+        let take = play(
+            &island.island_plan,
+            self.contact_substeps(oversampling),
+            self.n_frames,
+        )?;
         self.hold(island, take, &finer, rung, last).map(Some)
     }
 
     /// Half the step by the same methods, else a finer plan could be the same one; `None` where it would take long to
     /// play, or is not stable.
     pub(in crate::plan) fn finer(&self, island: &Assembled) -> Option<Assembled> {
-        let finer = (self.assemble)((2 * island.isle.times, Ways::As(&island.ways()))).ok()?;
-        is_worth(&finer.isle, self.n_frames + self.n_frames / 2).then_some(finer)
+        let finer = (self.assemble)((
+            2 * island.island_plan.oversampling,
+            Ways::As(&island.ways()),
+        ))
+        .ok()?;
+        is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
     }
 
     /// Hold an island that was played against half its step.
@@ -91,11 +99,15 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         rung: Option<usize>,
         last: Option<f64>,
     ) -> Result<Standing, Error> {
-        let times = island.isle.times;
-        let fine = play(&finer.isle, self.steps(2 * times), self.n_frames)?;
+        let oversampling = island.island_plan.oversampling;
+        let fine = play(
+            &finer.island_plan,
+            self.contact_substeps(2 * oversampling),
+            self.n_frames,
+        )?;
         let change = difference(&take.sound, &fine.sound, self.spans);
         let (own, _) = errors(change, last, ORDERS.1);
-        let steps = self.steps(times);
+        let contact_substeps = self.contact_substeps(oversampling);
         let first = || Stretches::of(&take.sound, self.spans);
         let parting = if take.is_lost {
             None
@@ -106,23 +118,23 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 spans: self.spans,
                 stretches: self.stretches.get_or_init(first),
             };
-            pair.parting(&island.isle, steps)?
+            pair.parting(&island.island_plan, contact_substeps)?
         };
         Ok(Standing {
             parting,
             own: if take.is_lost { f64::INFINITY } else { own },
             island,
             rung,
-            times,
-            steps,
+            oversampling,
+            contact_substeps,
             take,
             change,
         })
     }
 
     /// How often a step contacts are computed at `times` the rate.
-    fn steps(&self, times: u32) -> usize {
-        (self.once / times as usize).max(1)
+    fn contact_substeps(&self, oversampling: u32) -> usize {
+        (self.once / oversampling as usize).max(1)
     }
 
     /// As far as the budget asks, or as it helps.
@@ -162,17 +174,17 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     fn better(&self, best: &Standing) -> Result<Option<Standing>, Error> {
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
-            let stand = self.stand(best.times, Ways::All(way), Some(rung), None)?;
+            let stand = self.stand(best.oversampling, Ways::All(way), Some(rung), None)?;
             if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0)) {
                 return Ok(Some(stand));
             }
         }
-        if 2 * best.times > TIMES_MAX {
+        if 2 * best.oversampling > TIMES_MAX {
             return Ok(None);
         }
         let ways = best.island.ways();
         let last = (!best.take.is_lost).then_some(best.change);
-        let stand = self.stand(2 * best.times, Ways::As(&ways), best.rung, last)?;
+        let stand = self.stand(2 * best.oversampling, Ways::As(&ways), best.rung, last)?;
         if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.1)) {
             return Ok(Some(stand));
         }
@@ -184,7 +196,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             return Ok(None);
         }
         // It is the method that raves: a plainer one, more often, may not.
-        let stand = self.stand(2 * best.times, Ways::Budget, None, None)?;
+        let stand = self.stand(2 * best.oversampling, Ways::Budget, None, None)?;
         Ok(stand.filter(|stand| stand.beats(best, GAINS.1)))
     }
 }

@@ -26,22 +26,23 @@ pub(in crate::plan) struct Take {
 }
 
 /// Seconds of work for a frame, by the table of costs.
-fn work(isle: &IslandPlan) -> f64 {
-    let bodies: f64 = isle.bodies.iter().map(cost::body_cost).sum();
-    1e-9 * f64::from(isle.times) * (cost::stepped_cost(&isle.network, &isle.timeline) + bodies)
+fn work(island_plan: &IslandPlan) -> f64 {
+    let bodies: f64 = island_plan.bodies.iter().map(cost::body_cost).sum();
+    1e-9 * f64::from(island_plan.oversampling)
+        * (cost::stepped_cost(&island_plan.network, &island_plan.timeline) + bodies)
 }
 
-pub(in crate::plan) fn is_worth(isle: &IslandPlan, n_frames: usize) -> bool {
-    work(isle) * n_frames as f64 <= WORTH
+pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bool {
+    work(island_plan) * n_frames as f64 <= WORTH
 }
 
 /// How many frames a pilot takes; 0 where it would take long.
-pub(in crate::plan) fn length(isle: &IslandPlan) -> Result<usize, Error> {
-    let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
-    let most = ((WORTH / work(isle)) as usize).min((LONGEST * rate) as usize);
+pub(in crate::plan) fn length(island_plan: &IslandPlan) -> Result<usize, Error> {
+    let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
+    let most = ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize);
     let after = (AFTER * rate) as usize;
-    if isle.steps > 1 {
-        let mut island = island(isle, isle.steps)?;
+    if island_plan.contact_substeps > 1 {
+        let mut island = island(island_plan, island_plan.contact_substeps)?;
         let mut sound = vec![0.0; LOOK * island.n_out()];
         for at in (0..most).step_by(LOOK) {
             // Faults are muted: a pilot says nothing of them.
@@ -52,11 +53,14 @@ pub(in crate::plan) fn length(isle: &IslandPlan) -> Result<usize, Error> {
         }
         // Nothing touches: what there is to hear is the rest.
     }
-    let timeline = &isle.timeline;
+    let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter().map(|gesture| gesture.start);
     let strikes = timeline.strikes.iter().map(|strike| strike.at);
     let ergons = timeline.ergons.iter().map(|ergon| ergon.at);
-    let inside = isle.bodies.iter().map(|body| body.first_strike() / rate);
+    let inside = island_plan
+        .bodies
+        .iter()
+        .map(|body| body.first_strike() / rate);
     let first = gestures.chain(strikes).chain(ergons).chain(inside);
     let first = first.fold(f64::INFINITY, f64::min);
     let first = if first.is_finite() {
@@ -68,7 +72,7 @@ pub(in crate::plan) fn length(isle: &IslandPlan) -> Result<usize, Error> {
     Ok(if n_frames <= most { n_frames } else { 0 })
 }
 
-fn island(isle: &IslandPlan, steps: usize) -> Result<Island, Error> {
+fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
     let options = Options {
         ledger: false,
         record: false,
@@ -77,33 +81,33 @@ fn island(isle: &IslandPlan, steps: usize) -> Result<Island, Error> {
         unchecked: false,
     };
     Island::new(
-        isle.network.clone(),
-        &isle.timeline,
-        &isle.bodies,
-        (steps, isle.times),
+        island_plan.network.clone(),
+        &island_plan.timeline,
+        &island_plan.bodies,
+        (contact_substeps, island_plan.oversampling),
         options,
     )
 }
 
 pub(in crate::plan) fn play(
-    isle: &IslandPlan,
-    steps: usize,
+    island_plan: &IslandPlan,
+    contact_substeps: usize,
     n_frames: usize,
 ) -> Result<Take, Error> {
-    nudged(isle, steps, n_frames, (n_frames, 1.0))
+    nudged(island_plan, contact_substeps, n_frames, (n_frames, 1.0))
 }
 
 /// The same, with all speeds so many times as large at each step of a block.
 pub(in crate::plan) fn nudged(
-    isle: &IslandPlan,
-    steps: usize,
+    island_plan: &IslandPlan,
+    contact_substeps: usize,
     n_frames: usize,
     (block, by): (usize, f64),
 ) -> Result<Take, Error> {
-    let mut island = island(isle, steps)?;
+    let mut island = island(island_plan, contact_substeps)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
-    let mut squares: Vec<Vec<f64>> = isle
+    let mut squares: Vec<Vec<f64>> = island_plan
         .bodies
         .iter()
         .map(|body| vec![0.0; body.n_modes()])

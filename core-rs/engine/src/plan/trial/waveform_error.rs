@@ -33,11 +33,11 @@ pub(in crate::plan) struct Spans {
 }
 
 impl Spans {
-    pub(in crate::plan) fn of(isle: &IslandPlan, n_frames: usize) -> Self {
-        let rate = isle.timeline.rate.hertz() / f64::from(isle.times);
+    pub(in crate::plan) fn of(island_plan: &IslandPlan, n_frames: usize) -> Self {
+        let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
         let third = (AFTER / 3.0 * rate) as usize;
         Self {
-            n_out: isle.network.outputs().len(),
+            n_out: island_plan.network.outputs().len(),
             frames: [2, 1, 0].map(|thirds| n_frames.saturating_sub(thirds * third)),
             rate,
         }
