@@ -91,7 +91,12 @@ impl Plan {
         choices
             .map(|choice| {
                 let kept = choice.kept.clone();
-                (choice.modules, choice.times, choice.steps, kept)
+                (
+                    choice.modules,
+                    choice.oversampling,
+                    choice.contact_substeps,
+                    kept,
+                )
             })
             .collect()
     }
@@ -111,8 +116,8 @@ impl Plan {
 fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
     plan::Choice {
         modules,
-        times,
-        steps,
+        oversampling: times,
+        contact_substeps: steps,
         kept,
     }
 }
@@ -202,10 +207,10 @@ impl PlanRow {
             modes,
             left_out_db,
             times: match row.what {
-                Computed::Mesh(_, substeps) => row.times * substeps,
-                _ => row.times,
+                Computed::Mesh(_, substeps) => row.oversampling * substeps,
+                _ => row.oversampling,
             },
-            steps: row.steps,
+            steps: row.contact_substeps,
             error_db: row.error.map(|error| error.db),
             error_s: row.error.map(|error| error.over),
             spectral_db: row.error.and_then(|error| error.spectral),
@@ -218,7 +223,7 @@ impl PlanRow {
             because: row.because.clone(),
             // At a multiple of the rate as many more steps make the same time.
             every: match row.what {
-                Computed::Slow(every) => Some(every / row.times.max(1)),
+                Computed::Slow(every) => Some(every / row.oversampling.max(1)),
                 _ => None,
             },
             radius: row.radius,

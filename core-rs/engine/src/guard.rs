@@ -33,16 +33,16 @@ const CALM: f64 = 0.5;
 /// Frames for which less must have been enough: what swings is calm where it passes through its middle.
 const HOLD: u32 = 64;
 
-/// What a way of stepping bears.
+/// Stability limit of a stepping method.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limit {
-    /// It is λmax(M⁻¹(K + c·Z)) that counts.
+    /// The guarded quantity is λmax(M⁻¹(K + c·Z)).
     pub(crate) c: f64,
-    /// As far as that it is trusted.
+    /// Largest λ up to which the method's energy is trusted.
     pub(crate) trusted: f64,
-    /// So much at rest a certificate lets pass.
+    /// Largest λ at rest that the certificate accepts.
     pub(crate) most: f64,
-    /// Whether ties are the poles of cells at the rate, others at another.
+    /// Whether the springs to the ground are exact poles of cells at this rate.
     pub(crate) has_poles: bool,
 }
 
@@ -56,7 +56,7 @@ impl Limit {
     };
 }
 
-/// Frames that were computed finer.
+/// How many frames were computed with smaller steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FinerFrames {
     pub(crate) frames: u64,

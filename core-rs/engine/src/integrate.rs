@@ -212,7 +212,7 @@ impl Integrator {
 fn faster(rate: Rate, substeps: u32) -> Result<Rate, Error> {
     let refused = |_| Error::Refused {
         module: "substeps".to_owned(),
-        message: format!("{substeps} steps a frame make no rate"),
+        message: format!("{substeps} steps a frame are not possible"),
     };
     Rate::new(rate.hertz() * f64::from(substeps)).map_err(refused)
 }

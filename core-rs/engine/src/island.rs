@@ -99,7 +99,7 @@ struct State {
     scheme: Option<Box<Scheme>>,
 }
 
-/// Where what is heard of each step goes: the first of a frame is heard.
+/// Output buffer of the steps of a frame; only the first step of a frame is heard.
 struct Heard<'a> {
     /// (n_frames · n_out)
     out: &'a mut [f64],
@@ -109,7 +109,7 @@ struct Heard<'a> {
 }
 
 impl Heard<'_> {
-    /// Of a step, counted from the first frame's.
+    /// The output row of a step, counted from the first step of the first frame.
     fn at(&mut self, step: usize) -> &mut [f64] {
         let n_out = self.unheard.len();
         if step.is_multiple_of(self.oversampling) {

@@ -26,16 +26,16 @@ use crate::network::{Error, Network};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
-/// Modules that touch each other, if only now and then, and what happens to them.
+/// One island as it will be computed: modules that can touch each other, and their events.
 #[derive(Clone, Debug)]
 pub(crate) struct IslandPlan {
     pub(crate) network: Arc<Network>,
     pub(crate) timeline: Timeline,
     /// Bodies in it that go by a method of their own.
     pub(crate) bodies: Vec<BodyPlan>,
-    /// How often a frame contacts are computed while they may be closed.
+    /// Contact substeps a frame while a contact may be closed.
     pub(crate) contact_substeps: usize,
-    /// How often a frame all of it is stepped; its timeline is that much faster.
+    /// Steps a frame of the whole island; its timeline runs at this multiple of the rate.
     pub(crate) oversampling: u32,
     pub(crate) to_whole: Whole,
 }
@@ -49,7 +49,7 @@ impl IslandPlan {
     }
 }
 
-/// Local index → index in the whole; `None` where the island is the whole.
+/// Local index → index in the whole network; `None` where the island is the whole network.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Whole {
     pub(crate) mats: Option<Vec<u32>>,
@@ -80,7 +80,7 @@ pub(crate) struct BankPlan {
     pub(crate) is_open: bool,
 }
 
-/// One thing to compute.
+/// One unit of computation: an island or a bank.
 #[derive(Clone, Debug)]
 pub(crate) enum Unit {
     IslandPlan(Box<IslandPlan>),

@@ -1,8 +1,8 @@
-//! What moves: everything that changes while a simulation runs, and nothing else.
+//! The state of a simulation: everything that changes while it runs, and nothing else.
 
 use crate::scheme::Scheme;
 
-/// Where the MATs are and what acts on them.
+/// Positions of the MATs and the forces on them.
 #[derive(Clone, Debug)]
 pub(crate) struct Body {
     /// Position now [m]                                   (n_mat)
@@ -13,11 +13,11 @@ pub(crate) struct Body {
     pub(crate) force: Vec<f64>,
     /// Force of each LIA now [N]: it pulls a towards b    (n_lia)
     pub(crate) link: Vec<f64>,
-    /// What ports of bodies move by of themselves, beyond their last step [m]   (n_mat; empty: no ports)
+    /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
     pub(crate) inner: Vec<f64>,
     /// Of the sum, what comes from outside [N]: kept for the ledger, else empty   (n_mat)
     pub(crate) outside: Vec<f64>,
-    /// The frame before, where one may have to go back to it.
+    /// The state one frame ago, kept where a frame may be computed again.
     pub(crate) previous: Option<Box<PreviousState>>,
 }
 

@@ -284,7 +284,8 @@ fn takes(network: &Network) -> Result<(), Error> {
     if let Some(part) = discrete {
         return Err(Error::Refused {
             module: part.name.clone(),
-            message: "its truth is the discrete network: only the CA scheme steps it".to_owned(),
+            message: "`units: ca` defines it by its discrete steps: only the CA scheme can step it"
+                .to_owned(),
         });
     }
     for run in network.runs() {
@@ -294,7 +295,7 @@ fn takes(network: &Network) -> Result<(), Error> {
         if but.contact != Contact::Plain {
             return Err(Error::Refused {
                 module: network.link_name(run.first),
-                message: "only the CA scheme steps an exact or a magic contact".to_owned(),
+                message: "only the CA scheme can step an exact or a magic contact".to_owned(),
             });
         }
     }

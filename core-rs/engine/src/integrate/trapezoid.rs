@@ -100,7 +100,7 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
     if mats.len().saturating_mul(band + 1) > MOST {
         return Err(Error::Refused {
             module: network.mat_name(mats[0]),
-            message: "its body is too wide a mesh for the trapezoidal rule".to_owned(),
+            message: "the matrix of its mesh is too wide for the trapezoidal rule".to_owned(),
         });
     }
     let mut columns = vec![0.0; mats.len() * (band + 1)];
@@ -120,7 +120,7 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
     }
     let factor = Factor::new(band, columns).ok_or_else(|| Error::Refused {
         module: network.mat_name(mats.first().copied().unwrap_or(0)),
-        message: "its masses and springs are too far apart for a solution in floating point"
+        message: "its smallest and largest masses and stiffnesses differ too much for a solution in floating point"
             .to_owned(),
     })?;
     Ok((mats, factor))

@@ -52,7 +52,7 @@ impl Island {
         if options.ledger && timeline.hands().next().is_some() {
             return Err(Error::Refused {
                 module: "ledger".to_owned(),
-                message: "what a real hand gives is not counted: no ledger is kept".to_owned(),
+                message: "no energy ledger can be kept where a real hand plays: its energy is not measured".to_owned(),
             });
         }
         let mut scheme = Scheme::new(&network, timeline.rate)?;
@@ -322,7 +322,7 @@ fn free_key(
     if !mats.kind[key.struck].moves() {
         return Err(Error::Refused {
             module: network.mat_name(key.struck),
-            message: "a key is struck on a MAS or a CEL".to_owned(),
+            message: "ergons of a key can only strike a MAS or a CEL".to_owned(),
         });
     }
     let part = mats.part[key.struck] as usize;
@@ -398,7 +398,7 @@ fn fits(gesture: &FramedGesture, free: &FreeKey, key: &Key, rate: Rate) -> Resul
         ));
     }
     if manner.layer && manner.touch == Touch::Tracked {
-        return refuse("layer adds ergons to a gesture: it cannot be tracked".to_owned());
+        return refuse("a gesture with `layer` cannot be tracked".to_owned());
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Bodies inside an island, whatever they go by.
+//! Bodies inside an island, each computed by a method of its own.
 
 use super::mesh::{self, Mesh};
 use super::modal::{self, Modal};
@@ -8,7 +8,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::state::Body;
 
-/// What a plan says of a body.
+/// A body as the plan describes it.
 #[derive(Clone, Debug)]
 pub(crate) enum BodyPlan {
     Modal(Modal),
@@ -16,7 +16,7 @@ pub(crate) enum BodyPlan {
     Slow(Slow),
 }
 
-/// A body that plays.
+/// A body while it runs.
 #[derive(Clone, Debug)]
 pub(crate) enum RunningBody {
     Modal(Box<modal::RunningModal>),

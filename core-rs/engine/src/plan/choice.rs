@@ -54,6 +54,7 @@ impl Pins {
 pub(super) fn another() -> Error {
     Error::Refused {
         module: "plan".to_owned(),
-        message: "it was made for another score, or by another version: make it anew".to_owned(),
+        message: "it was made for another score or by another version of ergon: make it again"
+            .to_owned(),
     }
 }

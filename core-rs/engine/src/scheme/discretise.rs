@@ -149,7 +149,7 @@ fn below_nyquist(network: &Network, mat: usize, f: f64, rate: Rate) -> Result<()
     Err(Error::Refused {
         module: network.mat_name(mat),
         message: format!(
-            "it swings at {f:.0} Hz, above half the rate of {:.0} Hz: take a higher rate, or a lower f or K",
+            "its frequency is {f:.0} Hz, above half the rate of {:.0} Hz: take a higher rate, or a lower f or K",
             rate.hertz()
         ),
     })
@@ -179,7 +179,7 @@ fn free(network: &Network, mat: usize, link: usize) -> Result<(), Error> {
         return Err(Error::Refused {
             module: network.link_name(link),
             message: format!(
-                "a magic contact needs {} to move freely but for this contact; use contact: exact",
+                "a magic contact needs {} to have no other link; use contact: exact",
                 network.mat_name(mat)
             ),
         });

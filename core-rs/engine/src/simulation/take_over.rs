@@ -9,8 +9,8 @@ use super::{RunningUnit, Simulation};
 use crate::plan::Plan;
 
 impl Simulation {
-    /// Go on where `old` stands, by what was found of the two; `old` is of no use afterwards. False where they stand at
-    /// different frames, or go by other plans than `carry` was made for: nothing is taken over then. Allocates nothing.
+    /// Transfer the state of `old`, consuming it. Returns false, and transfers nothing, if the two are at different
+    /// frames or have other plans than those that `carry` was made for. Allocates nothing.
     pub fn take_over(&mut self, old: &mut Self, carry: &mut Carry) -> bool {
         let is_made_for = |[before, after]: &[Arc<Plan>; 2]| {
             Arc::ptr_eq(before, &old.plan) && Arc::ptr_eq(after, &self.plan)

@@ -165,13 +165,13 @@ impl Timeline {
         match network.run_of(link) {
             None => return refuse("there is no such link"),
             Some(run) if run.len > 1 => {
-                return refuse("a generator's own links act all the time");
+                return refuse("a link inside a generator cannot be switched on and off");
             }
             Some(_) => {}
         }
         let known = self.gates.iter().position(|gate| gate.link == link);
         if known.is_some_and(|at| !self.gates[at].is_ramp()) {
-            return refuse("the link has its times already");
+            return refuse("the link already has a schedule");
         }
         if !(fade > 0.0 && fade.is_finite()) {
             return refuse("a fade takes a time above 0 s");
@@ -227,7 +227,7 @@ impl Timeline {
         let end = link.saturating_add(n);
         let is_end = end == network.n_lia() || begins(end);
         if n == 0 || !begins(link) || !is_end {
-            return refuse("links glide together with all of their run");
+            return refuse("this link is one of a row of links, which glide together");
         }
         if ![from, to]
             .iter()
@@ -255,7 +255,7 @@ impl Timeline {
         });
         match known {
             Some(gate) if gate.ramp.is_none() && gate.links() == ours => gate.ramp = ramp,
-            Some(_) => return refuse("the link glides already"),
+            Some(_) => return refuse("the link already glides at that time"),
             None => self.gates.push(Gate {
                 link,
                 len: n,

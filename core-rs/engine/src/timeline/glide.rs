@@ -44,14 +44,14 @@ impl Timeline {
             })
         };
         if !network.mats().kind[mat].moves() {
-            return refuse("what does not move has nothing that glides");
+            return refuse("a fixed point has no parameter that can glide");
         }
         if self.glides.iter().any(|glide| glide.mat == mat) {
             return refuse("it glides already");
         }
         let is_good = |x: f64| x.is_finite() && x >= 0.0;
         if !([k, z, m].into_iter().all(is_good) && m > 0.0) {
-            return refuse("it comes from K and Z of 0 or more, and an M above 0");
+            return refuse("a glide needs K and Z of 0 or more, and M above 0");
         }
         if !(start.is_finite() && stop.is_finite() && start >= 0.0) {
             return refuse("a glide begins and ends at finite instants, at 0 s or later");

@@ -42,7 +42,7 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
         return refuse(
             run.a,
             run.b,
-            "its energy falls without bound: ieq cannot carry it",
+            "the energy of its law has no lower bound: method ieq cannot step it",
         );
     }
     for run in &mesh.others {
@@ -57,7 +57,7 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
                     .flat_map(|e| [e, -e]);
                 reach
                     .any(|e| law.potential(e) < 0.0)
-                    .then_some("its energy falls below that at rest: ieq cannot carry it")
+                    .then_some("the energy of its law falls below its energy at rest: method ieq cannot step it")
             }
             Kind::But(but) if but.clamp && run.z != 0.0 => {
                 Some("ieq steps a contact with Z only where it may pull: take clamp away")

@@ -29,7 +29,7 @@ fn stays(network: &Network, way: MeshMethod) -> bool {
 #[test]
 fn borders_are_where_methods_break() {
     let (low, high) = (1.0 - 1e-3, 1.0 + 1e-3);
-    let most = super::super::method::BM4_LIMIT.powi(2);
+    let most = super::super::method::BM4_LIMIT * super::super::method::BM4_LIMIT;
     for (way, border, sure) in [
         (MeshMethod::Ca, 4.0, StabilityGuarantee::Proved),
         (MeshMethod::Ca2p, 12.0, StabilityGuarantee::Proved),

@@ -134,7 +134,7 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
         .flatten();
     faster.ok_or_else(|| Error::Refused {
         module: network.mat_name(0),
-        message: format!("what happens to it cannot be computed {oversampling} times a frame"),
+        message: format!("its events cannot be computed {oversampling} times a frame"),
     })
 }
 

@@ -64,14 +64,14 @@ impl NoModes {
         match self {
             Self::NotLinear => "it is not linear",
             Self::Coupled => "a coupling opens and closes in it",
-            Self::OtherRate => "its numbers are those of another rate",
+            Self::OtherRate => "`units: ca` gives its numbers for another rate",
             Self::Damping => "its damping is not proportional to stiffness and mass",
-            Self::Large => "it has more masses than a whole spectrum is computed for",
+            Self::Large => "it has too many masses for a complete eigenvalue computation",
             Self::NotFinite => "a number in it is not finite",
-            Self::Slow => "one of its modes is slower than a mode can be computed exactly",
+            Self::Slow => "the frequency of one of its modes is too low to be computed exactly",
             Self::Handled => "a hand, a path or an ergon of its own mass and speed acts on it",
             Self::Diverges => "one of its modes grows",
-            Self::Pinned => "a plan decided for other modes",
+            Self::Pinned => "the given plan selects other modes",
             Self::Stiff => "a link to its body is too stiff for modes that feel it once a frame",
             Self::ForceHeard => "an output listens to a force inside it",
         }

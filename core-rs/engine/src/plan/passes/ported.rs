@@ -27,7 +27,7 @@ pub(in crate::plan) struct Cut {
     pub(in crate::plan) bodies: Vec<PortedBody>,
 }
 
-/// A body that was found.
+/// A body that is cut out of its island and computed by a method of its own.
 #[derive(Clone)]
 pub(in crate::plan) struct PortedBody {
     pub(in crate::plan) inside: BodyPlan,

@@ -30,7 +30,7 @@ const LOOSE: f64 = 1e-12;
 /// A part that was to be slow and is not: its name, and why.
 pub(in crate::plan) type Stays = (String, String);
 
-/// What was found.
+/// The slow bodies of a network, and the parts that cannot be slow.
 #[derive(Default)]
 pub(in crate::plan) struct SlowBodies {
     pub(in crate::plan) bodies: Vec<(Body, Slow)>,
@@ -191,7 +191,7 @@ impl Slow {
         let n = body.mats.len();
         if n > MASSES_MAX {
             return Err(format!(
-                "{n} masses hang together in it, more than {MASSES_MAX}: a dense step would cost more than it saves"
+                "{n} of its masses are connected, more than {MASSES_MAX}: a dense step would cost more than it saves"
             ));
         }
         let is_discrete = network.parts()[part].ca_rate.is_some();
@@ -213,7 +213,7 @@ impl Slow {
             };
         let too_fast = || {
             let hertz = turn / f64::from(every) * rate.hertz() / (2.0 * PI);
-            format!("it swings at up to {hertz:.0} Hz, too fast for that rate")
+            format!("its highest mode is at {hertz:.0} Hz, too high for that rate")
         };
         // A number that is none is no turn within it.
         if !matches!(turn.partial_cmp(&TURN_MAX), Some(std::cmp::Ordering::Less)) {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::network::Subset;
 use crate::timeline::{Drive, Ergon, Glide, Strike, Timeline};
 
-/// An island's own timeline, and what its keys and gestures are in the whole.
+/// The timeline of one island, and the indices of its keys and gestures in the whole network.
 pub(in crate::plan) struct OwnTimeline {
     pub(in crate::plan) timeline: Timeline,
     pub(in crate::plan) keys: Vec<u32>,

@@ -20,7 +20,7 @@ pub enum Reason {
     Still,
 }
 
-/// How modules are computed.
+/// The method by which modules are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Computed {
     /// Module by module, by the CA scheme.

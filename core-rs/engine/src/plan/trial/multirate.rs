@@ -29,7 +29,7 @@ pub(in crate::plan) fn settle(
     budget: &Budget,
 ) -> (Subset, Vec<Stays>) {
     let stay = match budget {
-        Budget::Method(_) => all(subset, "one method is asked for all"),
+        Budget::Method(_) => all(subset, "the score asks for one method for everything"),
         Budget::Error(_) | Budget::Cents { .. } => slow(&subset.network, &own.timeline).stay,
     };
     (without(subset, &stay), stay)

@@ -24,7 +24,7 @@ use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
 /// The search for how finely contacts are computed begins here.
 const LEAST: usize = 2;
 
-/// An island with what its budget asks for, and the error that is left.
+/// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
     pub(in crate::plan) island: Assembled,
     pub(in crate::plan) error: Option<Measured>,

@@ -27,7 +27,7 @@ pub(in crate::plan) struct Search<'a, F> {
     pub(in crate::plan) spans: &'a Spans,
     /// Of the first take that was not lost.
     pub(in crate::plan) stretches: &'a OnceCell<Stretches>,
-    /// How often a frame contacts are computed, whatever the rate.
+    /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
 }
@@ -57,7 +57,7 @@ const ALIKE: f64 = 2.0;
 const GAIN: f64 = 1.0;
 
 impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
-    /// An island put together with the error that it has; `None` where that would take long, or it is not stable.
+    /// Assemble an island and measure its error; `None` if that would take too long or the island is unstable.
     fn stand(
         &self,
         oversampling: u32,
@@ -137,7 +137,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         (self.once / oversampling as usize).max(1)
     }
 
-    /// As far as the budget asks, or as it helps.
+    /// Improve the island until the budget is met or nothing helps any more.
     pub(in crate::plan) fn climb(
         &self,
         mut best: Standing,
@@ -195,7 +195,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         {
             return Ok(None);
         }
-        // It is the method that raves: a plainer one, more often, may not.
+        // The method itself may diverge: a simpler method at a higher rate may not.
         let stand = self.stand(2 * best.oversampling, Ways::Budget, None, None)?;
         Ok(stand.filter(|stand| stand.beats(best, GAINS.1)))
     }
