@@ -341,7 +341,7 @@ def test_a_hand_that_holds_it_at_every_frame_has_it_so():
     assert "method" in _core.Plan(network, timeline, method="ca").stay()[0][1]
     # 100 Hz turn a whole circle in a kick each 441 frames.
     network, timeline = scene(2000)
-    assert "too fast" in _core.Plan(network, timeline).stay()[0][1]
+    assert "too high" in _core.Plan(network, timeline).stay()[0][1]
 
 
 def test_a_part_with_nothing_linear_goes_at_every_frame():
