@@ -15,13 +15,13 @@ mod player;
 mod scale;
 mod status;
 
-pub use bearer::{Bearer, Borne, LEAST};
+pub use bearer::{Bearer, Borne, SCALE_MIN};
 pub use change::Change;
 pub use frozen::Stem;
 pub use hand::Hand;
 pub use keys::{Keyboard, Known, Slot};
 pub use lead::{Guide, Share, Step};
-pub use scale::Bound;
+pub use scale::{Bound, FALL_TIME};
 use status::HANDS_MAX;
 pub use status::{Event, HandStatus, Status, What};
 
@@ -241,7 +241,7 @@ impl Performance {
             .collect();
         let borne = |bearer: &Bearer| bearer.borne(&stage.hands[bearer.hand].response);
         let borne: Vec<Borne> = bearers.iter().map(borne).collect();
-        if let Some(stiff) = borne.iter().find(|borne| borne.scale < LEAST) {
+        if let Some(stiff) = borne.iter().find(|borne| borne.scale < SCALE_MIN) {
             return Err(PlayError::Stiff {
                 hand: stiff.hand,
                 stiffness: stiff.stiffness,

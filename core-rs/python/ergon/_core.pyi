@@ -13,6 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
+GRID: int  # events that a plan has to foresee begin at multiples of this many frames
+FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer scene takes over [s]
+FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played with (0 to 1)
 
 _Floats = NDArray[np.float64]
 # An axis of a device: (number, sign, zero, gain, range, most force).
@@ -540,9 +543,7 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
-        told: Sequence[
-            tuple[float | None, float | None, float | None, float | None, str | None]
-        ]
+        told: Sequence[tuple[float | None, float | None, float | None, float | None, str | None]]
         | None = None,
         like: Plan | None = None,
     ) -> Self:
@@ -828,7 +829,9 @@ class Performance:
         limit: float = 1.0,
         n_frames: int | None = None,
         hands: Sequence[tuple[_Floats, float, tuple[float, float, bool] | None, _Floats]] = ...,
-        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None, Sequence[_Axis]]] = ...,
+        boards: Sequence[
+            tuple[str, Sequence[tuple[int, int]], float | None, Sequence[_Axis]]
+        ] = ...,
         bars: Sequence[int] = ...,
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,

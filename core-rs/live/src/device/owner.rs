@@ -3,11 +3,10 @@
 //! Serial ports have such a lock themselves. A datagram may be sent by anybody, so a board in datagrams has its file in
 //! the user's run-time folder. The system lets go of the lock when the program ends, however it ends.
 
-use std::fs::{DirBuilder, File, OpenOptions};
+use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Write};
 use std::net::SocketAddr;
-use std::os::fd::AsRawFd;
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// A device that this program has; it is another's once this is dropped.
@@ -40,28 +39,15 @@ impl Owned {
             .create(true)
             .truncate(false)
             .mode(0o600)
-            .custom_flags(libc::O_NOFOLLOW | libc::O_CLOEXEC)
+            .custom_flags(libc::O_NOFOLLOW)
             .open(&path);
         let Ok(mut file) = opened else {
             return Ok(Self { _locked: None });
         };
-        // SAFETY: the descriptor is open; no pointers are passed.
-        if unsafe { libc::flock(file.as_raw_fd(), libc::LOCK_EX | libc::LOCK_NB) } != 0 {
-            if std::io::Error::last_os_error().kind() != ErrorKind::WouldBlock {
-                return Ok(Self { _locked: None });
-            }
-            let mut who = String::new();
-            let _ = (&mut file).take(64).read_to_string(&mut who);
-            let who = who.trim();
-            return Err(match who.parse::<u32>() {
-                Ok(process) if process == std::process::id() => {
-                    "this program has it open already".into()
-                }
-                Ok(process) => {
-                    format!("process {process} has it open; one program at a time plays a board")
-                }
-                Err(_) => "another program has it open; one at a time plays a board".into(),
-            });
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(owner(&file)),
+            Err(TryLockError::Error(_)) => return Ok(Self { _locked: None }),
         }
         let _ = file.set_len(0);
         let _ = write!(file, "{}", std::process::id());
@@ -71,17 +57,36 @@ impl Owned {
     }
 }
 
-/// The user's folder of what runs, made if need be.
+/// Why a board cannot be taken: who holds the lock, which writes its process number into the file.
+fn owner(file: &File) -> String {
+    let mut who = String::new();
+    let _ = file.take(64).read_to_string(&mut who);
+    match who.trim().parse::<u32>() {
+        Ok(process) if process == std::process::id() => "this program has it open already".into(),
+        Ok(process) => {
+            format!("process {process} has it open; one program at a time plays a board")
+        }
+        Err(_) => "another program has it open; one at a time plays a board".into(),
+    }
+}
+
+/// The user's run-time folder, made if it is missing; `None`: there is none that is the user's own.
 fn folder() -> Option<PathBuf> {
+    // SAFETY: geteuid has no arguments and cannot fail.
+    let user = unsafe { libc::geteuid() };
     let folder = match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
         Some(own) if own.is_dir() => own.join("ergon"),
-        // SAFETY: getuid has no arguments and cannot fail.
-        _ => std::env::temp_dir().join(format!("ergon-{}", unsafe { libc::getuid() })),
+        _ => std::env::temp_dir().join(format!("ergon-{user}")),
     };
     match DirBuilder::new().mode(0o700).create(&folder) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => None,
-        _ => Some(folder),
+        _ => is_own_folder(&folder, user).then_some(folder),
     }
+}
+
+/// Whether a path is a folder of this user, and no link: anybody may make one of that name in /tmp.
+fn is_own_folder(path: &Path, user: u32) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|found| found.is_dir() && found.uid() == user)
 }
 
 #[cfg(test)]
@@ -103,5 +108,20 @@ mod tests {
         Owned::within(&folder, one).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
         Owned::within(&folder, one).unwrap();
+    }
+
+    #[test]
+    fn a_folder_is_the_users_own_and_no_link() {
+        let base = std::env::temp_dir().join(format!("ergon-own-{}", std::process::id()));
+        std::fs::create_dir_all(&base).unwrap();
+        let (file, link) = (base.join("file"), base.join("link"));
+        std::fs::write(&file, "").unwrap();
+        std::os::unix::fs::symlink(&base, &link).unwrap();
+        let user = std::fs::metadata(&base).unwrap().uid();
+        assert!(is_own_folder(&base, user));
+        assert!(!is_own_folder(&base, user + 1));
+        assert!(!is_own_folder(&file, user));
+        assert!(!is_own_folder(&link, user));
+        std::fs::remove_dir_all(&base).unwrap();
     }
 }

@@ -7,7 +7,7 @@ use crate::safety::stiffness;
 /// A device that says nothing of itself is taken for a light one with little friction [kg, N·s/m].
 const LIGHT: (f64, f64) = (0.05, 0.3);
 /// A key that gets less of the scene's force than this feels another instrument.
-pub const LEAST: f64 = 0.02;
+pub const SCALE_MIN: f64 = 0.02;
 
 /// How much of the scene's force a hand gets.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,7 @@
 //! What leads a hand along a part: how much of it acts now, and the way from how it acted before.
 
 use super::hand::{Hand, smooth};
+use crate::safety::unit;
 
 /// A lead comes and goes in this time, and passes over to another path [s]: no hand is snatched.
 const GLIDE: f64 = 0.2;
@@ -47,9 +48,7 @@ impl Guide {
             Some(_) => &[NONE, STIFF, VISCOUS, ALL],
         }
     }
-}
 
-impl Guide {
     /// All that answers a hand: the scene, and what guides the hand by `share`, in ticks of `period` [s]; see
     /// [`Hand::response`].
     pub(super) fn met(this: Option<Self>, response: &[f64], period: f64, share: Share) -> Vec<f64> {
@@ -68,10 +67,9 @@ impl Share {
 
     /// What is no share is none.
     fn sound(self) -> Self {
-        let sound = |part: f64| if part > 0.0 { part.min(1.0) } else { 0.0 };
         Self {
-            k: sound(self.k),
-            z: sound(self.z),
+            k: unit(self.k),
+            z: unit(self.z),
         }
     }
 

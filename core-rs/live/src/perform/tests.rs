@@ -1,7 +1,7 @@
 //! Ticks by hand: nothing is allocated in them, whatever happens to the keys meanwhile.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::law::Law;
@@ -12,42 +12,22 @@ use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
-use crate::device::{Device, Gone, Sample, Spec, Url};
+use crate::device::Url;
 use crate::recording::{Axis, flag, read};
-use crate::safety::SafeForce;
+
+pub(super) mod unplugged;
+
+use unplugged::Unplugged;
 
 const RATE: f64 = 44_100.0;
 const EVERY: usize = 44;
 const TICKS: u64 = 6_000;
 const KEY: &str = "emul:?mass=0.05&damping=1";
 
-/// An emulated key that is pulled out after so many ticks.
-struct Brief {
-    key: Box<dyn Device>,
-    left: u32,
-}
-
-impl Device for Brief {
-    fn spec(&self) -> &Spec {
-        self.key.spec()
-    }
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        self.left = self.left.checked_sub(1).ok_or(Gone::Closed)?;
-        self.key.send(force)
-    }
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        self.key.receive(into, deadline)
-    }
-    fn in_lockstep(&self) -> bool {
-        true
-    }
-    fn zero(&mut self) {}
-}
-
 fn keyboard(hand: usize, left: u32) -> Keyboard {
     let url = Url::parse(KEY).unwrap();
     let key = crate::device::open(&url).unwrap();
-    let brief = Box::new(Brief { key, left });
+    let brief = Box::new(Unplugged { key, left });
     let known = Known {
         url,
         calibration: Vec::new(),

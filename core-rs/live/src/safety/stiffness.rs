@@ -37,8 +37,7 @@ pub struct Key {
 
 /// The part of a force, 0 to 1, that leaves the loop stable by [`RESERVE`] where `borne` times it is the border.
 pub fn part(borne: f64) -> f64 {
-    let part = RESERVE * borne;
-    if part > 0.0 { part.min(1.0) } else { 0.0 }
+    super::unit(RESERVE * borne)
 }
 
 /// The stiffest that a hand meets, pushed once and held there: the greatest sum of a response [N/m].

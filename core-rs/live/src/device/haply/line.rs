@@ -272,6 +272,7 @@ mod tests {
             },
             Answer::Gone(Gone::Closed),
             Answer::Gone(Gone::Silent),
+            Answer::Gone(Gone::Shared),
             Answer::Gone(Gone::System(-32)),
         ] {
             assert_eq!(Answer::parse(&answer.bytes()), answer);

@@ -1,31 +1,7 @@
 //! A device that is gone and found again.
 
 use super::*;
-use crate::device::{Gone, Spec};
-use crate::safety::SafeForce;
-
-/// An emulated key that is pulled out after so many forces.
-struct Brief {
-    key: Box<dyn Device>,
-    left: u32,
-}
-
-impl Device for Brief {
-    fn spec(&self) -> &Spec {
-        self.key.spec()
-    }
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        self.left = self.left.checked_sub(1).ok_or(Gone::Closed)?;
-        self.key.send(force)
-    }
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        self.key.receive(into, deadline)
-    }
-    fn in_lockstep(&self) -> bool {
-        true
-    }
-    fn zero(&mut self) {}
-}
+use crate::perform::tests::unplugged::Unplugged;
 
 /// A motor stays as hot as it is when its cable is pulled out and put back.
 #[test]
@@ -38,7 +14,7 @@ fn a_device_that_comes_back_is_still_hot() {
         most: None,
         period: 1e-3,
     };
-    let brief = Box::new(Brief { key, left: 5_000 });
+    let brief = Box::new(Unplugged { key, left: 5_000 });
     let keyboard = Keyboard::around(brief, known, vec![(0, 0)]);
     let (commands, mut found) = RingBuffer::new(4);
     let (mut slot, seeker) = keyboard.split(0, Arc::new(Mutex::new(commands)));
