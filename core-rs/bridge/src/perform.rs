@@ -51,7 +51,7 @@ type StemOf = (PathBuf, u64, u64, Vec<usize>);
 pub(crate) struct Performance {
     own: Mutex<Option<perform::Performance>>,
     /// Beside the lock: a stop waits for nobody.
-    brake: perform::Brake,
+    control: perform::Control,
 }
 
 #[pymethods]
@@ -121,7 +121,7 @@ impl Performance {
             perform::Performance::start(stage, boards, how).map_err(said)
         })
         .map(|own| Self {
-            brake: own.brake(),
+            control: own.control(),
             own: Mutex::new(Some(own)),
         })
     }
@@ -176,12 +176,12 @@ impl Performance {
 
     /// Silence within 5 ms and zero force at the next tick.
     fn panic(&self) {
-        self.brake.panic();
+        self.control.panic();
     }
 
     /// Sound and force again, after a panic or after `let_go`.
     fn release(&self) {
-        self.brake.release();
+        self.control.release();
     }
 
     /// Another gain, from the next tick on.
@@ -249,7 +249,7 @@ impl Performance {
 
     /// Play nothing more.
     fn stop(&self) {
-        self.brake.stop();
+        self.control.stop();
     }
 
     /// Wait until the last frame is computed; False when `seconds` came first.

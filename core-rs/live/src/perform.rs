@@ -7,6 +7,8 @@
 mod bearer;
 mod change;
 mod clock;
+mod control;
+mod error;
 mod frozen;
 mod hand;
 mod keys;
@@ -17,6 +19,8 @@ mod status;
 
 pub use bearer::{Bearer, Borne, SCALE_MIN};
 pub use change::Change;
+pub use control::Control;
+pub use error::{ChangeError, PlayError};
 pub use frozen::Stem;
 pub use hand::Hand;
 pub use keys::{Keyboard, Known, Slot};
@@ -27,7 +31,7 @@ pub use status::{Event, HandStatus, Status, What};
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -37,11 +41,10 @@ use ergon_engine::simulation::Simulation;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::audio::{self, AudioError, Output};
-use crate::device::DeviceError;
 use crate::realtime::{self, Granted};
-use crate::recording::{Header, Recorder, RecorderHandle, RecordingError};
+use crate::recording::{Header, Recorder, RecorderHandle};
 use crate::safety::{self, Guarded};
-use crate::stop;
+use control::{MarkDone, SharedFlags};
 use player::Player;
 
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
@@ -84,69 +87,6 @@ pub struct How {
     pub record: Option<(PathBuf, Header)>,
 }
 
-/// Why nothing can be played.
-#[derive(Debug, thiserror::Error)]
-pub enum PlayError {
-    /// The sound.
-    #[error(transparent)]
-    Audio(#[from] AudioError),
-    /// A key.
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-    /// The recording.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// A prepared part.
-    #[error("{}: {error}", path.display())]
-    Frozen {
-        /// Its file.
-        path: PathBuf,
-        /// Why it cannot be read.
-        error: std::io::Error,
-    },
-    /// The system refused a thread.
-    #[error("no thread for the physics: {0}")]
-    Thread(#[source] std::io::Error),
-    /// The physics thread panicked: forces are zero, nothing sounds.
-    #[error("the physics failed; this is a mistake in ergon")]
-    Failed,
-    /// More hands than are told of.
-    #[error("{0} real hands: there can be {HANDS_MAX}")]
-    Hands(usize),
-    /// A scene that a key would swing up against.
-    #[error(
-        "hand {hand}: the scene is {stiffness:.0} N/m stiff there, and the device bears {limit:.0} N/m"
-    )]
-    Stiff {
-        /// Which hand.
-        hand: usize,
-        /// What it would meet [N/m].
-        stiffness: f64,
-        /// What its device bears [N/m].
-        limit: f64,
-    },
-}
-
-/// Why a change cannot be asked for.
-#[derive(Debug, thiserror::Error)]
-pub enum ChangeError {
-    /// Not the first frame of a tick.
-    #[error("frame {0} begins no tick: ticks have {1} frames")]
-    Frame(u64, usize),
-    /// A simulation of another frame.
-    #[error("the simulation begins at frame {0}, not at {1}")]
-    Begins(u64, u64),
-    /// Prepared parts fill outputs by their places.
-    #[error("with prepared parts the outputs stay as many as they are")]
-    Frozen,
-    /// Another number of channels.
-    #[error("the sound card was opened with {0} channels")]
-    Channels(usize),
-    /// Too much at once.
-    #[error("too many changes at once")]
-    Busy,
-}
-
 /// Something that is asked of the physics thread.
 pub(crate) enum Command {
     /// Another gain.
@@ -159,24 +99,9 @@ pub(crate) enum Command {
     Change(Box<change::Due>),
 }
 
-/// What both sides may touch at any time.
-#[derive(Debug, Default)]
-pub(crate) struct Desk {
-    /// Nothing more is to be played.
-    stop: AtomicBool,
-    /// Forces are zero, sound is silent.
-    panic: AtomicBool,
-    /// Axes that tripped may push again.
-    again: AtomicBool,
-    /// The last frame is out.
-    done: AtomicBool,
-    /// What the physics thread runs as: priority + 1, memory locked in the lowest bit.
-    granted: AtomicU64,
-}
-
 /// A piece that is being played. Dropped, it stops.
 pub struct Performance {
-    desk: Arc<Desk>,
+    flags: Arc<SharedFlags>,
     thread: Option<JoinHandle<Player>>,
     seekers: Vec<keys::Seeker>,
     commands: Arc<std::sync::Mutex<Producer<Command>>>,
@@ -204,13 +129,13 @@ impl Performance {
         let (mut this, mut player) = Self::prepare(stage, boards, how)?;
         // Without a hand too: what sounds ends by a signal as soon.
         safety::watch_ends();
-        let own = this.desk.clone();
+        let flags = this.flags.clone();
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())
             .spawn(move || {
-                let _done = Done(own.clone());
+                let _mark = MarkDone(flags.clone());
                 safety::leave_signals();
-                own.grant(realtime::ask(realtime::PHYSICS));
+                flags.set_granted(realtime::ask(realtime::PHYSICS));
                 player.run();
                 // Given back to be freed where time does not count.
                 player
@@ -282,7 +207,7 @@ impl Performance {
         let (to_events, events) = RingBuffer::new(EVENTS);
         let (to_garbage, garbage) = RingBuffer::new(2 * change::WAITING);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
-        let desk = Arc::new(Desk::default());
+        let flags = Arc::new(SharedFlags::default());
         let commands = Arc::new(std::sync::Mutex::new(to_commands));
         let mut seekers = Vec::new();
         let slots: Vec<Slot> = boards
@@ -295,7 +220,7 @@ impl Performance {
             })
             .collect();
         let links = player::Links {
-            desk: desk.clone(),
+            flags: flags.clone(),
             commands: from_commands,
             events: to_events,
             status: to_status,
@@ -316,7 +241,7 @@ impl Performance {
         let frozen = reader.is_some().then(|| stage.simulation.n_out());
         let player = Player::new(stage, slots, links, clock, info.paced || by_keys, &borne);
         let this = Self {
-            desk,
+            flags,
             thread: None,
             seekers,
             commands,
@@ -363,25 +288,22 @@ impl Performance {
 
     /// What the system granted the physics thread; `None` until it runs.
     pub fn granted(&self) -> Option<Granted> {
-        self.desk.granted()
+        self.flags.granted()
     }
 
     /// What stops it from any thread.
-    pub fn brake(&self) -> Brake {
-        Brake {
-            desk: self.desk.clone(),
-            sound: self.output.shared().clone(),
-        }
+    pub fn control(&self) -> Control {
+        Control::new(self.flags.clone(), self.output.shared().clone())
     }
 
-    /// See [`Brake::panic`].
+    /// See [`Control::panic`].
     pub fn panic(&self) {
-        self.brake().panic();
+        self.control().panic();
     }
 
-    /// See [`Brake::release`].
+    /// See [`Control::release`].
     pub fn release(&self) {
-        self.brake().release();
+        self.control().release();
     }
 
     /// Go to another gain over 20 ms, from the next tick on; false where too much is asked at once.
@@ -447,14 +369,14 @@ impl Performance {
         commands.push(command).is_ok()
     }
 
-    /// See [`Brake::stop`].
+    /// See [`Control::stop`].
     pub fn stop(&self) {
-        self.brake().stop();
+        self.control().stop();
     }
 
     /// Whether the last frame has been computed.
     pub fn is_done(&self) -> bool {
-        self.desk.done.load(Ordering::Acquire)
+        self.flags.done.load(Ordering::Acquire)
     }
 
     /// Wait until everything was heard, and put everything away; the events that are left.
@@ -483,64 +405,10 @@ impl Performance {
     }
 }
 
-/// What stops a performance from any thread, at once: it takes no lock and waits for nothing.
-#[derive(Clone)]
-pub struct Brake {
-    desk: Arc<Desk>,
-    sound: Arc<audio::Shared>,
-}
-
-impl Brake {
-    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Brake::release`].
-    pub fn panic(&self) {
-        self.desk.panic.store(true, Ordering::Release);
-        self.sound.panic();
-    }
-
-    /// Sound and force again, after a panic, after [`stop::Stop::Forces`] and after a key tripped.
-    pub fn release(&self) {
-        stop::release();
-        self.desk.panic.store(false, Ordering::Release);
-        self.desk.again.store(true, Ordering::Release);
-        self.sound.release();
-    }
-
-    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
-    pub fn stop(&self) {
-        self.desk.stop.store(true, Ordering::Release);
-        self.sound.panic();
-    }
-}
-
-/// Says that the physics is over, however it ended.
-struct Done(Arc<Desk>);
-
-impl Drop for Done {
-    fn drop(&mut self) {
-        self.0.done.store(true, Ordering::Release);
-    }
-}
-
 impl Drop for Performance {
     fn drop(&mut self) {
         self.stop();
         let _ = self.end(Duration::from_millis(200));
-    }
-}
-
-impl Desk {
-    fn grant(&self, granted: Granted) {
-        let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
-        let value = 4 | priority << 8 | u64::from(granted.locked);
-        self.granted.store(value, Ordering::Release);
-    }
-
-    fn granted(&self) -> Option<Granted> {
-        let value = self.granted.load(Ordering::Acquire);
-        (value != 0).then(|| Granted {
-            fifo: (value >> 8).checked_sub(1).map(|fifo| fifo as i32),
-            locked: value & 1 == 1,
-        })
     }
 }
 

@@ -9,12 +9,13 @@ use rtrb::{Consumer, Producer};
 
 use super::change::{Due, WAITING};
 use super::clock::Clock;
+use super::control::SharedFlags;
 use super::frozen::Frozen;
 use super::hand::Mover;
 use super::lead::Lead;
 use super::scale::Scale;
 use super::status::{Event, HANDS_MAX, Status, What};
-use super::{Borne, Command, Desk, Hand, Slot, Stage};
+use super::{Borne, Command, Hand, Slot, Stage};
 use crate::audio::{Feed, Shared};
 use crate::recording::{self, RowSink, flag};
 use crate::safety;
@@ -30,7 +31,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Everything that leads to other threads.
 pub(super) struct Links {
-    pub(super) desk: Arc<Desk>,
+    pub(super) flags: Arc<SharedFlags>,
     pub(super) commands: Consumer<Command>,
     pub(super) events: Producer<Event>,
     pub(super) status: triple_buffer::Input<Status>,
@@ -144,7 +145,7 @@ impl Player {
     pub(super) fn run(&mut self) {
         self.begin();
         loop {
-            let is_over = self.links.desk.stop.load(Ordering::Acquire);
+            let is_over = self.links.flags.stop.load(Ordering::Acquire);
             if is_over || !self.tick() {
                 break;
             }
@@ -250,13 +251,13 @@ impl Player {
                 }
             }
         }
-        let panicked = self.links.desk.panic.load(Ordering::Acquire);
+        let panicked = self.links.flags.panic.load(Ordering::Acquire);
         if panicked != self.panicked {
             self.panicked = panicked;
             self.slots.iter_mut().for_each(|slot| slot.stop(panicked));
             self.note(format_args!("{{\"panic\":{panicked}}}"));
         }
-        if self.links.desk.again.swap(false, Ordering::AcqRel) {
+        if self.links.flags.release.swap(false, Ordering::AcqRel) {
             self.slots.iter_mut().for_each(Slot::release);
         }
     }
@@ -366,7 +367,7 @@ impl Player {
                 // Where no clock presses, the disk is waited for.
                 let asked = Instant::now();
                 let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
-                let is_over = || self.links.desk.stop.load(Ordering::Acquire);
+                let is_over = || self.links.flags.stop.load(Ordering::Acquire);
                 while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE && !is_over() {
                     self.clock.nap();
                 }
@@ -411,7 +412,7 @@ impl Player {
         loop {
             let taken = self.links.feed.push(rest);
             rest = &rest[taken * channels..];
-            let is_over = self.links.desk.stop.load(Ordering::Acquire);
+            let is_over = self.links.flags.stop.load(Ordering::Acquire);
             if rest.is_empty() || is_over {
                 break;
             }
@@ -452,7 +453,7 @@ impl Player {
         }
         // Where no clock presses, the disk is waited for.
         let asked = Instant::now();
-        let is_over = || self.links.desk.stop.load(Ordering::Acquire);
+        let is_over = || self.links.flags.stop.load(Ordering::Acquire);
         while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE && !is_over() {
             self.clock.nap();
         }
