@@ -8,8 +8,6 @@ mod hand;
 mod key;
 mod line;
 mod serve;
-#[cfg(unix)]
-mod terminal;
 
 pub use firmware::{Board, Firmware, Protocol};
 pub use hand::Hand;

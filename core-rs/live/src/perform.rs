@@ -5,7 +5,6 @@
 //! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
 
 mod bearer;
-mod change;
 mod clock;
 mod control;
 mod error;
@@ -18,13 +17,13 @@ mod scale;
 mod status;
 
 pub use bearer::{Bearer, Borne, SCALE_MIN};
-pub use change::Change;
 pub use control::Control;
 pub use error::{ChangeError, PlayError};
 pub use frozen::Stem;
 pub use hand::Hand;
 pub use keys::{Keyboard, Known, Slot};
 pub use lead::{Guide, Share, Step};
+pub use player::change::Change;
 pub use scale::{Bound, FALL_TIME};
 use status::HANDS_MAX;
 pub use status::{Event, HandStatus, Status, What};
@@ -46,6 +45,7 @@ use crate::recording::{Header, Recorder, RecorderHandle};
 use crate::safety::{self, Guarded};
 use control::{MarkDone, SharedFlags};
 use player::Player;
+use player::change::{Due, WAITING};
 
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
 /// real-time machine.
@@ -96,7 +96,7 @@ pub(crate) enum Command {
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
     /// Another version.
-    Change(Box<change::Due>),
+    Change(Box<Due>),
 }
 
 /// A piece that is being played. Dropped, it stops.
@@ -112,7 +112,7 @@ pub struct Performance {
     reader: Option<frozen::Reader>,
     borne: Vec<Borne>,
     bearers: Vec<Bearer>,
-    garbage: Consumer<Box<change::Due>>,
+    garbage: Consumer<Box<Due>>,
     tickets: u64,
     /// Frames of a tick, channels, and outputs where prepared parts fill some of them.
     every: usize,
@@ -205,7 +205,7 @@ impl Performance {
         };
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
         let (to_events, events) = RingBuffer::new(EVENTS);
-        let (to_garbage, garbage) = RingBuffer::new(2 * change::WAITING);
+        let (to_garbage, garbage) = RingBuffer::new(2 * WAITING);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
         let flags = Arc::new(SharedFlags::default());
         let commands = Arc::new(std::sync::Mutex::new(to_commands));
@@ -348,7 +348,7 @@ impl Performance {
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.every)];
         self.tickets += 1;
         let ticket = self.tickets;
-        let due = change::Due {
+        let due = Due {
             at,
             ticket,
             change,

@@ -6,6 +6,7 @@
 //! watchdog. When the host goes on, it finds by the clock that it was stopped.
 
 mod clock;
+pub mod contract;
 mod counts;
 mod force;
 mod last_resort;
@@ -23,8 +24,9 @@ pub use plausibility::Trip;
 
 use std::time::{Duration, Instant};
 
-use crate::device::{Device, Gone, MAX_AXES, Sample, Spec};
+use crate::safety::contract::{Device, Gone, Sample, Spec};
 use crate::stop;
+use crate::wire::MAX_AXES;
 use clock::Clock;
 use last_resort::Armed;
 pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};

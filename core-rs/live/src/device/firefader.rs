@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use super::port::Port;
-use super::wire::{Inbox, firefader as wire};
 use super::{
     ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, Sample, Spec,
     Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
+use crate::wire::{Inbox, firefader as wire};
 
 /// Only boards with an FTDI chip listen to it.
 const BAUD: u32 = 57_600;

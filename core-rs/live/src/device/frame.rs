@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 use super::port::Port;
-use super::stats::{Drift, Sent};
-use super::wire::Inbox;
-use super::wire::frame::{self as wire, flag, status};
 use super::{
     ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
     MAX_AXES, Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
+use crate::safety::contract::{Drift, Sent};
+use crate::wire::Inbox;
+use crate::wire::frame::{self as wire, flag, status};
 
 /// USB boards ignore it.
 const BAUD: u32 = 1_000_000;

@@ -12,12 +12,12 @@ mod start;
 
 use std::time::{Duration, Instant};
 
-use super::stats::Sent;
 use super::{
     Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
     Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
+use crate::safety::contract::Sent;
 use guardian::{Reply, Wish};
 use line::{Answer, Line, Order, put_text, take_text};
 

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use super::Keys;
-use crate::device::MAX_AXES;
-use crate::device::wire::frame::{self, flag, status};
-use crate::device::wire::{Inbox, firefader, haply};
+use crate::wire::MAX_AXES;
+use crate::wire::frame::{self, flag, status};
+use crate::wire::{Inbox, firefader, haply};
 
 /// What the board speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@ use ergon_engine::units::Rate;
 
 use super::EmulateError;
 use super::hand::Hand;
-use crate::device::MAX_AXES;
+use crate::wire::MAX_AXES;
 
 /// What a key is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]

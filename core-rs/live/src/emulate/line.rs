@@ -1,5 +1,8 @@
 //! Where an emulated device is heard: a pseudo-terminal, datagrams or a WebSocket, never beyond this machine.
 
+#[cfg(unix)]
+mod terminal;
+
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
@@ -7,7 +10,7 @@ use std::time::{Duration, Instant};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
 
-use crate::device::wire::haply;
+use crate::wire::haply;
 
 /// The way in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +37,7 @@ pub(super) enum Heard {
 /// A line to at most one host.
 pub(super) enum Line {
     #[cfg(unix)]
-    Terminal(super::terminal::Terminal),
+    Terminal(terminal::Terminal),
     Udp(Datagrams),
     WebSocket(Box<Sockets>),
 }
@@ -44,7 +47,7 @@ impl Line {
         let here = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         Ok(match transport {
             #[cfg(unix)]
-            Transport::Terminal => Self::Terminal(super::terminal::Terminal::open()?),
+            Transport::Terminal => Self::Terminal(terminal::Terminal::open()?),
             #[cfg(not(unix))]
             Transport::Terminal => return Err(io::ErrorKind::Unsupported.into()),
             Transport::Udp(port) => Self::Udp(Datagrams {

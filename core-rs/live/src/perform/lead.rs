@@ -1,6 +1,5 @@
 //! What leads a hand along a part: how much of it acts now, and the way from how it acted before.
 
-use super::hand::{Hand, smooth};
 use crate::safety::unit;
 
 /// A lead comes and goes in this time, and passes over to another path [s]: no hand is snatched.
@@ -50,7 +49,7 @@ impl Guide {
     }
 
     /// All that answers a hand: the scene, and what guides the hand by `share`, in ticks of `period` [s]; see
-    /// [`Hand::response`].
+    /// [`Hand::response`](super::Hand::response).
     pub(super) fn met(this: Option<Self>, response: &[f64], period: f64, share: Share) -> Vec<f64> {
         let mut met = response.to_vec();
         if let (Some(guide), [now, next, ..]) = (this, &mut met[..]) {
@@ -84,6 +83,7 @@ impl Share {
 /// How a guide acts.
 #[derive(Clone, Debug)]
 pub(super) struct Lead {
+    guide: Option<Guide>,
     /// How much of it now.
     share: Share,
     from: Share,
@@ -107,6 +107,7 @@ impl Lead {
             _ => Share::default(),
         };
         Self {
+            guide,
             share,
             from: share,
             to: share,
@@ -117,6 +118,11 @@ impl Lead {
             steps: Vec::new(),
             next: 0,
         }
+    }
+
+    /// Whether steps take it up and let it go.
+    pub(super) fn is_loose(&self) -> bool {
+        self.guide.is_some_and(|guide| guide.loose)
     }
 
     /// Other steps came, by ticks after `tick`.
@@ -165,19 +171,25 @@ impl Lead {
         }
     }
 
-    /// What leads a person's hand at `x`, moving at `v`, towards its part [N].
-    pub(super) fn force(&self, hand: &Hand, tick: u64, x: f64, v: f64) -> f64 {
-        let Some(guide) = hand.guide else {
+    /// What leads a person's hand at `x`, moving at `v`, towards its part, which is at `part` [N].
+    pub(super) fn force(&self, part: f64, x: f64, v: f64) -> f64 {
+        let Some(guide) = self.guide else {
             return 0.0;
         };
-        let goal = hand.stands_at(tick) + self.left;
+        let goal = part + self.left;
         self.share.k * guide.k * (goal - x) - self.share.z * guide.z * v
     }
+}
+
+/// From 0 to 1 without a jolt at either end: the quintic whose first two derivatives are zero there.
+pub(super) fn smooth(t: f64) -> f64 {
+    t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::perform::Hand;
 
     const PERIOD: f64 = 1e-3;
     const HALF: Share = Share { k: 0.5, z: 0.25 };
@@ -201,8 +213,8 @@ mod tests {
         let mut lead = Lead::new(hand.guide, PERIOD);
         for tick in [0, 9] {
             lead.tick(tick);
-            assert_eq!(lead.force(&hand, 9, 2e-3, 0.0), 100.0 * 3e-3);
-            assert_eq!(lead.force(&hand, 0, 0.0, 0.5), -1.0);
+            assert_eq!(lead.force(hand.stands_at(9), 2e-3, 0.0), 100.0 * 3e-3);
+            assert_eq!(lead.force(hand.stands_at(0), 0.0, 0.5), -1.0);
         }
     }
 
@@ -216,16 +228,16 @@ mod tests {
         let (mut last, mut full) = (0.0, 0);
         for tick in 50..2_000 {
             lead.tick(tick);
-            let force = lead.force(&hand, tick, 0.0, 0.0);
+            let force = lead.force(hand.stands_at(tick), 0.0, 0.0);
             // The steepest of a smooth way of 200 ticks.
             assert!(f64::abs(force - last) < 0.25 * 1.9 / 200.0, "tick {tick}");
             if !(150..1_250).contains(&tick) {
                 assert_eq!(force, 0.0, "tick {tick}");
-                assert_eq!(lead.force(&hand, tick, 0.0, 1.0), 0.0);
+                assert_eq!(lead.force(hand.stands_at(tick), 0.0, 1.0), 0.0);
             }
             if (350..1_050).contains(&tick) {
                 assert_eq!(force, 0.5 * 100.0 * 5e-3);
-                assert_eq!(lead.force(&hand, tick, 5e-3, 1.0), -0.25 * 2.0);
+                assert_eq!(lead.force(hand.stands_at(tick), 5e-3, 1.0), -0.25 * 2.0);
                 full += 1;
             }
             last = force;
@@ -247,7 +259,7 @@ mod tests {
                 lead.change(before, hand.stands_at(tick));
             }
             lead.tick(tick);
-            let force = lead.force(&hand, tick, 0.0, 0.0);
+            let force = lead.force(hand.stands_at(tick), 0.0, 0.0);
             assert!(f64::abs(force - last) < 0.75 * 1.9 / 200.0, "tick {tick}");
             last = force;
         }
@@ -265,11 +277,11 @@ mod tests {
         lead.steps = vec![Step { at: 0, share }];
         lead.begin(0);
         (0..500).for_each(|tick| lead.tick(tick));
-        assert_eq!(lead.force(&hand, 500, 0.0, 1.0), 0.0);
+        assert_eq!(lead.force(hand.stands_at(500), 0.0, 1.0), 0.0);
         let share = Share { k: 7.0, z: 9.0 };
         lead.steps = vec![Step { at: 0, share }];
         lead.begin(500);
         (500..1_000).for_each(|tick| lead.tick(tick));
-        assert_eq!(lead.force(&hand, 1_000, 0.0, 0.0), 100.0 * 5e-3);
+        assert_eq!(lead.force(hand.stands_at(1_000), 0.0, 0.0), 100.0 * 5e-3);
     }
 }

@@ -1,5 +1,7 @@
 //! What the physics thread does in a tick. Nothing here allocates, locks or fails.
 
+pub(super) mod change;
+
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -7,7 +9,6 @@ use std::time::{Duration, Instant};
 use ergon_engine::mix::glide::Glide;
 use rtrb::{Consumer, Producer};
 
-use super::change::{Due, WAITING};
 use super::clock::Clock;
 use super::control::SharedFlags;
 use super::frozen::Frozen;
@@ -19,6 +20,7 @@ use super::{Borne, Command, Hand, Slot, Stage};
 use crate::audio::{Feed, Shared};
 use crate::recording::{self, RowSink, flag};
 use crate::safety;
+use change::{Due, WAITING};
 
 /// The load is averaged over this time [s].
 const AVERAGE: f64 = 1.0;
@@ -283,7 +285,7 @@ impl Player {
             let (own, mover) = (&self.stage.hands[hand], &self.movers[hand]);
             let force = if mover.real {
                 let v = (mover.x - self.before[hand]) * rate;
-                let lead = self.leads[hand].force(own, self.tick, mover.x, v);
+                let lead = self.leads[hand].force(own.stands_at(self.tick), mover.x, v);
                 (self.felt[hand] + lead) * mover.share()
             } else {
                 0.0

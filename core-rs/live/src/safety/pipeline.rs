@@ -17,7 +17,8 @@ use super::stages::passivity::Passivity;
 use super::stages::slew::Slew;
 use super::stages::stale::Ages;
 use super::stages::trip::Trip;
-use crate::device::{MAX_AXES, Sample, Spec};
+use crate::safety::contract::{Sample, Spec};
+use crate::wire::MAX_AXES;
 
 /// A force that has to end now has this room.
 const NONE: [f64; 2] = [0.0, 0.0];

@@ -13,9 +13,9 @@
 mod probe;
 mod signs;
 
-use crate::device::MAX_AXES;
-use probe::{Answer, Kind, Probe};
-use signs::{Signs, Traits};
+use crate::wire::MAX_AXES;
+use probe::{Answer, Probe};
+use signs::{Signs, Suspicion, Traits};
 
 /// Length of a step, if a tick is shorter [s].
 const STEP: f64 = 1e-3;
@@ -149,7 +149,7 @@ impl Plausibility {
             }) => {
                 // What is asked beyond the greatest force would hide the probe; and on a sensor that may be frozen no
                 // force grows meanwhile.
-                let most = if kind == Kind::Still {
+                let most = if kind == Suspicion::Still {
                     force.abs()
                 } else {
                     self.force
@@ -244,7 +244,7 @@ impl Plausibility {
         // What a key answered at one place says nothing of it at another.
         if (self.signs.past[0] - self.probed_at).abs() > ELSEWHERE.max(4.0 * self.built.resolution)
         {
-            self.pauses[Kind::Still as usize] = (0, 0);
+            self.pauses[Suspicion::Still as usize] = (0, 0);
         }
         if let Some(trip) = self.signs.evident(sent, &self.built) {
             self.off(trip);

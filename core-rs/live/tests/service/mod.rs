@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ergon_live::device::wire::haply;
+use ergon_live::wire::haply;
 use tungstenite::Message;
 
 const ID: &str = "TEST";

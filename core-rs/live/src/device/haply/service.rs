@@ -8,8 +8,8 @@ use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, client::client_with_config};
 
 use super::line::{Waits, is_quiet, wait};
-use crate::device::wire::haply as wire;
 use crate::device::{ASK_AGAIN, FIRST_REPLY, Gone};
+use crate::wire::haply as wire;
 
 /// Messages that are read before the clock is looked at again: a service may send without end.
 const AT_ONCE: usize = 64;

@@ -1,8 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::device::wire::Found;
 use crate::emulate::{Hand, Key};
+use crate::wire::Found;
 
 fn board(protocol: Protocol, lockstep: bool) -> Board {
     Board {

@@ -1,6 +1,5 @@
 //! What the motion of a key shows by itself: what is evident, and what has to be probed.
 
-use super::probe::Kind;
 use super::{Built, Trip};
 
 /// A device that says nothing of its mass is taken for a light fader [kg].
@@ -39,6 +38,17 @@ const RUNS: [(f64, f64); 2] = [(1.65, 0.1), (1.38, 0.8)];
 
 /// So is a key that is accelerated against the force by this part of it, above such a force [N].
 const DRIVEN: (f64, f64) = (0.4, 0.8);
+
+/// What the motion of a key may mean, and what a probe has to decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Suspicion {
+    /// The position keeps its last bit under a force.
+    Still,
+    /// The key rests at a stop that the force pulls it away from.
+    Stop,
+    /// The key runs against the force, faster and faster.
+    Run,
+}
 
 /// What an axis is, with what follows from it.
 #[derive(Clone, Copy, Debug)]
@@ -241,18 +251,18 @@ impl Signs {
         sent: f64,
         confirmed: bool,
         own: &Traits,
-    ) -> Option<(Kind, f64)> {
+    ) -> Option<(Suspicion, f64)> {
         if self
             .run
             .is_some_and(|run| run.suspicious || (run.against && !confirmed))
         {
-            return Some((Kind::Run, -sent.signum()));
+            return Some((Suspicion::Run, -sent.signum()));
         }
         if self.dwell >= own.steps(DWELL[0]) && -sent * self.side >= STOP_FORCE {
-            return Some((Kind::Stop, self.side));
+            return Some((Suspicion::Stop, self.side));
         }
         let still =
             self.still >= own.steps(STILL) && sent.abs() >= STILL_FORCE.max(0.5 * own.shows());
-        (still && self.side == 0.0).then_some((Kind::Still, -sent.signum()))
+        (still && self.side == 0.0).then_some((Suspicion::Still, -sent.signum()))
     }
 }

@@ -6,13 +6,13 @@
 use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Carry, Simulation};
 
-use super::lead::Step;
-use super::player::Player;
-use super::scale::Bound;
-use super::status::What;
+use super::Player;
+use crate::perform::lead::Step;
+use crate::perform::scale::Bound;
+use crate::perform::status::What;
 
 /// Changes that may wait at once.
-pub(super) const WAITING: usize = 64;
+pub(in crate::perform) const WAITING: usize = 64;
 
 /// What is to change; what is not said stays.
 #[derive(Default)]
@@ -40,11 +40,11 @@ pub struct Change {
 
 /// A change on its way.
 pub(crate) struct Due {
-    pub(super) at: u64,
-    pub(super) ticket: u64,
-    pub(super) change: Change,
+    pub(in crate::perform) at: u64,
+    pub(in crate::perform) ticket: u64,
+    pub(in crate::perform) change: Change,
     /// Room for what the new simulation is heard by   (every · n_out)
-    pub(super) heard: Vec<f64>,
+    pub(in crate::perform) heard: Vec<f64>,
 }
 
 impl Player {
@@ -130,9 +130,8 @@ impl Player {
             }
         }
         if let Some(leads) = &mut change.leads {
-            let guides = stage.hands.iter().map(|hand| hand.guide);
-            for ((lead, steps), guide) in self.leads.iter_mut().zip(leads).zip(guides) {
-                if guide.is_some_and(|guide| guide.loose) {
+            for (lead, steps) in self.leads.iter_mut().zip(leads) {
+                if lead.is_loose() {
                     std::mem::swap(&mut lead.steps, steps);
                     lead.begin(self.tick);
                 }

@@ -6,7 +6,7 @@
 //! are f64 in SI units. A request without axes asks who is there; its answer begins with `A5 5D`.
 
 use super::Found;
-use crate::device::MAX_AXES;
+use crate::wire::MAX_AXES;
 
 const SYNC: [u8; 2] = [0xA5, 0x5A];
 const SYNC_WHO: [u8; 2] = [0xA5, 0x5D];
@@ -70,7 +70,7 @@ pub struct Reply {
     pub position: [f64; MAX_AXES],
 }
 
-/// Who a device is. Numbers are those of [`Spec`](crate::device::Spec); not a number: unknown.
+/// Who a device is. Numbers are those of [`Spec`](crate::safety::contract::Spec); not a number: unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Who {
     /// The request's number.

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::device::MAX_AXES;
+use crate::wire::MAX_AXES;
 
 #[test]
 fn firefader_forces_are_bytes() {

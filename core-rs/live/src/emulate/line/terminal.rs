@@ -5,9 +5,9 @@ use std::io;
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 use std::time::Duration;
 
-use super::line::Heard;
+use super::Heard;
 
-pub(super) struct Terminal {
+pub(in crate::emulate) struct Terminal {
     fd: OwnedFd,
     path: String,
     connected: bool,
@@ -84,7 +84,7 @@ impl Terminal {
                 let error = io::Error::last_os_error();
                 match error.raw_os_error() {
                     Some(libc::EIO) => Ok(Heard::Nothing),
-                    _ => super::line::quiet(error),
+                    _ => super::quiet(error),
                 }
             }
         }

@@ -4,6 +4,9 @@ pub mod firefader;
 pub mod frame;
 pub mod haply;
 
+/// Axes that one device has at most.
+pub const MAX_AXES: usize = 16;
+
 /// What stands at the beginning of some bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Found<T> {
