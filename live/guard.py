@@ -31,8 +31,8 @@ _SHORT = 0.05
 _RATIO, _PLACES = 1.2, 20
 _KEPT = 64  # answers
 
-# What a key bears of an answer: (part of the force, stiffness met and borne [N/m]); None: no key.
-Bears = Callable[[int, "NDArray[np.float64]"], tuple[float, float, float] | None]
+# The force limit of a hand for a response of the scene; None: the hand has no key.
+Bears = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,7 @@ class Guard:
             self.asked += 1
             found = self._bears(hand.index, _answer(met, hand.every, self._reaches[hand.index]))
             assert found is not None  # it is real
-            borne = Borne(*found)
+            borne = Borne(found.scale, found.stiffness, found.limit)
         self._known[key] = borne  # the latest last
         if len(self._known) > _KEPT:
             del self._known[next(iter(self._known))]

@@ -59,7 +59,7 @@ mod _core {
     #[pymodule_export]
     use super::pcm::{pcm, single};
     #[pymodule_export]
-    use super::perform::{HandStatus, Performance, Status};
+    use super::perform::{HandLimit, HandStatus, Performance, Status};
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
     #[pymodule_export]

@@ -8,7 +8,7 @@ mod firefader;
 mod frame;
 mod haply;
 #[cfg(unix)]
-mod owner;
+mod lock;
 mod port;
 pub mod ports;
 mod url;

@@ -4,29 +4,29 @@
 //! pushes their sound into the ring. Keys have the first say in when a tick begins, the sound card has the last:
 //! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
 
-mod bearer;
 mod clock;
 mod control;
 mod error;
 mod frozen;
+mod guidance;
 mod hand;
+mod hand_limit;
 mod keys;
-mod lead;
 mod player;
 mod scale;
 mod status;
 
-pub use bearer::{Bearer, Borne, SCALE_MIN};
 pub use control::Control;
 pub use error::{ChangeError, PlayError};
 pub use frozen::Stem;
+pub use guidance::{Guidance, GuidanceShare, GuidanceStep};
 pub use hand::Hand;
-pub use keys::{Keyboard, Known, Slot};
-pub use lead::{Guide, Share, Step};
+pub use hand_limit::{HandKey, HandLimit, SCALE_MIN};
+pub use keys::{DeviceConfig, Keyboard, Slot};
 pub use player::change::Change;
 pub use scale::{Bound, FALL_TIME};
 use status::HANDS_MAX;
-pub use status::{Event, HandStatus, Status, What};
+pub use status::{Event, EventKind, HandStatus, Status};
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -45,7 +45,7 @@ use crate::recording::{Header, Recorder, RecorderHandle};
 use crate::safety::{self, Guarded};
 use control::{MarkDone, SharedFlags};
 use player::Player;
-use player::change::{Due, WAITING};
+use player::change::{SCHEDULED_MAX, ScheduledChange};
 
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
 /// real-time machine.
@@ -78,7 +78,7 @@ pub struct Stage {
 
 /// How it is to be played.
 #[derive(Debug)]
-pub struct How {
+pub struct PlaybackConfig {
     /// Where the sound goes.
     pub audio: audio::Spec,
     /// Frames ahead of the card, if not two of its blocks.
@@ -96,23 +96,23 @@ pub(crate) enum Command {
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
     /// Another version.
-    Change(Box<Due>),
+    Change(Box<ScheduledChange>),
 }
 
 /// A piece that is being played. Dropped, it stops.
 pub struct Performance {
     flags: Arc<SharedFlags>,
     thread: Option<JoinHandle<Player>>,
-    seekers: Vec<keys::Seeker>,
+    reconnectors: Vec<keys::Reconnector>,
     commands: Arc<std::sync::Mutex<Producer<Command>>>,
     status: triple_buffer::Output<Status>,
     events: Consumer<Event>,
     output: Output,
     recorder: Option<RecorderHandle>,
     reader: Option<frozen::Reader>,
-    borne: Vec<Borne>,
-    bearers: Vec<Bearer>,
-    garbage: Consumer<Box<Due>>,
+    hand_limits: Vec<HandLimit>,
+    hand_keys: Vec<HandKey>,
+    garbage: Consumer<Box<ScheduledChange>>,
     tickets: u64,
     /// Frames of a tick, channels, and outputs where prepared parts fill some of them.
     every: usize,
@@ -125,8 +125,12 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
-    pub fn start(stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
-        let (mut this, mut player) = Self::prepare(stage, boards, how)?;
+    pub fn start(
+        stage: Stage,
+        boards: Vec<Keyboard>,
+        config: PlaybackConfig,
+    ) -> Result<Self, PlayError> {
+        let (mut this, mut player) = Self::prepare(stage, boards, config)?;
         // Without a hand too: what sounds ends by a signal as soon.
         safety::watch_ends();
         let flags = this.flags.clone();
@@ -149,7 +153,7 @@ impl Performance {
     fn prepare(
         mut stage: Stage,
         boards: Vec<Keyboard>,
-        how: How,
+        config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
         let rate = stage.simulation.rate();
         let channels = stage.mixer.n_channels();
@@ -160,21 +164,24 @@ impl Performance {
         if stage.hands.len() > HANDS_MAX {
             return Err(PlayError::Hands(stage.hands.len()));
         }
-        let bearers: Vec<Bearer> = boards
+        let hand_keys: Vec<HandKey> = boards
             .iter()
-            .flat_map(|board| Bearer::all(board, &stage.hands))
+            .flat_map(|board| HandKey::all(board, &stage.hands))
             .collect();
-        let borne = |bearer: &Bearer| bearer.borne(&stage.hands[bearer.hand].response);
-        let borne: Vec<Borne> = bearers.iter().map(borne).collect();
-        if let Some(stiff) = borne.iter().find(|borne| borne.scale < SCALE_MIN) {
+        let limit = |key: &HandKey| key.limit(&stage.hands[key.hand].response);
+        let hand_limits: Vec<HandLimit> = hand_keys.iter().map(limit).collect();
+        if let Some(stiff) = hand_limits.iter().find(|limit| limit.scale < SCALE_MIN) {
             return Err(PlayError::Stiff {
                 hand: stiff.hand,
                 stiffness: stiff.stiffness,
                 limit: stiff.limit,
             });
         }
-        let block = how.audio.block.unwrap_or(0) as usize;
-        let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every.max(block));
+        let block = config.audio.block.unwrap_or(0) as usize;
+        let ahead = config
+            .ahead
+            .unwrap_or(AHEAD)
+            .max(2 * stage.every.max(block));
         let (feed, drain) = audio::ring(channels, 4 * ahead);
         feed.set_prefill(ahead);
         let stems = std::mem::take(&mut stage.frozen);
@@ -185,7 +192,7 @@ impl Performance {
                 .map_err(|(path, error)| PlayError::Frozen { path, error })?;
             (Some(frozen), Some(reader))
         };
-        let output = audio::open(&how.audio, rate as u32, channels, drain)?;
+        let output = audio::open(&config.audio, rate as u32, channels, drain)?;
         let info = output.info();
         if info.paced && info.block as usize > 2 * ahead {
             let why = format!(
@@ -196,7 +203,7 @@ impl Performance {
             return Err(AudioError::Broken(why).into());
         }
         // Last of all: what cannot begin leaves no file.
-        let (sink, recorder) = match &how.record {
+        let (sink, recorder) = match &config.record {
             Some((path, header)) => {
                 let (sink, handle) = Recorder::start(path, header)?;
                 (Some(sink), Some(handle))
@@ -205,21 +212,21 @@ impl Performance {
         };
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
         let (to_events, events) = RingBuffer::new(EVENTS);
-        let (to_garbage, garbage) = RingBuffer::new(2 * WAITING);
+        let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
         let flags = Arc::new(SharedFlags::default());
         let commands = Arc::new(std::sync::Mutex::new(to_commands));
-        let mut seekers = Vec::new();
+        let mut reconnectors = Vec::new();
         let slots: Vec<Slot> = boards
             .into_iter()
             .enumerate()
             .map(|(index, board)| {
-                let (slot, seeker) = board.split(index, commands.clone());
-                seekers.push(seeker);
+                let (slot, reconnector) = board.split(index, commands.clone());
+                reconnectors.push(reconnector);
                 slot
             })
             .collect();
-        let links = player::Links {
+        let links = player::Connections {
             flags: flags.clone(),
             commands: from_commands,
             events: to_events,
@@ -239,19 +246,26 @@ impl Performance {
         );
         let every = stage.every;
         let frozen = reader.is_some().then(|| stage.simulation.n_out());
-        let player = Player::new(stage, slots, links, clock, info.paced || by_keys, &borne);
+        let player = Player::new(
+            stage,
+            slots,
+            links,
+            clock,
+            info.paced || by_keys,
+            &hand_limits,
+        );
         let this = Self {
             flags,
             thread: None,
-            seekers,
+            reconnectors,
             commands,
             status,
             events,
             output,
             recorder,
             reader,
-            borne,
-            bearers,
+            hand_limits,
+            hand_keys,
             garbage,
             tickets: 0,
             every,
@@ -271,14 +285,14 @@ impl Performance {
         self.events.pop().ok()
     }
 
-    /// How much of the scene's force each real hand gets.
-    pub fn borne(&self) -> &[Borne] {
-        &self.borne
+    /// How much of the scene's force each real hand may get.
+    pub fn hand_limits(&self) -> &[HandLimit] {
+        &self.hand_limits
     }
 
-    /// The key under a hand, to find out beforehand what it bears; `None`: the hand is not real.
-    pub fn bearer(&self, hand: usize) -> Option<Bearer> {
-        self.bearers.iter().find(|own| own.hand == hand).copied()
+    /// The key under a hand, to compute limits of another scene; `None`: the hand is not real.
+    pub fn hand_key(&self, hand: usize) -> Option<HandKey> {
+        self.hand_keys.iter().find(|own| own.hand == hand).copied()
     }
 
     /// The output that it plays on.
@@ -316,7 +330,7 @@ impl Performance {
         self.command(Command::Part(group, gain))
     }
 
-    /// Change something at a frame that begins a tick; returns a ticket, which [`What::Changed`] or [`What::Late`] tells.
+    /// Change something at a frame that begins a tick; returns a ticket, which [`EventKind::Changed`] or [`EventKind::Late`] tells.
     ///
     /// # Errors
     /// [`ChangeError`]: nothing was asked for then.
@@ -348,7 +362,7 @@ impl Performance {
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.every)];
         self.tickets += 1;
         let ticket = self.tickets;
-        let due = Due {
+        let due = ScheduledChange {
             at,
             ticket,
             change,
@@ -393,7 +407,7 @@ impl Performance {
         let played = self.thread.take().map_or(Ok(()), |thread| {
             thread.join().map(drop).map_err(|_| PlayError::Failed)
         });
-        self.seekers.clear();
+        self.reconnectors.clear();
         self.reader = None;
         let _ = self.output.wait(patience);
         let closed = self.output.close();

@@ -31,7 +31,7 @@ use clock::Clock;
 use last_resort::Armed;
 pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};
 use pipeline::Pipeline;
-use plausibility::{Built, Watched};
+use plausibility::{AxisSpec, Watched};
 
 /// A factor from 0 to 1: NaN and negative numbers are 0, greater ones are 1.
 pub(crate) fn unit(factor: f64) -> f64 {
@@ -101,8 +101,8 @@ impl<D: Device> Guarded<D> {
     #[must_use]
     pub fn watched(mut self) -> Self {
         let spec = self.device.spec();
-        let built: Vec<Built> = (0..spec.dof)
-            .map(|axis| Built {
+        let built: Vec<AxisSpec> = (0..spec.dof)
+            .map(|axis| AxisSpec {
                 range: self.device.range(axis),
                 resolution: spec.pos_lsb,
                 inertia: spec.inertia,

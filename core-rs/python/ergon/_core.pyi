@@ -815,6 +815,15 @@ class Status:
     hands: list[HandStatus]
 
 @final
+class HandLimit:
+    """How much of the scene's force a real hand may get, so that device and scene stay stable."""
+
+    hand: int
+    scale: float  # factor of the force, 0 to 1
+    stiffness: float  # greatest stiffness of scene and guidance [N/m]
+    limit: float  # greatest stable stiffness [N/m]
+
+@final
 class Performance:
     """A piece that is being played: one real-time thread, keys on one side, sound on the other."""
 
@@ -849,12 +858,17 @@ class Performance:
         """What happened since the last call: (frame, what, number of the hand or board)."""
     def sound_events(self) -> list[tuple[float, str]]:
         """What happened to the sound: (seconds, sentence)."""
-    def bears(self, hand: int, response: _Floats) -> tuple[float, float, float] | None:
-        """What the key under a real hand bears of a scene that answers it so (n_ticks,) [N/m]: part
-        of the force, stiffness met and borne [N/m]; None where the hand is not real."""
-    def borne(self) -> list[tuple[int, float, float, float]]:
-        """How much of the scene's force each real hand gets: (hand, part of it, stiffness met
-        [N/m], stiffness borne [N/m])."""
+    def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
+        """The force limit of a real hand in another scene; None where the hand is not real.
+
+        `response` (n_ticks,) [N/m] is what Met.response returns for that scene. Raises EngineError
+        when the performance is closed.
+        """
+    def hand_limits(self) -> list[HandLimit]:
+        """The force limit of each real hand in the scene that the performance began with.
+
+        Raises EngineError when the performance is closed.
+        """
     def output(self) -> str:
         """What it plays on, in words."""
     def granted(self) -> str | None:
@@ -878,7 +892,7 @@ class Performance:
         gain: float | None = None,
         bars: Sequence[int] | None = None,
         standins: Sequence[_Floats] | None = None,
-        leads: Sequence[Sequence[tuple[int, float, float]]] | None = None,
+        guidance: Sequence[Sequence[tuple[int, float, float]]] | None = None,
         bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
     ) -> int:

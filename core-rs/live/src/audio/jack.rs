@@ -12,7 +12,7 @@ use self::client::{Active, Client, Port, Process};
 use super::AudioError;
 use super::ring::Drain;
 use super::shared::Shared;
-use super::sink::{Failed, Opened, Sink};
+use super::sink::{Opened, Sink, StartFailure};
 use super::spec::Spec;
 
 pub use self::capture::Capture;
@@ -57,13 +57,17 @@ pub(super) fn open(
     })
 }
 
-fn start(client: Client, drain: Drain, device: Option<&str>) -> Result<Box<dyn Sink>, Failed> {
+fn start(
+    client: Client,
+    drain: Drain,
+    device: Option<&str>,
+) -> Result<Box<dyn Sink>, StartFailure> {
     let channels = drain.channels();
     let ports = match client.ports("out", channels, PORT_IS_OUTPUT) {
         Ok(ports) => ports,
         Err(error) => return Err((Some(Box::new(drain)), error)),
     };
-    let playing = Playing {
+    let playing = JackCallback {
         scratch: vec![0.0; SLICE * channels].into(),
         ports: ports.clone().into(),
         drain,
@@ -89,13 +93,13 @@ fn targets(client: &Client, device: Option<&str>) -> Vec<String> {
 }
 
 /// What runs in the server's thread.
-struct Playing {
+struct JackCallback {
     drain: Drain,
     ports: Box<[Port]>,
     scratch: Box<[f32]>,
 }
 
-impl Process for Playing {
+impl Process for JackCallback {
     fn cycle(&mut self, api: &Api, frames: u32) {
         let channels = self.ports.len();
         let total = frames as usize;
@@ -125,7 +129,7 @@ impl Process for Playing {
 }
 
 struct Playback {
-    active: Active<Playing>,
+    active: Active<JackCallback>,
     ports: Vec<Port>,
 }
 

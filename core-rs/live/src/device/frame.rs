@@ -34,7 +34,7 @@ pub(super) struct Frame {
 }
 
 /// What a device says of itself.
-fn spec(who: &wire::Who) -> Option<Spec> {
+fn spec(who: &wire::DeviceInfo) -> Option<Spec> {
     let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] = who.numbers.map(f64::from);
     let known = |number: f64| (number.is_finite() && number > 0.0).then_some(number);
     let sound = known(peak).is_some() && low < high && low.is_finite() && high.is_finite();
@@ -169,7 +169,7 @@ impl Frame {
 }
 
 /// Ask who is there until somebody says so.
-fn ask(port: &mut Port) -> Result<Option<wire::Who>, Gone> {
+fn ask(port: &mut Port) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + FIRST_REPLY;
     let mut inbox = Inbox::<512>::new();
     let (mut bytes, mut packet, mut who) = ([0; 512], [0; wire::LONGEST], None);
@@ -185,7 +185,9 @@ fn ask(port: &mut Port) -> Result<Option<wire::Who>, Gone> {
         let until = Instant::now() + ASK_AGAIN;
         while who.is_none() && Instant::now() < until {
             let n = port.read(&mut bytes, until)?;
-            inbox.feed(&bytes[..n], wire::Who::parse, |found| who = Some(found));
+            inbox.feed(&bytes[..n], wire::DeviceInfo::parse, |found| {
+                who = Some(found)
+            });
         }
     }
     Ok(who)

@@ -18,8 +18,8 @@ use super::{
 };
 use crate::safety::SafeForce;
 use crate::safety::contract::Sent;
-use guardian::{Reply, Wish};
-use line::{Answer, Line, Order, put_text, take_text};
+use guardian::{HostRequest, Reply};
+use line::{ForceCommand, GuardianReply, Line, put_text, take_text};
 
 /// How long a guardian may take to start, on a busy machine.
 const START: Duration = Duration::from_secs(10);
@@ -72,7 +72,7 @@ impl Haply {
         }
         let closed = |error: std::io::Error| url.closed(error);
         let (mut stream, guardian) = start::start().map_err(closed)?;
-        let wish = Wish {
+        let wish = HostRequest {
             target: &url.target,
             id: url.text("id"),
             lockstep: url.lockstep,
@@ -82,7 +82,7 @@ impl Haply {
             .map_err(|error| url.closed(format!("its guardian did not start ({error})")))?;
         let position = match Reply::parse(&reply) {
             Some(Reply::Open(position)) => position,
-            Some(Reply::Refused(why)) => return Err(url.closed(why)),
+            Some(Reply::OpenError(why)) => return Err(url.closed(why)),
             Some(Reply::OwnTime) => {
                 return Err(url.cannot("its clock is its own; lockstep is for emulators"));
             }
@@ -106,7 +106,7 @@ impl Haply {
 
     fn put(&mut self, force: [f64; 3]) -> Result<(), Gone> {
         self.latest = self.sent.number(Instant::now(), &mut self.stats);
-        let order = Order {
+        let order = ForceCommand {
             number: self.latest,
             force,
         };
@@ -130,8 +130,8 @@ impl Haply {
                 ..
             } = self;
             let (now, mut fresh) = (Instant::now(), false);
-            let taken = line.take(|bytes| match Answer::parse(bytes) {
-                Answer::State {
+            let taken = line.take(|bytes| match GuardianReply::parse(bytes) {
+                GuardianReply::State {
                     number,
                     position,
                     let_go,
@@ -139,7 +139,7 @@ impl Haply {
                     sent.answered(number, now, stats);
                     (*answered, *at, *freed, fresh) = (number, position, let_go, true);
                 }
-                Answer::Gone(why) => *gone = Some(why),
+                GuardianReply::Gone(why) => *gone = Some(why),
             });
             if let Err(closed) = taken {
                 *gone = gone.or(Some(closed));
@@ -205,9 +205,9 @@ impl Device for Haply {
     fn last_resort(&self) -> Option<LastResort> {
         use std::os::fd::AsRawFd;
         // A number that no order has soon: a late answer to it is none.
-        let order = Order {
+        let order = ForceCommand {
             number: self.latest.wrapping_add(u16::MAX / 2),
-            ..Order::default()
+            ..ForceCommand::default()
         };
         let fd = self.line.stream().as_raw_fd();
         Some(LastResort::new(fd, &order.bytes()))

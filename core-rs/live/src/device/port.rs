@@ -15,7 +15,7 @@ pub(super) enum Port {
     Serial(Box<dyn serialport::SerialPort>),
     /// Datagrams from and to one address, which no other program of this machine sends to.
     #[cfg(unix)]
-    Udp(UdpSocket, #[expect(dead_code)] super::owner::Owned),
+    Udp(UdpSocket, #[expect(dead_code)] super::lock::DeviceLock),
     #[cfg(not(unix))]
     Udp(UdpSocket, ()),
 }
@@ -58,7 +58,7 @@ impl Port {
         socket.connect(peer).map_err(closed)?;
         socket.set_nonblocking(true).map_err(closed)?;
         #[cfg(unix)]
-        let owned = super::owner::Owned::take(peer).map_err(|who| url.closed(who))?;
+        let owned = super::lock::DeviceLock::take(peer).map_err(|who| url.closed(who))?;
         #[cfg(not(unix))]
         let owned = ();
         Ok(Self::Udp(socket, owned))

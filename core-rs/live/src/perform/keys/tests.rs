@@ -8,7 +8,7 @@ use crate::perform::tests::unplugged::Unplugged;
 fn a_device_that_comes_back_is_still_hot() {
     let url = Url::parse("emul:?mass=0.05&damping=1&stiffness=1000").unwrap();
     let key = device::open(&url).unwrap();
-    let known = Known {
+    let known = DeviceConfig {
         url,
         calibration: Vec::new(),
         most: None,
@@ -17,7 +17,7 @@ fn a_device_that_comes_back_is_still_hot() {
     let brief = Box::new(Unplugged { key, left: 5_000 });
     let keyboard = Keyboard::around(brief, known, vec![(0, 0)]);
     let (commands, mut found) = RingBuffer::new(4);
-    let (mut slot, seeker) = keyboard.split(0, Arc::new(Mutex::new(commands)));
+    let (mut slot, reconnector) = keyboard.split(0, Arc::new(Mutex::new(commands)));
     assert!(slot.look(slot.deadline()), "where it is, first");
     while slot.is_there() {
         slot.force(0, 20.0);
@@ -34,7 +34,7 @@ fn a_device_that_comes_back_is_still_hot() {
         }
     };
     let heat = back.memory().heat()[0];
-    drop(seeker);
+    drop(reconnector);
     // At full force for 3 s, after two seconds' rise: 1 - exp(-3.6/10), and half a second cooler.
     assert!((0.1..0.4).contains(&heat), "{heat}");
 }

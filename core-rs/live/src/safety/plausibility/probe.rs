@@ -1,6 +1,6 @@
 //! A probe: a force that differs from the scene's for some milliseconds, and what the key answers.
 
-use super::signs::{OVER, Signs, Suspicion, Traits};
+use super::signs::{AxisParameters, OVER, Signs, Suspicion};
 
 /// How fast a probe grows [N/s], how great it is at most [N] (at a stop beside the force that is there), and how long it
 /// lasts at most [s].
@@ -57,7 +57,13 @@ pub(super) struct Probe {
 }
 
 impl Probe {
-    pub(super) fn new(kind: Suspicion, way: f64, signs: &Signs, force: f64, own: &Traits) -> Self {
+    pub(super) fn new(
+        kind: Suspicion,
+        way: f64,
+        signs: &Signs,
+        force: f64,
+        own: &AxisParameters,
+    ) -> Self {
         let beside = if kind == Suspicion::Stop {
             force.abs()
         } else {
@@ -83,7 +89,7 @@ impl Probe {
     }
 
     /// The same once more, from no offset at once: a hand that goes along with a force that grows does not with that.
-    pub(super) fn repeated(self, signs: &Signs, force: f64, own: &Traits) -> Self {
+    pub(super) fn repeated(self, signs: &Signs, force: f64, own: &AxisParameters) -> Self {
         Self {
             unmoved: true,
             ..Self::new(self.kind, self.way, signs, force, own)
@@ -102,7 +108,7 @@ impl Probe {
         }
     }
 
-    fn begin(&mut self, signs: &Signs, force: f64, own: &Traits) {
+    fn begin(&mut self, signs: &Signs, force: f64, own: &AxisParameters) {
         let (v, a) = (signs.velocity(own), signs.acceleration(own));
         self.course = match self.kind {
             // The mean velocity over some steps is that of half of them ago.
@@ -113,7 +119,7 @@ impl Probe {
     }
 
     /// A step: the key is where `signs` has it, by the force `sent`.
-    pub(super) fn step(&mut self, signs: &Signs, sent: f64, own: &Traits) -> Answer {
+    pub(super) fn step(&mut self, signs: &Signs, sent: f64, own: &AxisParameters) -> Answer {
         if self.settles > 0 {
             self.settles -= 1;
             if self.settles == 0 {

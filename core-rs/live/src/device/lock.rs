@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 
 /// A device that this program has; it is another's once this is dropped.
 #[derive(Debug)]
-pub(super) struct Owned {
+pub(super) struct DeviceLock {
     _locked: Option<File>,
 }
 
-impl Owned {
+impl DeviceLock {
     /// Take the board at an address. Where there is no folder for the file, nothing is known of others, and it is taken.
     ///
     /// # Errors
@@ -46,7 +46,7 @@ impl Owned {
         };
         match file.try_lock() {
             Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(owner(&file)),
+            Err(TryLockError::WouldBlock) => return Err(lock(&file)),
             Err(TryLockError::Error(_)) => return Ok(Self { _locked: None }),
         }
         let _ = file.set_len(0);
@@ -58,7 +58,7 @@ impl Owned {
 }
 
 /// Why a board cannot be taken: who holds the lock, which writes its process number into the file.
-fn owner(file: &File) -> String {
+fn lock(file: &File) -> String {
     let mut who = String::new();
     let _ = file.take(64).read_to_string(&mut who);
     match who.trim().parse::<u32>() {
@@ -95,19 +95,19 @@ mod tests {
 
     #[test]
     fn a_board_has_one_owner_until_that_lets_go() {
-        let folder = std::env::temp_dir().join(format!("ergon-owner-{}", std::process::id()));
+        let folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let [one, other] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
-        let first = Owned::within(&folder, one).unwrap();
+        let first = DeviceLock::within(&folder, one).unwrap();
         assert_eq!(
-            Owned::within(&folder, one).unwrap_err(),
+            DeviceLock::within(&folder, one).unwrap_err(),
             "this program has it open already"
         );
-        Owned::within(&folder, other).unwrap();
+        DeviceLock::within(&folder, other).unwrap();
         drop(first);
-        Owned::within(&folder, one).unwrap();
+        DeviceLock::within(&folder, one).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
-        Owned::within(&folder, one).unwrap();
+        DeviceLock::within(&folder, one).unwrap();
     }
 
     #[test]
