@@ -215,7 +215,7 @@ impl Performance {
         damp: Option<f64>,
     ) -> PyResult<u64> {
         if simulation.is_none() && old.is_some() {
-            return Err(refused("change", "who takes over from the old one?"));
+            return Err(refused("change", "`old` requires `simulation`"));
         }
         let new = simulation.map(|new| &new.0);
         let old = old.map(|old| &old.0);
@@ -322,7 +322,10 @@ fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
 fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {
     let stem = |(path, offset, n_frames, outputs): StemOf| {
         if outputs.is_empty() || outputs.iter().any(|&output| output >= n_out) {
-            return Err(refused("frozen", "a stem is of outputs that are there"));
+            return Err(refused(
+                "frozen",
+                "a frozen part names no output, or one that does not exist",
+            ));
         }
         Ok(Stem {
             path,

@@ -53,8 +53,8 @@ fn over(limits: &[Arc<Limit>]) -> Option<&'static str> {
 
 fn stopped(why: &'static str) -> PyErr {
     let message = match why {
-        "late" => "it needs more time than it has",
-        _ => "it was cancelled",
+        "late" => "the computation exceeded its time limit",
+        _ => "the computation was cancelled",
     };
     let error = StoppedError::new_err(message);
     let set = Python::attach(|py| error.value(py).setattr("why", why));

@@ -30,7 +30,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(50);
 const LOCKSTEP_PATIENCE: Duration = Duration::from_secs(2);
 
 /// What a device says to an axis that it does not have.
-pub(crate) const NO_AXIS: &str = "it has no such axis (they count from 0)";
+pub(crate) const NO_AXIS: &str = "the device has no such axis (axes count from 0)";
 
 /// A device that could not be opened.
 #[derive(Debug, thiserror::Error)]
@@ -44,7 +44,7 @@ pub enum DeviceError {
         reason: String,
     },
     /// It was opened, and nothing there speaks the protocol.
-    #[error("{url}: nothing there answers as a {kind}")]
+    #[error("{url}: no {kind} answers there")]
     NoAnswer {
         /// As it was asked for.
         url: String,

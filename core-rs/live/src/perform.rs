@@ -196,7 +196,7 @@ impl Performance {
         let info = output.info();
         if info.paced && info.block as usize > 2 * ahead {
             let why = format!(
-                "it takes {} frames at a time: ask for --ahead {}",
+                "the output takes {} frames at a time: --ahead must be at least {}",
                 info.block,
                 2 * info.block
             );

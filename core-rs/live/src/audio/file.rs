@@ -142,6 +142,6 @@ impl Recording {
 
     fn told(&self, error: &io::Error) -> String {
         let (path, unfinished) = (self.path.display(), self.unfinished.display());
-        format!("{path} could not be written ({error}); what there is lies in {unfinished}")
+        format!("{path} could not be written ({error}); the unfinished file is {unfinished}")
     }
 }

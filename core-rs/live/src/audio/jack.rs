@@ -32,7 +32,7 @@ pub(super) fn open(
     let targets = targets(&client, spec.device.as_deref());
     let mut remarks = Vec::new();
     if let Some(wanted) = spec.block.filter(|wanted| *wanted != client.block()) {
-        remarks.push(format!("the server's block stays, not {wanted}"));
+        remarks.push(format!("the server keeps its own block size, not {wanted}"));
     }
     let device = match targets.first() {
         Some(first) => format!("client {}, to {first} and on", client.name()),
@@ -161,7 +161,7 @@ impl Sink for Playback {
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
         let gone = !self.active.client().alive();
         let drain = self.active.close().drain;
-        let why = "the server went away or changed its rate";
+        let why = "the server ended or changed its rate";
         (Some(drain), gone.then(|| why.into()))
     }
 }

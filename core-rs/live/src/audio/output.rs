@@ -173,7 +173,7 @@ impl Output {
             Ok(None) => Ok(()),
             Ok(Some(sentence)) => Err(AudioError::Broken(sentence)),
             Err(_) => Err(AudioError::Broken(
-                "the supervisor of the sound failed".into(),
+                "the thread that supervises the sound panicked".into(),
             )),
         }
     }
@@ -267,14 +267,16 @@ impl OutputState {
                 self.spec.backend,
                 Backend::Jack | Backend::Pulse | Backend::System
             );
-            let why = trouble.clone().unwrap_or_else(|| "it went away".into());
+            let why = trouble
+                .clone()
+                .unwrap_or_else(|| "the device disappeared".into());
             self.tell(if comes_back {
                 format!(
-                    "{} is lost ({why}); playing on in silence and looking for it",
+                    "{} is lost ({why}); the piece plays on in silence until the output is found again",
                     self.spec
                 )
             } else {
-                format!("{} is lost ({why}); playing on in silence", self.spec)
+                format!("{} is lost ({why}); the piece plays on in silence", self.spec)
             });
             let Some(next) = self.in_silence(drain?, comes_back) else {
                 return trouble.filter(|_| !comes_back);

@@ -85,7 +85,7 @@ impl Sink for ThreadSink {
             Ok((drain, trouble)) => (Some(drain), trouble),
             Err(_) => (
                 None,
-                Some("the thread that hands out the sound failed".into()),
+                Some("the thread that writes the sound panicked".into()),
             ),
         }
     }

@@ -68,7 +68,7 @@ fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioErr
     if configs.peek().is_none() {
         return Err(AudioError::Channels {
             channels,
-            why: format!("{device} plays no so many"),
+            why: format!("{device} has no float format with this number of channels"),
         });
     }
     if configs.any(|one| (one.min_sample_rate()..=one.max_sample_rate()).contains(&rate)) {
@@ -142,7 +142,7 @@ impl Sink for SystemStream {
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
         let gone = self.gone.load(Ordering::Acquire);
         drop(self.stream);
-        let why = gone.then(|| "the device went away".into());
+        let why = gone.then(|| "the device disappeared".into());
         (self.returned.recv().ok(), why)
     }
 }

@@ -53,7 +53,7 @@ fn spec() -> Spec {
 impl FireFader {
     pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
         if url.wide {
-            return Err(url.cannot("its forces and positions are bytes; wide is for frames"));
+            return Err(url.cannot("the option wide is only for the open frame"));
         }
         let baud = url.number("baud", f64::from(BAUD))? as u32;
         let mut this = Self {

@@ -68,12 +68,18 @@ impl Frame {
         };
         let who = ask(&mut port).map_err(|gone| url.closed(gone))?;
         let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
-        let spec = spec(&who).ok_or_else(|| url.cannot("it says impossible things of itself"))?;
+        let spec = spec(&who).ok_or_else(|| {
+            url.cannot("the numbers that the device tells of itself are impossible")
+        })?;
         if url.lockstep && !spec.can_lockstep {
-            return Err(url.cannot("its clock is its own; lockstep is for emulators"));
+            return Err(
+                url.cannot("a real device runs by its own clock; lockstep is only for emulators")
+            );
         }
         if url.wide && !spec.can_wide {
-            return Err(url.cannot("its forces and positions are integers; it knows no wide frame"));
+            return Err(
+                url.cannot("the device sends integers only and does not support the option wide")
+            );
         }
         let mut this = Self {
             port,

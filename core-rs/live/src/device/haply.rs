@@ -65,10 +65,10 @@ fn spec() -> Spec {
 impl Haply {
     pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
         if url.wide {
-            return Err(url.cannot("its numbers are text already; wide is for frames"));
+            return Err(url.cannot("the option wide is only for the open frame"));
         }
         if !url.target.starts_with("ws://") {
-            return Err(url.cannot("an address looks like ws://127.0.0.1:10001"));
+            return Err(url.cannot("its address must have the form ws://127.0.0.1:10001"));
         }
         let closed = |error: std::io::Error| url.closed(error);
         let (mut stream, guardian) = start::start().map_err(closed)?;
@@ -79,12 +79,14 @@ impl Haply {
         };
         let reply = put_text(&mut stream, &wish.text())
             .and_then(|()| take_text(&mut stream, START + 2 * FIRST_REPLY))
-            .map_err(|error| url.closed(format!("its guardian did not start ({error})")))?;
+            .map_err(|error| url.closed(format!("its guardian process did not start ({error})")))?;
         let position = match Reply::parse(&reply) {
             Some(Reply::Open(position)) => position,
             Some(Reply::OpenError(why)) => return Err(url.closed(why)),
             Some(Reply::OwnTime) => {
-                return Err(url.cannot("its clock is its own; lockstep is for emulators"));
+                return Err(url.cannot(
+                    "a real device runs by its own clock; lockstep is only for emulators",
+                ));
             }
             Some(Reply::NoAnswer) | None => return Err(url.no_answer("Haply device")),
         };

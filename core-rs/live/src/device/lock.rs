@@ -62,11 +62,13 @@ fn lock(file: &File) -> String {
     let mut who = String::new();
     let _ = file.take(64).read_to_string(&mut who);
     match who.trim().parse::<u32>() {
-        Ok(process) if process == std::process::id() => "this program has it open already".into(),
-        Ok(process) => {
-            format!("process {process} has it open; one program at a time plays a board")
+        Ok(process) if process == std::process::id() => {
+            "this program has the device open already".into()
         }
-        Err(_) => "another program has it open; one at a time plays a board".into(),
+        Ok(process) => {
+            format!("process {process} has the device open; only one program at a time can use it")
+        }
+        Err(_) => "another program has the device open; only one at a time can use it".into(),
     }
 }
 
@@ -101,7 +103,7 @@ mod tests {
         let first = DeviceLock::within(&folder, one).unwrap();
         assert_eq!(
             DeviceLock::within(&folder, one).unwrap_err(),
-            "this program has it open already"
+            "this program has the device open already"
         );
         DeviceLock::within(&folder, other).unwrap();
         drop(first);

@@ -43,10 +43,14 @@ impl Port {
     pub(super) fn udp(url: &Url) -> Result<Self, DeviceError> {
         let closed = |error: std::io::Error| url.closed(error);
         let mut found = url.target.to_socket_addrs().map_err(closed)?;
-        let peer = found.next().ok_or_else(|| url.closed("no such address"))?;
+        let peer = found
+            .next()
+            .ok_or_else(|| url.closed("the address cannot be resolved"))?;
         if peer.ip().is_multicast() || matches!(peer, SocketAddr::V4(at) if at.ip().is_broadcast())
         {
-            return Err(url.cannot("a device has an address of its own"));
+            return Err(
+                url.cannot("the address of a device must not be a multicast or broadcast address")
+            );
         }
         let here = match (peer.ip().is_loopback(), peer.is_ipv4()) {
             (true, true) => "127.0.0.1:0",

@@ -28,13 +28,13 @@ pub enum PlayError {
         error: std::io::Error,
     },
     /// The system refused a thread.
-    #[error("no thread for the physics: {0}")]
+    #[error("the system refused a thread for the physics: {0}")]
     Thread(#[source] std::io::Error),
     /// The physics thread panicked: forces are zero, nothing sounds.
-    #[error("the physics failed; this is a mistake in ergon")]
+    #[error("the physics thread panicked; this is a bug in ergon")]
     Failed,
     /// More hands than are told of.
-    #[error("{0} real hands: there can be {HANDS_MAX}")]
+    #[error("{0} real hands: at most {HANDS_MAX} are supported")]
     Hands(usize),
     /// A scene that a key would swing up against.
     #[error(
@@ -54,18 +54,18 @@ pub enum PlayError {
 #[derive(Debug, thiserror::Error)]
 pub enum ChangeError {
     /// Not the first frame of a tick.
-    #[error("frame {0} begins no tick: ticks have {1} frames")]
+    #[error("frame {0} is not the first of a tick: ticks have {1} frames")]
     Frame(u64, usize),
     /// A simulation of another frame.
-    #[error("the simulation begins at frame {0}, not at {1}")]
+    #[error("the simulation starts at frame {0}, and the change is at frame {1}")]
     Begins(u64, u64),
     /// Prepared parts fill outputs by their places.
-    #[error("with prepared parts the outputs stay as many as they are")]
+    #[error("the number of outputs cannot change while frozen parts play")]
     Frozen,
     /// Another number of channels.
-    #[error("the sound card was opened with {0} channels")]
+    #[error("the number of channels cannot change: the sound card was opened with {0}")]
     Channels(usize),
     /// Too much at once.
-    #[error("too many changes at once")]
+    #[error("too many commands wait for the physics thread")]
     Busy,
 }

@@ -172,7 +172,7 @@ impl DeviceConfig {
         if device.spec().unit == Unit::Radian {
             return Err(self
                 .url
-                .cannot("it turns, and a key of a score goes by metres"));
+                .cannot("the axis rotates (its unit is rad), and a key of a score needs metres"));
         }
         Ok(device)
     }

@@ -41,11 +41,11 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         header.check()?;
         if samples.len() != ticks.len() * header.axes.len() {
-            let wrong = "it has one position for each tick and axis";
+            let wrong = "there must be one position for each tick and axis";
             return Err(RecordingError::Rows(wrong));
         }
         if !ticks.is_sorted_by(|a, b| a < b) {
-            return Err(RecordingError::Rows("its ticks rise"));
+            return Err(RecordingError::Rows("ticks must rise"));
         }
         if samples.len() > MAX_SAMPLES {
             return Err(RecordingError::TooLong);

@@ -138,7 +138,7 @@ impl Client {
                 (self.api.port_register)(self.raw, name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
             };
             if port.is_null() {
-                let why = format!("the JACK server gives no port {prefix}_{i}");
+                let why = format!("the JACK server refused the port {prefix}_{i}");
                 return Err(AudioError::Unavailable {
                     backend: "jack",
                     why,
@@ -219,7 +219,7 @@ impl Client {
         if done == 0 {
             return Ok(active);
         }
-        let why = "the JACK server does not let it begin".into();
+        let why = "the JACK server refused to activate the client".into();
         let error = AudioError::Unavailable {
             backend: "jack",
             why,

@@ -53,7 +53,7 @@ pub(super) fn start() -> io::Result<(Stream, Started)> {
         .unwrap_or_else(PoisonError::into_inner)
         .clone();
     let program = program.ok_or_else(|| {
-        io::Error::other("a Haply needs a guardian process, and this program can start none")
+        io::Error::other("a Haply needs a guardian process, which this program cannot start")
     })?;
     let mut command = Command::new(&program.path);
     command
@@ -63,7 +63,10 @@ pub(super) fn start() -> io::Result<(Stream, Started)> {
     let started = launch(command);
     started.map_err(|error| {
         let path = program.path.display();
-        io::Error::new(error.kind(), format!("its guardian ({path}): {error}"))
+        io::Error::new(
+            error.kind(),
+            format!("its guardian process ({path}): {error}"),
+        )
     })
 }
 
