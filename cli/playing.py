@@ -105,21 +105,21 @@ def play_score(console: Console, path: str, wishes: Wishes) -> None:
         session = Session(
             console, stage, performance, boards, strict=wishes.strict, plain=wishes.plain
         )
-        session.run(osc, order, partial(_borne, console, stage, performance))
+        session.run(osc, order, partial(_warn_of_limits, console, stage, performance))
         if not wishes.loop or (osc is not None and osc.stopped):
             return
         order = replace(order, start=0)
 
 
-def _borne(console: Console, stage: Stage, performance: _core.Performance) -> None:
+def _warn_of_limits(console: Console, stage: Stage, performance: _core.Performance) -> None:
     """Tell whose forces are scaled."""
-    for hand, part, met, limit in performance.borne():
-        if part < 1.0:
-            live = stage.live[hand]
+    for limit in performance.hand_limits():
+        if limit.scale < 1.0:
+            live = stage.live[limit.hand]
             console.warn(
-                f"{live.player} on {live.key}: the scene is {met:,.0f} N/m stiff there, and the "
-                f"device bears {limit:,.0f} N/m at {stage.rate / live.every:.0f} Hz; its forces "
-                f"are scaled to {part:.0%}"
+                f"{live.player} on {live.key}: the scene is {limit.stiffness:,.0f} N/m stiff "
+                f"there, and the device bears {limit.limit:,.0f} N/m at "
+                f"{stage.rate / live.every:.0f} Hz; its forces are scaled to {limit.scale:.0%}"
             )
 
 

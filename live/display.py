@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ergon.live.guard import LEAST
+from ergon._core import FORCE_SCALE_MIN
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -164,8 +164,8 @@ def too_stiff(bearing: Bearing) -> str:
     least = bearing.least
     return (
         f"{bearing.player} would meet {least.met:,.0f} N/m, and the key's device bears "
-        f"{least.limit:,.0f} N/m: less than {LEAST:.0%} of the force would be left; a smaller K "
-        "or a larger Z may do"
+        f"{least.limit:,.0f} N/m: less than {FORCE_SCALE_MIN:.0%} of the force would be left; "
+        "a smaller K or a larger Z may do"
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from ergon import _core
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.stage import OVER, acting
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon import _core
     from ergon.scores.staging.live import LiveHand
     from ergon.scores.staging.stage import Stage
 
@@ -23,20 +23,16 @@ if TYPE_CHECKING:
 # can make a key swing up by half within some seconds, no faster.
 _TICKS = (400, 4096)
 _ENDLESS = 1e12  # [N/m]
-# A key that gets less of the scene's force than this feels another instrument.
-LEAST = 0.02
-# What needs a calendar lies on this grid [frames]; couplings fade in this time [s].
-_GRID, _FADE = 64, 0.02
+# Couplings fade in this time [s] (FADE in core-rs/engine/src/timeline/gate.rs).
+_FADE = 0.02
 # In a shorter glide no swing grows that its two ends do not have [s].
 _SHORT = 0.05
 # A longer one is looked at wherever a number has changed by this ratio, in so many places at most.
 _RATIO, _PLACES = 1.2, 20
 _KEPT = 64  # answers
-# A force falls so long before a stiffer scene acts [s] (core-rs/live/src/perform/scale.rs).
-FALL = 0.02
 
-# What a key bears of an answer: (part of the force, stiffness met and borne [N/m]); None: no key.
-Bears = Callable[[int, "NDArray[np.float64]"], tuple[float, float, float] | None]
+# The force limit of a hand for a response of the scene; None: the hand has no key.
+Bears = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +46,7 @@ class Borne:
     @property
     def is_enough(self) -> bool:
         """Whether what is left is worth playing."""
-        return self.scale >= LEAST
+        return self.scale >= _core.FORCE_SCALE_MIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +177,7 @@ class Guard:
             self.asked += 1
             found = self._bears(hand.index, _answer(met, hand.every, self._reaches[hand.index]))
             assert found is not None  # it is real
-            borne = Borne(*found)
+            borne = Borne(found.scale, found.stiffness, found.limit)
         self._known[key] = borne  # the latest last
         if len(self._known) > _KEPT:
             del self._known[next(iter(self._known))]
@@ -220,11 +216,11 @@ def _end(stage: Stage, until: float | None) -> float:
         return math.inf
     if until == OVER:
         return OVER
-    return _on_grid(stage, until) + -(-int(_FADE * stage.rate) // _GRID) * _GRID
+    return _on_grid(stage, until) + -(-int(_FADE * stage.rate) // _core.GRID) * _core.GRID
 
 
 def _on_grid(stage: Stage, instant: float) -> int:
-    return -(-int(instant * stage.rate + 0.5) // _GRID) * _GRID
+    return -(-int(instant * stage.rate + 0.5) // _core.GRID) * _core.GRID
 
 
 def _places(stage: Stage, glide: Glide, start: int) -> Iterator[int]:

@@ -71,7 +71,7 @@ def test_info_of_a_damaged_file(folder: Path, capsys: Capture) -> None:
     assert capsys.readouterr().out.splitlines()[-1].startswith("  13558 bytes of this recording")
     (folder / "no.take").write_bytes(b"RIFF")
     assert app.run(["take", "info", "no.take"]) == 2
-    assert capsys.readouterr().err == "error: no.take: this is no recording of hands\n"
+    assert capsys.readouterr().err == "error: no.take: this file is not a recording of hands\n"
     assert app.run(["take", "info", "nowhere.take"]) == 2
     assert "nowhere.take: No such file" in capsys.readouterr().err
     assert app.run(["take", "info", "hand.gms"]) == 2
@@ -96,7 +96,7 @@ def test_list(folder: Path, capsys: Capture) -> None:
     assert capsys.readouterr().out.splitlines() == [
         "cut.take: remi, ada, 1.75 s, 7 events, damaged",
         "hand.take: remi, ada, 2 s, 8 events",
-        "no.take: this is no recording of hands",
+        "no.take: this file is not a recording of hands",
         "open.take: remi, ada, 2 s, 8 events, never finished",
     ]
     assert app.run(["take", "list", "--json", "."]) == 0

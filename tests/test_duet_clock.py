@@ -183,7 +183,7 @@ def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number:
         (["--live", "remi=frame:/dev/not-there"], 3, "/dev/not-there"),
         (["--live", "remi=emul:#3"], 3, "no such axis"),
         (["--live", "remi=emul:#99"], 3, "no such axis"),
-        (["--live", "remi=falcon:usb"], 3, "no kind of device"),
+        (["--live", "remi=falcon:usb"], 3, "not a kind of device"),
         (["--live", "remi=emul:", "--record", "there.take"], 2, "overwrites nothing"),
         (["--record", "new.take"], 2, "this needs a --live hand"),
         (["--guide", "remi"], 2, "remi has no device; add --live remi=DEVICE"),

@@ -312,7 +312,7 @@ def test_nothing_is_written_over_what_is_not_ours(folder: Path, capsys: Capture)
 def test_stems_of_outputs_that_are_not_there(folder: Path):
     whole = staging.stage(piece(), planned=True)
     for outputs in ([], [whole.simulation.n_out]):
-        with pytest.raises(_core.EngineError, match="outputs that are there"):
+        with pytest.raises(_core.EngineError, match="names no output"):
             _core.Performance(
                 whole.simulation, whole.mixer(), audio="null", frozen=[(Path("x"), 0, 9, outputs)]
             )

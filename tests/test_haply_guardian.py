@@ -75,7 +75,7 @@ def test_a_service_without_states_is_told_zero_and_plays_on_when_it_has_some(
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
-        ("sys.frozen = True; _core.Device('haply:ws://127.0.0.1:1')", "can start none"),
+        ("sys.frozen = True; _core.Device('haply:ws://127.0.0.1:1')", "cannot start"),
         ("_core.Device('haply:ws://127.0.0.1:1')", "refused"),
         ("_core.guard_haply()", "EngineError"),
     ],

@@ -61,7 +61,7 @@ def test_what_this_engine_cannot_do_is_refused():
         (Setting("bm5"), "bm5"),
         (Setting("ca", 1, "f8"), "no precision f8"),
         (Setting(None, budget_db=3.0), "error_db cannot be 3"),
-        (Setting("modal", budget_db=-60.0), "ask for a method, for error_db"),
+        (Setting("modal", budget_db=-60.0), "only one of method, error_db"),
     ):
         with pytest.raises(_core.EngineError, match=said):
             runs.start(canonical.coupled(0.1), setting)

@@ -7,7 +7,7 @@ import pytest
 from rust_imports import Graph, branches, circles, imports
 
 ROOT = Path(__file__).parents[1]
-CRATES = ["engine"]
+CRATES = ["engine", "live"]
 
 
 def layers(crate: str) -> dict[str, set[str]]:

@@ -100,7 +100,7 @@ except _core.EngineError as error:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     event, error = done.stdout.splitlines()
-    assert "playing on in silence" in event
+    assert "plays on in silence" in event
     assert "could not be written" in error
     (part,) = tmp_path.iterdir()
     assert str(part) in error

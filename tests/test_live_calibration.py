@@ -187,7 +187,7 @@ def test_what_does_not_move_is_not_guessed(config: Path, capsys: Capture):
         assert app.run(["devices", "calibrate", board.in_lockstep]) == 2
         assert "did not move" in capsys.readouterr().err
         assert app.run(["devices", "calibrate", board.in_lockstep, "--axis", "3"]) == 2
-        assert "it has no axis 3" in capsys.readouterr().err
+        assert "axis 3 does not exist" in capsys.readouterr().err
     assert not config.exists()
     assert app.run(["devices", "calibrate", "frame:/dev/nowhere"]) == 3
     assert app.run(["devices", "calibrate", "nobody"]) == 2

@@ -155,14 +155,14 @@ def test_a_board_answers_its_owner_and_nobody_else():
 def test_one_program_has_a_board_in_datagrams():
     with emulator("frame", "--udp", "0", "--lockstep") as device:
         own = _core.Device(device.url)
-        with pytest.raises(_core.EngineError, match="this program has it open already"):
+        with pytest.raises(_core.EngineError, match="this program has the device open already"):
             _core.Device(device.url)
         asked = ["take", "record", "--live", f"remi={device.url}", "-o", "never.take"]
         done = subprocess.run([*ERGON, *asked], capture_output=True, text=True)
         assert done.returncode == 3, done.stderr
         import os
 
-        assert f"process {os.getpid()} has it open" in done.stderr
+        assert f"process {os.getpid()} has the device open" in done.stderr
         own.close()
         _core.Device(device.url).close()
 

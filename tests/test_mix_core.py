@@ -85,7 +85,7 @@ def test_shapes_are_told() -> None:
     mixer = Mixer(RATE, 2, 1)
     with pytest.raises(ValueError, match=r"frames must be \(n_frames, 2\)"):
         mixer.process(np.zeros((5, 3)), np.zeros((5, 1)))
-    with pytest.raises(ValueError, match="5 frames do not mix into 6"):
+    with pytest.raises(ValueError, match="`frames` has 5 frames and `mixed` has 6"):
         mixer.process(np.zeros((5, 2)), np.zeros((6, 1)))
     with pytest.raises(ValueError, match="C-contiguous"):
         Limiter(RATE, 2, 1.0).process(np.zeros((2, 5)).T)

@@ -57,7 +57,7 @@ def _panic(session: Session, command: c.Panic) -> Reply:
 
 def _release(session: Session, command: c.Release) -> Reply:
     if not session.stops.is_stopped:
-        raise NotTakenError("nothing was panicked")
+        raise NotTakenError("no panic is active")
     if not session.stops.may_release:
         raise NotTakenError("a stop came after this line")
     session.release()

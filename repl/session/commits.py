@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ergon._core import EngineError, StoppedError
-from ergon.live.guard import FALL
+from ergon._core import FORCE_FALL_TIME, EngineError, StoppedError
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.text.edit import EditError
@@ -82,7 +81,7 @@ class Commits:
     def __post_init__(self) -> None:
         """Leave real hands their time."""
         if self.real and self.margin:
-            self.margin += int(FALL * self.rate)
+            self.margin += int(FORCE_FALL_TIME * self.rate)
 
     # --- when ------------------------------------------------------------------------------------
 

@@ -40,7 +40,7 @@ class Live:
         self._real = {player for board in order.boards for _, player in board.axes}
         numbers = [hand.index for hand in stage.live if hand.player in self._real]
         reaches = [hand.reach for hand in stage.live]
-        self.guard = Guard(self._performance.bears, reaches, numbers)
+        self.guard = Guard(self._performance.hand_limit, reaches, numbers)
         self._boards = [board.url for board in order.boards]
         self._sound = 0
         # Once it is closed: how it was, and what had not been told.
@@ -94,7 +94,7 @@ class Live:
         return self._performance.change(
             at,
             standins=[one.path for one in led],
-            leads=[one.steps for one in led],
+            guidance=[one.steps for one in led],
         )
 
     def faders(self, gains: Mapping[int, float]) -> None:

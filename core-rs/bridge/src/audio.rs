@@ -42,7 +42,7 @@ impl AudioOut {
         if !(1..=audio::CHANNELS_MAX).contains(&n_channels) || rate == 0 {
             let most = audio::CHANNELS_MAX;
             return Err(said(format!(
-                "an output has 1 to {most} channels and a rate above 0"
+                "an output must have 1 to {most} channels and a rate above 0"
             )));
         }
         py.detach(|| {
@@ -222,7 +222,9 @@ pub(crate) fn play_frames(
     if heard {
         Ok(sentence)
     } else {
-        Err(said(format!("{sentence}: it did not take all frames")))
+        Err(said(format!(
+            "{sentence}: the output did not accept all frames"
+        )))
     }
 }
 

@@ -20,7 +20,7 @@ impl Chance {
     fn uniform(&mut self, low: f64, high: f64) -> PyResult<f64> {
         check(
             low.is_finite() && high.is_finite(),
-            "uniform draws between two finite numbers",
+            "low and high must be finite",
         )?;
         Ok(self.0.uniform(low, high))
     }
@@ -28,10 +28,7 @@ impl Chance {
     /// A number from low to high, both above zero, every octave as likely.
     fn logarithmic(&mut self, low: f64, high: f64) -> PyResult<f64> {
         let fit = low > 0.0 && high > 0.0 && low.is_finite() && high.is_finite();
-        check(
-            fit,
-            "logarithmic draws between two finite numbers above zero",
-        )?;
+        check(fit, "low and high must be finite and above zero")?;
         Ok(self.0.logarithmic(low, high))
     }
 
@@ -39,7 +36,7 @@ impl Chance {
     fn exponential(&mut self, mean: f64) -> PyResult<f64> {
         check(
             mean >= 0.0 && mean.is_finite(),
-            "exponential needs a finite mean, not below zero",
+            "the mean must be finite and at least zero",
         )?;
         Ok(self.0.exponential(mean))
     }

@@ -37,7 +37,10 @@ pub(crate) fn axis(found: AxisOf) -> PyResult<(usize, Axis)> {
         && low < high
         && force_max >= 0.0;
     if !sound {
-        return Err(refused("calibration", "no axis is like that"));
+        return Err(refused(
+            "calibration",
+            "the calibration of an axis is impossible",
+        ));
     }
     let range = [low, high];
     let axis = Axis {
@@ -75,7 +78,10 @@ fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
     if period > 0.0 && (1.0..=TICKS_MAX).contains(&ticks) {
         Ok(ticks as usize)
     } else {
-        Err(refused("seconds", "no such measurement"))
+        Err(refused(
+            "seconds",
+            "seconds and period must be above zero and finite",
+        ))
     }
 }
 
@@ -236,7 +242,7 @@ impl Device {
             Ok(())
         } else {
             Err(said(format!(
-                "it has no axis {axis}: {n} of them, counted from 0"
+                "axis {axis} does not exist: the device has {n}, counted from 0"
             )))
         }
     }

@@ -62,7 +62,8 @@ pub(crate) fn emulate(
             touch_gate,
             force_max,
             resolution,
-            watchdog: watchdog.map_err(|_| refused("watchdog", "is a time of at least zero"))?,
+            watchdog: watchdog
+                .map_err(|_| refused("watchdog", "must be a time of at least zero"))?,
             known: [mass, damping],
             range: key.range,
         },

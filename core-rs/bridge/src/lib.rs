@@ -59,7 +59,7 @@ mod _core {
     #[pymodule_export]
     use super::pcm::{pcm, single};
     #[pymodule_export]
-    use super::perform::{HandStatus, Performance, Status};
+    use super::perform::{HandLimit, HandStatus, Performance, Status};
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
     #[pymodule_export]
@@ -74,6 +74,12 @@ mod _core {
     use super::timeline::Timeline;
     #[pymodule_export]
     use super::work::{StoppedError, Work, poll};
+    #[pymodule_export]
+    const FORCE_FALL_TIME: f64 = ergon_live::perform::FALL_TIME;
+    #[pymodule_export]
+    const FORCE_SCALE_MIN: f64 = ergon_live::perform::SCALE_MIN;
+    #[pymodule_export]
+    const GRID: u64 = ergon_engine::timeline::GRID;
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

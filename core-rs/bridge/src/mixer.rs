@@ -55,7 +55,7 @@ impl Mixer {
     ) -> PyResult<()> {
         let (n_in, n_mixed) = (frames.shape()[0], mixed.shape()[0]);
         if n_in != n_mixed {
-            let message = format!("{n_in} frames do not mix into {n_mixed}");
+            let message = format!("`frames` has {n_in} frames and `mixed` has {n_mixed}");
             return Err(said(message));
         }
         let frames = rows(&frames, "frames", self.0.n_out())?;

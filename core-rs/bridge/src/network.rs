@@ -124,7 +124,7 @@ impl Network {
             },
             (None, None, Some(f), t60) => Tie::Tuned { f, t60 },
             _ => {
-                return Err(refused(name, "a CEL has K and Z, or f and t60, not both"));
+                return Err(refused(name, "a CEL takes either K and Z or f and t60"));
             }
         };
         self.0.cel(name, M, tie, rest, X0, V0).map_err(from_engine)
@@ -299,7 +299,7 @@ impl Network {
         let mut found = HashMap::new();
         for (index, address) in entries {
             let law = laws.get(index).filter(|_| address != 0);
-            let law = law.ok_or_else(|| PyIndexError::new_err("there is no such law"))?;
+            let law = law.ok_or_else(|| PyIndexError::new_err("no law has this index"))?;
             // SAFETY: `ergon.instruments.native`, the only caller, passes what it compiled of these rows.
             found.insert(law.rows.clone(), unsafe { entry(address) });
         }
@@ -352,7 +352,7 @@ impl Network {
     /// Lowest modes of a part as (f, t60) of the continuous network.
     fn modes(&self, py: Python<'_>, part: &str, n_modes: usize) -> PyResult<Vec<(f64, f64)>> {
         let index = self.0.parts().iter().position(|known| known.name == part);
-        let index = index.ok_or_else(|| refused(part, "there is no such part"))?;
+        let index = index.ok_or_else(|| refused(part, "no part has this name"))?;
         let tones = computing(py, || self.0.tones(index, n_modes))?;
         Ok(tones.iter().map(|tone| (tone.f, tone.t60)).collect())
     }

@@ -9,7 +9,8 @@ use ergon_engine::simulation::Carry;
 use ergon_live::audio;
 use ergon_live::device::Url;
 use ergon_live::perform::{
-    self, Bound, Guide, Hand, How, Keyboard, Known, Share, Stage, Stem, Step, What,
+    self, Bound, DeviceConfig, EventKind, Guidance, GuidanceShare, GuidanceStep, Hand, Keyboard,
+    PlaybackConfig, Stage, Stem,
 };
 use ergon_live::recording::{Axis, Header};
 use ergon_live::safety::Trip;
@@ -51,7 +52,7 @@ type StemOf = (PathBuf, u64, u64, Vec<usize>);
 pub(crate) struct Performance {
     own: Mutex<Option<perform::Performance>>,
     /// Beside the lock: a stop waits for nobody.
-    brake: perform::Brake,
+    control: perform::Control,
 }
 
 #[pymethods]
@@ -76,11 +77,11 @@ impl Performance {
         frozen: Vec<StemOf>,
     ) -> PyResult<Self> {
         let rate = simulation.0.rate();
-        let hand = |(standin, reach, guide, response): &HandOf<'_>| {
+        let hand = |(standin, reach, guidance, response): &HandOf<'_>| {
             Ok(Hand {
                 standin: standin.as_slice()?.to_vec(),
                 reach: *reach,
-                guide: guide.map(|(k, z, loose)| Guide { k, z, loose }),
+                guidance: guidance.map(|(k, z, loose)| Guidance { k, z, loose }),
                 response: response.as_slice()?.to_vec(),
                 ..Hand::default()
             })
@@ -97,7 +98,7 @@ impl Performance {
             bars,
             frozen: stems(frozen, simulation.0.n_out())?,
         };
-        let how = How {
+        let config = PlaybackConfig {
             audio: audio.parse().map_err(said)?,
             ahead,
             record: record.map(|(path, axes, about)| {
@@ -118,10 +119,10 @@ impl Performance {
                 .into_iter()
                 .map(|board| open(board, period))
                 .collect::<PyResult<_>>()?;
-            perform::Performance::start(stage, boards, how).map_err(said)
+            perform::Performance::start(stage, boards, config).map_err(said)
         })
         .map(|own| Self {
-            brake: own.brake(),
+            control: own.control(),
             own: Mutex::new(Some(own)),
         })
     }
@@ -132,8 +133,12 @@ impl Performance {
     }
 
     /// What happened since the last call: (frame, what, number of the hand or keyboard).
-    fn events(&self) -> PyResult<Vec<Told>> {
-        self.with(|own| std::iter::from_fn(|| own.event()).map(told).collect())
+    fn events(&self) -> PyResult<Vec<EventTuple>> {
+        self.with(|own| {
+            std::iter::from_fn(|| own.event())
+                .map(event_tuple)
+                .collect()
+        })
     }
 
     /// What happened to the sound: (seconds, sentence).
@@ -142,26 +147,21 @@ impl Performance {
         self.with(|own| own.output().events().into_iter().map(of).collect())
     }
 
-    /// How much of the scene's force each real hand gets: (hand, part, stiffness met [N/m], borne [N/m]).
-    fn borne(&self) -> PyResult<Vec<(usize, f64, f64, f64)>> {
-        let of = |borne: &perform::Borne| (borne.hand, borne.scale, borne.stiffness, borne.limit);
-        self.with(|own| own.borne().iter().map(of).collect())
+    /// How much of the scene's force each real hand may get.
+    fn hand_limits(&self) -> PyResult<Vec<HandLimit>> {
+        self.with(|own| own.hand_limits().iter().map(HandLimit::of).collect())
     }
 
-    /// What the key under a real hand bears of a scene that answers it so [N/m] (n_ticks,): (part, stiffness met [N/m],
-    /// borne [N/m]); None where the hand is not real.
-    fn bears(
+    /// The limit of a real hand for a scene with this response [N/m] (n_ticks,); None where the hand is not real.
+    fn hand_limit(
         &self,
         py: Python<'_>,
         hand: usize,
         response: PyReadonlyArray1<'_, f64>,
-    ) -> PyResult<Option<(f64, f64, f64)>> {
+    ) -> PyResult<Option<HandLimit>> {
         let response = response.as_slice()?;
-        let Some(bearer) = self.with(|own| own.bearer(hand))? else {
-            return Ok(None);
-        };
-        let borne = py.detach(|| bearer.borne(response));
-        Ok(Some((borne.scale, borne.stiffness, borne.limit)))
+        let key = self.with(|own| own.hand_key(hand))?;
+        Ok(key.map(|key| py.detach(|| HandLimit::of(&key.limit(response)))))
     }
 
     /// What it plays on, in words.
@@ -176,12 +176,12 @@ impl Performance {
 
     /// Silence within 5 ms and zero force at the next tick.
     fn panic(&self) {
-        self.brake.panic();
+        self.control.panic();
     }
 
     /// Sound and force again, after a panic or after `let_go`.
     fn release(&self) {
-        self.brake.release();
+        self.control.release();
     }
 
     /// Another gain, from the next tick on.
@@ -197,7 +197,7 @@ impl Performance {
     /// Change what plays at frame `at`, the first of a tick; a ticket, that an event "changed" or "late" tells.
     ///
     /// `simulation` begins there and takes over from `old`, which plays until then; without `old` it begins anew.
-    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, leads=None, bounds=None, damp=None))]
+    #[pyo3(signature = (at, *, simulation=None, old=None, mixer=None, gains=Vec::new(), gain=None, bars=None, standins=None, guidance=None, bounds=None, damp=None))]
     #[allow(clippy::too_many_arguments)]
     fn change(
         &self,
@@ -210,12 +210,12 @@ impl Performance {
         gain: Option<f64>,
         bars: Option<Vec<u64>>,
         standins: Option<Vec<PyReadonlyArray1<'_, f64>>>,
-        leads: Option<Vec<Vec<StepOf>>>,
+        guidance: Option<Vec<Vec<StepOf>>>,
         bounds: Option<Vec<Vec<BoundOf>>>,
         damp: Option<f64>,
     ) -> PyResult<u64> {
         if simulation.is_none() && old.is_some() {
-            return Err(refused("change", "who takes over from the old one?"));
+            return Err(refused("change", "`old` requires `simulation`"));
         }
         let new = simulation.map(|new| &new.0);
         let old = old.map(|old| &old.0);
@@ -230,7 +230,7 @@ impl Performance {
             gain,
             bars,
             standins: slices.transpose()?,
-            leads: leads.map(|all| all.into_iter().map(steps).collect()),
+            guidance_steps: guidance.map(|all| all.into_iter().map(steps).collect()),
             bounds: bounds.map(|all| all.into_iter().map(limits).collect()),
             damp: match damp {
                 Some(0.0) => Some(None),
@@ -249,7 +249,7 @@ impl Performance {
 
     /// Play nothing more.
     fn stop(&self) {
-        self.brake.stop();
+        self.control.stop();
     }
 
     /// Wait until the last frame is computed; False when `seconds` came first.
@@ -267,18 +267,18 @@ impl Performance {
     }
 
     /// Wait until everything was heard and put everything away; the events that are left.
-    fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<Told>> {
+    fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<EventTuple>> {
         let Some(own) = self.own().take() else {
             return Ok(Vec::new());
         };
         let patience = Duration::from_secs_f64(patience.clamp(0.0, LONGEST));
         let events = py.detach(|| own.close(patience)).map_err(said)?;
-        Ok(events.into_iter().map(told).collect())
+        Ok(events.into_iter().map(event_tuple).collect())
     }
 }
 
 /// (frame, what, number of the hand or keyboard, or seconds)
-type Told = (u64, &'static str, f64);
+type EventTuple = (u64, &'static str, f64);
 
 impl Performance {
     fn own(&self) -> MutexGuard<'_, Option<perform::Performance>> {
@@ -293,10 +293,10 @@ impl Performance {
     }
 }
 
-fn steps(all: Vec<StepOf>) -> Vec<Step> {
-    let step = |(at, k, z)| Step {
+fn steps(all: Vec<StepOf>) -> Vec<GuidanceStep> {
+    let step = |(at, k, z)| GuidanceStep {
         at,
-        share: Share { k, z },
+        share: GuidanceShare { k, z },
     };
     all.into_iter().map(step).collect()
 }
@@ -307,7 +307,7 @@ fn limits(all: Vec<BoundOf>) -> Vec<Bound> {
 }
 
 fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
-    let known = Known {
+    let known = DeviceConfig {
         url: Url::parse(&url).map_err(said)?,
         calibration: known
             .into_iter()
@@ -322,7 +322,10 @@ fn open((url, axes, most, known): BoardOf, period: f64) -> PyResult<Keyboard> {
 fn stems(frozen: Vec<StemOf>, n_out: usize) -> PyResult<Vec<Stem>> {
     let stem = |(path, offset, n_frames, outputs): StemOf| {
         if outputs.is_empty() || outputs.iter().any(|&output| output >= n_out) {
-            return Err(refused("frozen", "a stem is of outputs that are there"));
+            return Err(refused(
+                "frozen",
+                "a frozen part names no output, or one that does not exist",
+            ));
         }
         Ok(Stem {
             path,
@@ -344,18 +347,18 @@ fn tripped(why: Trip) -> &'static str {
     }
 }
 
-fn told(event: perform::Event) -> Told {
-    let (what, number) = match event.what {
-        What::Gone(board) => ("gone", board as f64),
-        What::Back(board) => ("back", board as f64),
-        What::TookOver(hand) => ("took over", hand as f64),
-        What::Lost(late) => ("lost", late.as_secs_f64()),
-        What::Tripped(hand, why) => (tripped(why), hand as f64),
-        What::Muted => ("muted", 0.0),
-        What::Finer => ("finer", 0.0),
-        What::Changed(ticket) => ("changed", ticket as f64),
-        What::Late(ticket) => ("late", ticket as f64),
-        What::Ended => ("ended", 0.0),
+fn event_tuple(event: perform::Event) -> EventTuple {
+    let (what, number) = match event.kind {
+        EventKind::Gone(board) => ("gone", board as f64),
+        EventKind::Back(board) => ("back", board as f64),
+        EventKind::TookOver(hand) => ("took over", hand as f64),
+        EventKind::Lost(late) => ("lost", late.as_secs_f64()),
+        EventKind::Tripped(hand, why) => (tripped(why), hand as f64),
+        EventKind::Muted => ("muted", 0.0),
+        EventKind::Finer => ("finer", 0.0),
+        EventKind::Changed(ticket) => ("changed", ticket as f64),
+        EventKind::Late(ticket) => ("late", ticket as f64),
+        EventKind::Ended => ("ended", 0.0),
     };
     (event.frame, what, number)
 }
@@ -437,6 +440,26 @@ impl HandStatus {
             touch: hand.touch,
             enabled: hand.enabled,
             tripped: hand.tripped,
+        }
+    }
+}
+
+/// How much of the scene's force a real hand may get.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct HandLimit {
+    hand: usize,
+    scale: f64,
+    stiffness: f64,
+    limit: f64,
+}
+
+impl HandLimit {
+    fn of(limit: &perform::HandLimit) -> Self {
+        Self {
+            hand: limit.hand,
+            scale: limit.scale,
+            stiffness: limit.stiffness,
+            limit: limit.limit,
         }
     }
 }

@@ -159,7 +159,7 @@ fn budget(
         }
         _ => Err(refused(
             "accuracy",
-            "ask for a method, for error_db, or for cents (with upto)",
+            "only one of method, error_db and cents (with upto) may be given",
         )),
     }
 }

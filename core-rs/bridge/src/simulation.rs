@@ -21,7 +21,7 @@ pub(crate) struct Snapshot(simulation::Snapshot);
 #[pyclass(module = "ergon._core")]
 pub(crate) struct Simulation(pub(crate) simulation::Simulation, IsStopped);
 
-/// Whether it was stopped in the middle of a frame: then its state is of no use.
+/// Whether the simulation was stopped in the middle of a frame and cannot go on: then its state is of no use.
 type IsStopped = bool;
 
 #[pymethods]
@@ -53,7 +53,7 @@ impl Simulation {
         };
         if let Some(plan) = plan {
             if ledger || record {
-                let message = "a plan keeps neither a ledger nor a stream of ergons";
+                let message = "`ledger` and `record` are not available with a plan";
                 return Err(refused("plan", message));
             }
             let plan = plan.0.clone();
@@ -97,7 +97,7 @@ impl Simulation {
         if std::mem::replace(is_stopped, true) {
             return Err(refused(
                 "process",
-                "it was stopped in the middle of a frame",
+                "the simulation was stopped in the middle of a frame and cannot go on",
             ));
         }
         let done = computing(py, || {
@@ -163,7 +163,9 @@ impl Simulation {
             return Ok(outputs);
         }
         let (own, old) = (self.0.frame(), old.0.frame());
-        let message = format!("one is at frame {own}, the other at {old}");
+        let message = format!(
+            "both simulations must be at one frame: this one is at {own}, the other at {old}"
+        );
         Err(refused("take_over", message))
     }
 
@@ -180,7 +182,7 @@ impl Simulation {
         let energy = self
             .0
             .energy()
-            .ok_or_else(|| refused("energy", "the simulation was made without a ledger"))?;
+            .ok_or_else(|| refused("energy", "the simulation was made without ledger=True"))?;
         Ok(Energy {
             start: energy.start,
             stored: energy.stored,
@@ -247,10 +249,9 @@ impl Simulation {
 /// A time to fade within [s], if it is one.
 pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     match t60 {
-        Some(t60) if !(t60.is_finite() && t60 > 0.0) => Err(refused(
-            "damp",
-            format!("T60 is a time above 0 s, not {t60}"),
-        )),
+        Some(t60) if !(t60.is_finite() && t60 > 0.0) => {
+            Err(refused("damp", format!("t60 must be above 0 s, not {t60}")))
+        }
         t60 => Ok(t60),
     }
 }

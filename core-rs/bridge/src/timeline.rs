@@ -140,7 +140,7 @@ impl Timeline {
             _ => {
                 return Err(refused(
                     "strike",
-                    "a strike has an impulse, or a mass and a speed",
+                    "a strike takes either an impulse or a mass and a speed",
                 ));
             }
         }
@@ -233,7 +233,12 @@ impl Timeline {
                 let path = take.0.placed(at, scale, 1.0, false);
                 Source::Take(path.map_err(|error| refused("drive", error))?)
             }
-            _ => return Err(refused("drive", "a drive has a constant or a take")),
+            _ => {
+                return Err(refused(
+                    "drive",
+                    "a drive takes either a constant or a take",
+                ));
+            }
         };
         self.inner
             .drive(mat, kind, source, own)
@@ -274,7 +279,7 @@ impl Timeline {
         }
         Err(refused(
             "timeline",
-            "it was made for another state of the network",
+            "the network was changed after the timeline was made",
         ))
     }
 
@@ -284,7 +289,10 @@ impl Timeline {
         }
         Err(refused(
             name,
-            format!("there are {} MATs, and no #{mat}", self.network.n_mat()),
+            format!(
+                "MAT #{mat} does not exist: the network has {}",
+                self.network.n_mat()
+            ),
         ))
     }
 }

@@ -26,7 +26,8 @@ const LONGEST: f64 = 1e6;
 #[derive(Debug)]
 struct Limit {
     until: Option<Instant>,
-    is_cancelled: AtomicBool,
+    /// Set by [`Work::cancel`].
+    is_cancelled: Arc<AtomicBool>,
 }
 
 impl Limit {
@@ -52,8 +53,8 @@ fn over(limits: &[Arc<Limit>]) -> Option<&'static str> {
 
 fn stopped(why: &'static str) -> PyErr {
     let message = match why {
-        "late" => "it needs more time than it has",
-        _ => "it was cancelled",
+        "late" => "the computation exceeded its time limit",
+        _ => "the computation was cancelled",
     };
     let error = StoppedError::new_err(message);
     let set = Python::attach(|py| error.value(py).setattr("why", why));
@@ -64,14 +65,7 @@ fn stopped(why: &'static str) -> PyErr {
 #[pyclass(frozen, module = "ergon._core")]
 pub(crate) struct Work {
     seconds: Option<f64>,
-    limit: Mutex<Option<Arc<Limit>>>,
-    is_cancelled: AtomicBool,
-}
-
-impl Work {
-    fn limit(&self) -> std::sync::MutexGuard<'_, Option<Arc<Limit>>> {
-        self.limit.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+    is_cancelled: Arc<AtomicBool>,
 }
 
 #[pymethods]
@@ -81,17 +75,13 @@ impl Work {
     fn new(seconds: Option<f64>) -> Self {
         Self {
             seconds,
-            limit: Mutex::new(None),
-            is_cancelled: AtomicBool::new(false),
+            is_cancelled: Arc::default(),
         }
     }
 
     /// End it, from any thread; also before it has begun.
     fn cancel(&self) {
         self.is_cancelled.store(true, Ordering::Relaxed);
-        if let Some(limit) = &*self.limit() {
-            limit.is_cancelled.store(true, Ordering::Relaxed);
-        }
     }
 
     fn __enter__(slf: Bound<'_, Self>) -> Bound<'_, Self> {
@@ -107,22 +97,20 @@ impl Work {
         });
         let limit = Arc::new(Limit {
             until,
-            is_cancelled: AtomicBool::new(own.is_cancelled.load(Ordering::Relaxed)),
+            is_cancelled: own.is_cancelled.clone(),
         });
-        *own.limit() = Some(limit.clone());
-        // Between the two above somebody may have cancelled it.
-        if own.is_cancelled.load(Ordering::Relaxed) {
-            limit.is_cancelled.store(true, Ordering::Relaxed);
-        }
         LIMITS.with_borrow_mut(|limits| limits.push(limit));
         slf
     }
 
     #[pyo3(signature = (*_how))]
     fn __exit__(&self, _how: &Bound<'_, pyo3::types::PyTuple>) {
-        if let Some(own) = self.limit().take() {
-            LIMITS.with_borrow_mut(|limits| limits.retain(|limit| !Arc::ptr_eq(limit, &own)));
-        }
+        LIMITS.with_borrow_mut(|limits| {
+            let own = |limit: &Arc<Limit>| Arc::ptr_eq(&limit.is_cancelled, &self.is_cancelled);
+            if let Some(innermost) = limits.iter().rposition(own) {
+                limits.remove(innermost);
+            }
+        });
     }
 }
 

@@ -80,6 +80,6 @@ pub enum AudioError {
     #[error("{0}")]
     Broken(String),
     /// No thread to be had.
-    #[error("the system gives no thread: {0}")]
+    #[error("the system refused a thread for the sound: {0}")]
     Thread(std::io::Error),
 }

@@ -8,8 +8,6 @@ mod hand;
 mod key;
 mod line;
 mod serve;
-#[cfg(unix)]
-mod terminal;
 
 pub use firmware::{Board, Firmware, Protocol};
 pub use hand::Hand;
@@ -24,6 +22,6 @@ pub enum EmulateError {
     #[error("{0}")]
     Refused(&'static str),
     /// The system gives no port.
-    #[error("no port: {0}")]
+    #[error("no port could be opened: {0}")]
     Port(#[from] std::io::Error),
 }

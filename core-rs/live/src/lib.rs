@@ -12,3 +12,4 @@ pub mod realtime;
 pub mod recording;
 pub mod safety;
 pub mod stop;
+pub mod wire;

@@ -4,30 +4,33 @@
 //! pushes their sound into the ring. Keys have the first say in when a tick begins, the sound card has the last:
 //! their clock is steered by how full the ring is. Without keys on a clock of their own the ring alone says when.
 
-mod bearer;
-mod change;
 mod clock;
+mod control;
+mod error;
 mod frozen;
+mod guidance;
 mod hand;
+mod hand_limit;
 mod keys;
-mod lead;
 mod player;
 mod scale;
 mod status;
 
-pub use bearer::{Bearer, Borne, LEAST};
-pub use change::Change;
+pub use control::Control;
+pub use error::{ChangeError, PlayError};
 pub use frozen::Stem;
+pub use guidance::{Guidance, GuidanceShare, GuidanceStep};
 pub use hand::Hand;
-pub use keys::{Keyboard, Known, Slot};
-pub use lead::{Guide, Share, Step};
-pub use scale::Bound;
+pub use hand_limit::{HandKey, HandLimit, SCALE_MIN};
+pub use keys::{DeviceConfig, Keyboard, Slot};
+pub use player::change::Change;
+pub use scale::{Bound, FALL_TIME};
 use status::HANDS_MAX;
-pub use status::{Event, HandStatus, Status, What};
+pub use status::{Event, EventKind, HandStatus, Status};
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -37,12 +40,12 @@ use ergon_engine::simulation::Simulation;
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::audio::{self, AudioError, Output};
-use crate::device::DeviceError;
 use crate::realtime::{self, Granted};
-use crate::recording::{Header, Recorder, RecorderHandle, RecordingError};
+use crate::recording::{Header, Recorder, RecorderHandle};
 use crate::safety::{self, Guarded};
-use crate::stop;
+use control::{MarkDone, SharedFlags};
 use player::Player;
+use player::change::{SCHEDULED_MAX, ScheduledChange};
 
 /// Frames that the ring holds ahead of the card: two of its blocks, and enough for a machine that is no
 /// real-time machine.
@@ -75,76 +78,13 @@ pub struct Stage {
 
 /// How it is to be played.
 #[derive(Debug)]
-pub struct How {
+pub struct PlaybackConfig {
     /// Where the sound goes.
     pub audio: audio::Spec,
     /// Frames ahead of the card, if not two of its blocks.
     pub ahead: Option<usize>,
     /// A recording of the hands, and what stands at its beginning.
     pub record: Option<(PathBuf, Header)>,
-}
-
-/// Why nothing can be played.
-#[derive(Debug, thiserror::Error)]
-pub enum PlayError {
-    /// The sound.
-    #[error(transparent)]
-    Audio(#[from] AudioError),
-    /// A key.
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-    /// The recording.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-    /// A prepared part.
-    #[error("{}: {error}", path.display())]
-    Frozen {
-        /// Its file.
-        path: PathBuf,
-        /// Why it cannot be read.
-        error: std::io::Error,
-    },
-    /// The system refused a thread.
-    #[error("no thread for the physics: {0}")]
-    Thread(#[source] std::io::Error),
-    /// The physics thread panicked: forces are zero, nothing sounds.
-    #[error("the physics failed; this is a mistake in ergon")]
-    Failed,
-    /// More hands than are told of.
-    #[error("{0} real hands: there can be {HANDS_MAX}")]
-    Hands(usize),
-    /// A scene that a key would swing up against.
-    #[error(
-        "hand {hand}: the scene is {stiffness:.0} N/m stiff there, and the device bears {limit:.0} N/m"
-    )]
-    Stiff {
-        /// Which hand.
-        hand: usize,
-        /// What it would meet [N/m].
-        stiffness: f64,
-        /// What its device bears [N/m].
-        limit: f64,
-    },
-}
-
-/// Why a change cannot be asked for.
-#[derive(Debug, thiserror::Error)]
-pub enum ChangeError {
-    /// Not the first frame of a tick.
-    #[error("frame {0} begins no tick: ticks have {1} frames")]
-    Frame(u64, usize),
-    /// A simulation of another frame.
-    #[error("the simulation begins at frame {0}, not at {1}")]
-    Begins(u64, u64),
-    /// Prepared parts fill outputs by their places.
-    #[error("with prepared parts the outputs stay as many as they are")]
-    Frozen,
-    /// Another number of channels.
-    #[error("the sound card was opened with {0} channels")]
-    Channels(usize),
-    /// Too much at once.
-    #[error("too many changes at once")]
-    Busy,
 }
 
 /// Something that is asked of the physics thread.
@@ -156,38 +96,23 @@ pub(crate) enum Command {
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
     /// Another version.
-    Change(Box<change::Due>),
-}
-
-/// What both sides may touch at any time.
-#[derive(Debug, Default)]
-pub(crate) struct Desk {
-    /// Nothing more is to be played.
-    stop: AtomicBool,
-    /// Forces are zero, sound is silent.
-    panic: AtomicBool,
-    /// Axes that tripped may push again.
-    again: AtomicBool,
-    /// The last frame is out.
-    done: AtomicBool,
-    /// What the physics thread runs as: priority + 1, memory locked in the lowest bit.
-    granted: AtomicU64,
+    Change(Box<ScheduledChange>),
 }
 
 /// A piece that is being played. Dropped, it stops.
 pub struct Performance {
-    desk: Arc<Desk>,
+    flags: Arc<SharedFlags>,
     thread: Option<JoinHandle<Player>>,
-    seekers: Vec<keys::Seeker>,
+    reconnectors: Vec<keys::Reconnector>,
     commands: Arc<std::sync::Mutex<Producer<Command>>>,
     status: triple_buffer::Output<Status>,
     events: Consumer<Event>,
     output: Output,
     recorder: Option<RecorderHandle>,
     reader: Option<frozen::Reader>,
-    borne: Vec<Borne>,
-    bearers: Vec<Bearer>,
-    garbage: Consumer<Box<change::Due>>,
+    hand_limits: Vec<HandLimit>,
+    hand_keys: Vec<HandKey>,
+    garbage: Consumer<Box<ScheduledChange>>,
     tickets: u64,
     /// Frames of a tick, channels, and outputs where prepared parts fill some of them.
     every: usize,
@@ -200,17 +125,21 @@ impl Performance {
     ///
     /// # Errors
     /// [`PlayError`] says what is missing; nothing sounds then, and no force was sent.
-    pub fn start(stage: Stage, boards: Vec<Keyboard>, how: How) -> Result<Self, PlayError> {
-        let (mut this, mut player) = Self::prepare(stage, boards, how)?;
+    pub fn start(
+        stage: Stage,
+        boards: Vec<Keyboard>,
+        config: PlaybackConfig,
+    ) -> Result<Self, PlayError> {
+        let (mut this, mut player) = Self::prepare(stage, boards, config)?;
         // Without a hand too: what sounds ends by a signal as soon.
         safety::watch_ends();
-        let own = this.desk.clone();
+        let flags = this.flags.clone();
         let thread = std::thread::Builder::new()
             .name("ergon physics".into())
             .spawn(move || {
-                let _done = Done(own.clone());
+                let _mark = MarkDone(flags.clone());
                 safety::leave_signals();
-                own.grant(realtime::ask(realtime::PHYSICS));
+                flags.set_granted(realtime::ask(realtime::PHYSICS));
                 player.run();
                 // Given back to be freed where time does not count.
                 player
@@ -224,7 +153,7 @@ impl Performance {
     fn prepare(
         mut stage: Stage,
         boards: Vec<Keyboard>,
-        how: How,
+        config: PlaybackConfig,
     ) -> Result<(Self, Player), PlayError> {
         let rate = stage.simulation.rate();
         let channels = stage.mixer.n_channels();
@@ -235,21 +164,24 @@ impl Performance {
         if stage.hands.len() > HANDS_MAX {
             return Err(PlayError::Hands(stage.hands.len()));
         }
-        let bearers: Vec<Bearer> = boards
+        let hand_keys: Vec<HandKey> = boards
             .iter()
-            .flat_map(|board| Bearer::all(board, &stage.hands))
+            .flat_map(|board| HandKey::all(board, &stage.hands))
             .collect();
-        let borne = |bearer: &Bearer| bearer.borne(&stage.hands[bearer.hand].response);
-        let borne: Vec<Borne> = bearers.iter().map(borne).collect();
-        if let Some(stiff) = borne.iter().find(|borne| borne.scale < LEAST) {
+        let limit = |key: &HandKey| key.limit(&stage.hands[key.hand].response);
+        let hand_limits: Vec<HandLimit> = hand_keys.iter().map(limit).collect();
+        if let Some(stiff) = hand_limits.iter().find(|limit| limit.scale < SCALE_MIN) {
             return Err(PlayError::Stiff {
                 hand: stiff.hand,
                 stiffness: stiff.stiffness,
                 limit: stiff.limit,
             });
         }
-        let block = how.audio.block.unwrap_or(0) as usize;
-        let ahead = how.ahead.unwrap_or(AHEAD).max(2 * stage.every.max(block));
+        let block = config.audio.block.unwrap_or(0) as usize;
+        let ahead = config
+            .ahead
+            .unwrap_or(AHEAD)
+            .max(2 * stage.every.max(block));
         let (feed, drain) = audio::ring(channels, 4 * ahead);
         feed.set_prefill(ahead);
         let stems = std::mem::take(&mut stage.frozen);
@@ -260,18 +192,18 @@ impl Performance {
                 .map_err(|(path, error)| PlayError::Frozen { path, error })?;
             (Some(frozen), Some(reader))
         };
-        let output = audio::open(&how.audio, rate as u32, channels, drain)?;
+        let output = audio::open(&config.audio, rate as u32, channels, drain)?;
         let info = output.info();
         if info.paced && info.block as usize > 2 * ahead {
             let why = format!(
-                "it takes {} frames at a time: ask for --ahead {}",
+                "the output takes {} frames at a time: --ahead must be at least {}",
                 info.block,
                 2 * info.block
             );
             return Err(AudioError::Broken(why).into());
         }
         // Last of all: what cannot begin leaves no file.
-        let (sink, recorder) = match &how.record {
+        let (sink, recorder) = match &config.record {
             Some((path, header)) => {
                 let (sink, handle) = Recorder::start(path, header)?;
                 (Some(sink), Some(handle))
@@ -280,22 +212,22 @@ impl Performance {
         };
         let (to_commands, from_commands) = RingBuffer::new(COMMANDS);
         let (to_events, events) = RingBuffer::new(EVENTS);
-        let (to_garbage, garbage) = RingBuffer::new(2 * change::WAITING);
+        let (to_garbage, garbage) = RingBuffer::new(2 * SCHEDULED_MAX);
         let (to_status, status) = triple_buffer::triple_buffer(&Status::default());
-        let desk = Arc::new(Desk::default());
+        let flags = Arc::new(SharedFlags::default());
         let commands = Arc::new(std::sync::Mutex::new(to_commands));
-        let mut seekers = Vec::new();
+        let mut reconnectors = Vec::new();
         let slots: Vec<Slot> = boards
             .into_iter()
             .enumerate()
             .map(|(index, board)| {
-                let (slot, seeker) = board.split(index, commands.clone());
-                seekers.push(seeker);
+                let (slot, reconnector) = board.split(index, commands.clone());
+                reconnectors.push(reconnector);
                 slot
             })
             .collect();
-        let links = player::Links {
-            desk: desk.clone(),
+        let links = player::Connections {
+            flags: flags.clone(),
             commands: from_commands,
             events: to_events,
             status: to_status,
@@ -314,19 +246,26 @@ impl Performance {
         );
         let every = stage.every;
         let frozen = reader.is_some().then(|| stage.simulation.n_out());
-        let player = Player::new(stage, slots, links, clock, info.paced || by_keys, &borne);
+        let player = Player::new(
+            stage,
+            slots,
+            links,
+            clock,
+            info.paced || by_keys,
+            &hand_limits,
+        );
         let this = Self {
-            desk,
+            flags,
             thread: None,
-            seekers,
+            reconnectors,
             commands,
             status,
             events,
             output,
             recorder,
             reader,
-            borne,
-            bearers,
+            hand_limits,
+            hand_keys,
             garbage,
             tickets: 0,
             every,
@@ -346,14 +285,14 @@ impl Performance {
         self.events.pop().ok()
     }
 
-    /// How much of the scene's force each real hand gets.
-    pub fn borne(&self) -> &[Borne] {
-        &self.borne
+    /// How much of the scene's force each real hand may get.
+    pub fn hand_limits(&self) -> &[HandLimit] {
+        &self.hand_limits
     }
 
-    /// The key under a hand, to find out beforehand what it bears; `None`: the hand is not real.
-    pub fn bearer(&self, hand: usize) -> Option<Bearer> {
-        self.bearers.iter().find(|own| own.hand == hand).copied()
+    /// The key under a hand, to compute limits of another scene; `None`: the hand is not real.
+    pub fn hand_key(&self, hand: usize) -> Option<HandKey> {
+        self.hand_keys.iter().find(|own| own.hand == hand).copied()
     }
 
     /// The output that it plays on.
@@ -363,25 +302,22 @@ impl Performance {
 
     /// What the system granted the physics thread; `None` until it runs.
     pub fn granted(&self) -> Option<Granted> {
-        self.desk.granted()
+        self.flags.granted()
     }
 
     /// What stops it from any thread.
-    pub fn brake(&self) -> Brake {
-        Brake {
-            desk: self.desk.clone(),
-            sound: self.output.shared().clone(),
-        }
+    pub fn control(&self) -> Control {
+        Control::new(self.flags.clone(), self.output.shared().clone())
     }
 
-    /// See [`Brake::panic`].
+    /// See [`Control::panic`].
     pub fn panic(&self) {
-        self.brake().panic();
+        self.control().panic();
     }
 
-    /// See [`Brake::release`].
+    /// See [`Control::release`].
     pub fn release(&self) {
-        self.brake().release();
+        self.control().release();
     }
 
     /// Go to another gain over 20 ms, from the next tick on; false where too much is asked at once.
@@ -394,7 +330,7 @@ impl Performance {
         self.command(Command::Part(group, gain))
     }
 
-    /// Change something at a frame that begins a tick; returns a ticket, which [`What::Changed`] or [`What::Late`] tells.
+    /// Change something at a frame that begins a tick; returns a ticket, which [`EventKind::Changed`] or [`EventKind::Late`] tells.
     ///
     /// # Errors
     /// [`ChangeError`]: nothing was asked for then.
@@ -426,7 +362,7 @@ impl Performance {
         let heard = vec![0.0; n_out.map_or(0, |(n_out, _)| n_out * self.every)];
         self.tickets += 1;
         let ticket = self.tickets;
-        let due = change::Due {
+        let due = ScheduledChange {
             at,
             ticket,
             change,
@@ -447,14 +383,14 @@ impl Performance {
         commands.push(command).is_ok()
     }
 
-    /// See [`Brake::stop`].
+    /// See [`Control::stop`].
     pub fn stop(&self) {
-        self.brake().stop();
+        self.control().stop();
     }
 
     /// Whether the last frame has been computed.
     pub fn is_done(&self) -> bool {
-        self.desk.done.load(Ordering::Acquire)
+        self.flags.done.load(Ordering::Acquire)
     }
 
     /// Wait until everything was heard, and put everything away; the events that are left.
@@ -471,7 +407,7 @@ impl Performance {
         let played = self.thread.take().map_or(Ok(()), |thread| {
             thread.join().map(drop).map_err(|_| PlayError::Failed)
         });
-        self.seekers.clear();
+        self.reconnectors.clear();
         self.reader = None;
         let _ = self.output.wait(patience);
         let closed = self.output.close();
@@ -483,64 +419,10 @@ impl Performance {
     }
 }
 
-/// What stops a performance from any thread, at once: it takes no lock and waits for nothing.
-#[derive(Clone)]
-pub struct Brake {
-    desk: Arc<Desk>,
-    sound: Arc<audio::Shared>,
-}
-
-impl Brake {
-    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Brake::release`].
-    pub fn panic(&self) {
-        self.desk.panic.store(true, Ordering::Release);
-        self.sound.panic();
-    }
-
-    /// Sound and force again, after a panic, after [`stop::Stop::Forces`] and after a key tripped.
-    pub fn release(&self) {
-        stop::release();
-        self.desk.panic.store(false, Ordering::Release);
-        self.desk.again.store(true, Ordering::Release);
-        self.sound.release();
-    }
-
-    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
-    pub fn stop(&self) {
-        self.desk.stop.store(true, Ordering::Release);
-        self.sound.panic();
-    }
-}
-
-/// Says that the physics is over, however it ended.
-struct Done(Arc<Desk>);
-
-impl Drop for Done {
-    fn drop(&mut self) {
-        self.0.done.store(true, Ordering::Release);
-    }
-}
-
 impl Drop for Performance {
     fn drop(&mut self) {
         self.stop();
         let _ = self.end(Duration::from_millis(200));
-    }
-}
-
-impl Desk {
-    fn grant(&self, granted: Granted) {
-        let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
-        let value = 4 | priority << 8 | u64::from(granted.locked);
-        self.granted.store(value, Ordering::Release);
-    }
-
-    fn granted(&self) -> Option<Granted> {
-        let value = self.granted.load(Ordering::Acquire);
-        (value != 0).then(|| Granted {
-            fifo: (value >> 8).checked_sub(1).map(|fifo| fifo as i32),
-            locked: value & 1 == 1,
-        })
     }
 }
 

@@ -35,7 +35,7 @@ pub enum RecordingError {
     #[error(transparent)]
     Io(#[from] io::Error),
     /// Another kind of file.
-    #[error("this is no recording of hands")]
+    #[error("this file is not a recording of hands")]
     NotOne,
     /// Of a later ergon.
     #[error("this recording is of version {0}; this ergon reads version {VERSION}")]
@@ -51,7 +51,7 @@ pub enum RecordingError {
     Rows(&'static str),
     /// More than fits.
     #[error(
-        "this recording is longer than {MAX_SAMPLES} rows and axes, or {MAX_EVENTS} bytes of events; take a part of it"
+        "this recording is too long: rows · axes exceed {MAX_SAMPLES}, or events exceed {MAX_EVENTS} bytes; read a part of it"
     )]
     TooLong,
 }

@@ -6,6 +6,7 @@
 //! watchdog. When the host goes on, it finds by the clock that it was stopped.
 
 mod clock;
+pub mod contract;
 mod counts;
 mod force;
 mod last_resort;
@@ -23,13 +24,19 @@ pub use plausibility::Trip;
 
 use std::time::{Duration, Instant};
 
-use crate::device::{Device, Gone, MAX_AXES, Sample, Spec};
+use crate::safety::contract::{Device, Gone, Sample, Spec};
 use crate::stop;
+use crate::wire::MAX_AXES;
 use clock::Clock;
 use last_resort::Armed;
 pub use last_resort::{leave_signals, look_for_signals, watch, watch_ends};
 use pipeline::Pipeline;
-use plausibility::{Built, Watched};
+use plausibility::{AxisSpec, Watched};
+
+/// A factor from 0 to 1: NaN and negative numbers are 0, greater ones are 1.
+pub(crate) fn unit(factor: f64) -> f64 {
+    if factor > 0.0 { factor.min(1.0) } else { 0.0 }
+}
 
 /// How often zero forces are sent when all is over: one packet may be lost.
 const FAREWELLS: usize = 3;
@@ -41,9 +48,6 @@ pub struct Guarded<D: Device = Box<dyn Device>> {
     pipeline: Pipeline,
     /// Whether force and motion agree, if that is watched.
     watched: Option<Watched>,
-    period: f64,
-    /// Greatest force [N].
-    force: f64,
     /// Why each axis tripped, if it did.
     trips: [Option<Trip>; MAX_AXES],
     /// By [`Guarded::stop`]; and whether the pipeline is, by that or by the stop of the process.
@@ -85,8 +89,6 @@ impl<D: Device> Guarded<D> {
             _armed: device.last_resort().and_then(last_resort::arm),
             pipeline: Pipeline::new(spec, limits, period, in_lockstep),
             watched: None,
-            period,
-            force: limits.force.min(spec.force_max_peak),
             trips: [None; MAX_AXES],
             stopped: false,
             held: false,
@@ -99,15 +101,15 @@ impl<D: Device> Guarded<D> {
     #[must_use]
     pub fn watched(mut self) -> Self {
         let spec = self.device.spec();
-        let built: Vec<Built> = (0..spec.dof)
-            .map(|axis| Built {
+        let built: Vec<AxisSpec> = (0..spec.dof)
+            .map(|axis| AxisSpec {
                 range: self.device.range(axis),
                 resolution: spec.pos_lsb,
                 inertia: spec.inertia,
-                force: self.force,
+                force: self.pipeline.force_max(),
             })
             .collect();
-        self.watched = Some(Watched::new(&built, self.period));
+        self.watched = Some(Watched::new(&built, self.pipeline.period()));
         self
     }
 
@@ -154,14 +156,13 @@ impl<D: Device> Guarded<D> {
 
     fn pass(&mut self, forces: &[f64]) -> SafeForce {
         let now = self.clock.now();
-        if let Some(watched) = &mut self.watched
-            && self.pipeline.is_fading()
-        {
-            watched.restart();
-        }
-        let safe = match &mut self.watched {
-            Some(watched) => self.pipeline.pass(&watched.pass(forces), now),
-            None => self.pipeline.pass(forces, now),
+        let safe = if let Some(watched) = &mut self.watched {
+            if self.pipeline.is_fading() {
+                watched.restart();
+            }
+            self.pipeline.pass(&watched.pass(forces), now)
+        } else {
+            self.pipeline.pass(forces, now)
         };
         for (axis, trip) in self.trips.iter_mut().enumerate() {
             let asked = forces.get(axis).copied().unwrap_or(0.0);

@@ -228,11 +228,9 @@ fn a_device_that_dies_gets_no_more_force() {
         (fresh, device.send(&[1.0]).unwrap().newtons()[0])
     };
     tick(&mut device);
-    let alive: Vec<_> = (0..50).map(|_| tick(&mut device)).collect();
-    assert!(
-        alive.iter().any(|(fresh, force)| *fresh && *force == 1.0),
-        "{alive:?}"
-    );
+    // As soon as the machine lets both sides run for a while.
+    let mut alive = (0..60_000).map(|_| tick(&mut device));
+    assert!(alive.any(|(fresh, force)| fresh && force == 1.0));
     emulator.end();
     let dead: Vec<_> = (0..100).map(|_| tick(&mut device)).collect();
     assert!(
@@ -299,7 +297,12 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
     let mut sample = Sample::default();
     let start = Instant::now();
     let mut peak: f64 = 0.0;
-    while start.elapsed() < Duration::from_millis(1500) {
+    let is_enough = |stats: &device::Stats, peak: f64| {
+        stats.received > 100 && stats.drift_ppm.is_some() && peak > 3e-3
+    };
+    while start.elapsed() < Duration::from_millis(1500) || !is_enough(&device_stats(&device), peak)
+    {
+        assert!(start.elapsed() < Duration::from_secs(60), "{peak}");
         device.send(&[0.0]).unwrap();
         device
             .receive(&mut sample, Instant::now() + Duration::from_millis(1))
@@ -308,10 +311,9 @@ fn by_the_wall_a_frame_says_how_late_and_how_fast_it_is() {
         std::thread::sleep(Duration::from_micros(800));
     }
     let stats = device_stats(&device);
-    assert!(stats.received > 100 && stats.garbage == 0, "{stats:?}");
+    assert_eq!(stats.garbage, 0);
     // Both clocks are this machine's.
     assert!(stats.drift_ppm.unwrap().abs() < 1e5, "{stats:?}");
-    assert!(peak > 3e-3, "the hand goes by the wall: {peak}");
     drop(device);
     let outcome = emulator.end();
     assert!(outcome.periods > 1000, "{outcome:?}");

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use ergon_live::device::{self, Gone, Sample, Url};
 use ergon_live::safety::{Guarded, Limits};
-use service::{PATIENCE, Reply, Service, Told};
+use service::{PATIENCE, Reply, Service, ServiceEvent};
 
 /// A host that never takes a force back by itself: what arrives as zero is the guardian's.
 fn open(url: &str) -> Guarded {
@@ -108,8 +108,8 @@ fn a_service_that_hangs_up_is_told_zero_on_a_new_connection() {
         assert!(start.elapsed() < PATIENCE, "it is never gone");
     }
     // The device is held: nothing that its end does is what is told here.
-    service.until(|told| told == Told::Left);
-    service.until(|told| told == Told::Came);
+    service.until(|told| told == ServiceEvent::Left);
+    service.until(|told| told == ServiceEvent::Came);
     service.until_zero();
     drop(device);
 }
@@ -171,7 +171,7 @@ fn a_host_that_is_killed_leaves_no_force() {
     let (service, mut host) = hosted();
     host.kill();
     service.until_zero();
-    service.until(|told| told == Told::Left);
+    service.until(|told| told == ServiceEvent::Left);
 }
 
 #[test]

@@ -2,6 +2,9 @@
 
 Sizes: n_mat MATs, n_lia LIAs, n_out outputs, n_frames frames, n_channels loudspeakers.
 SI units throughout: metres, seconds, kilograms, newtons, newton-seconds, joules, hertz.
+Whatever computes for long raises StoppedError within a Work that ends, and what a signal's handler
+raises. An array of another shape or type raises TypeError or ValueError, an index that does not
+exist EngineError.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,21 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
+GRID: int  # events that a plan has to foresee begin at multiples of this many frames
+FORCE_FALL_TIME: float  # a force begins to fall this long before a stiffer scene takes over [s]
+FORCE_SCALE_MIN: float  # least part of the scene's force that a hand is played with (0 to 1)
 
 _Floats = NDArray[np.float64]
 # An axis of a device: (number, sign, zero, gain, range, most force).
 _Axis = tuple[int, float, float, float, tuple[float, float], float]
 
 class EngineError(ValueError):
-    """A network, law or timeline that the engine will not run."""
+    """An argument, network, law or timeline that the core refuses."""
 
     module: str | None  # as the composer wrote it, e.g. `bell.m`; or an argument, e.g. `trim`
 
 class UnstableError(EngineError):
-    """The scheme would diverge at this rate; `module` moves most."""
+    """The scheme would diverge at this rate; `module` moves most in the unstable mode."""
 
 class UnsureError(EngineError):
-    """An axis that did not show which way it goes."""
+    """The direction of an axis could not be found."""
 
 class LawError(EngineError):
     """A law that cannot be compiled; `offset` and `length` mark the characters."""
@@ -37,12 +43,12 @@ class LawError(EngineError):
     suggestion: str | None
 
 class DivergedError(EngineError):
-    """A part went non-finite while it ran; `frame` is the sample index."""
+    """A part became non-finite while it ran; `frame` is the sample index."""
 
     frame: int
 
 class StoppedError(Exception):
-    """A computation was ended before it was done: it was late, or cancelled."""
+    """A computation was stopped: its time limit has passed (late), or it was cancelled."""
 
     why: Literal["late", "cancelled"]
 
@@ -50,49 +56,64 @@ class StoppedError(Exception):
 
 @final
 class Work:
-    """A stretch of work of one thread, entered by `with`; it is entered once at a time.
+    """A limit for the computations of one thread, a context manager.
 
-    What the core computes within it, and `poll`, raise StoppedError `seconds` [s] after it was
-    entered, or once it is cancelled. What was being changed is then in no defined state. In the
-    main thread a signal's handler that raises ends what the core computes as well.
+    Within it the computations of the core, and `poll`, raise StoppedError `seconds` [s] after it
+    was entered (None: no time limit), or once it is cancelled. An object that a stopped computation
+    was changing is then in an undefined state. In the main thread an exception that a signal's
+    handler raises stops computations as well.
     """
 
     def __new__(cls, seconds: float | None = None) -> Self: ...
     def cancel(self) -> None:
-        """End it, from any thread, also before it is entered."""
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *how: object) -> None: ...
+        """Cancel the work, from any thread, also before it is entered."""
+    def __enter__(self) -> Self:
+        """Begin: the time limit counts from here."""
+    def __exit__(self, *how: object) -> None:
+        """End: computations of this thread no longer stop for this limit."""
 
 def poll() -> None:
-    """Raise StoppedError if the work of this thread is to end: for long loops in Python."""
+    """Raise StoppedError if this thread is within a Work that ends; for long loops in Python."""
 
 # --- arithmetic whose last bit does not depend on the machine -----------------------------------
 
-def ln(x: float) -> float: ...
-def exp(x: float) -> float: ...
-def pow(x: float, y: float) -> float: ...
+def ln(x: float) -> float:
+    """Natural logarithm."""
+
+def exp(x: float) -> float:
+    """e to the power x."""
+
+def pow(x: float, y: float) -> float:
+    """x to the power y."""
+
 def decibels(level: float) -> float:
     """Ratio of amplitudes for a level [dB]."""
 
 @final
 class Chance:
-    """PCG64 keyed by SHA-256 of (seed, kind, name, member, occurrence): no draw depends on another."""
+    """Random numbers: PCG64 keyed by SHA-256 of all arguments, so that no stream depends on another."""
 
     def __new__(cls, seed: int, kind: str, name: str, member: int, occurrence: int) -> Self: ...
-    def uniform(self, low: float, high: float) -> float: ...
-    def logarithmic(self, low: float, high: float) -> float: ...
-    def exponential(self, mean: float) -> float: ...
+    def uniform(self, low: float, high: float) -> float:
+        """A number from low to high, uniformly. Raises EngineError unless both are finite."""
+    def logarithmic(self, low: float, high: float) -> float:
+        """A number from low to high whose logarithm is uniform.
+
+        Raises EngineError unless both are finite and above zero.
+        """
+    def exponential(self, mean: float) -> float:
+        """A number with an exponential distribution. Raises EngineError for a mean below zero."""
 
 # --- what is ------------------------------------------------------------------------------------
 
 @final
 class Law:
-    """An LNL law: `f = expression(d) + damping(d, v)`, or straight lines through `points`.
+    """The law of an LNL: `f = expression(d) + damping(d, v)`, or straight lines through `points`.
 
     `expression` and `damping` are texts of the law language (score reference, LNL); `constants`
-    are SI numbers. With `reach` s the law is seen through a lever: f(d/s)/s.
-    Raises LawError (`offset` counts characters of the text at fault; `LawError.args[1]` names it:
-    "law" or "damping").
+    are SI numbers; `points` are (d [m], f [N]). With `reach` s the law acts through a lever:
+    f(d/s)/s. Raises LawError; its `offset` counts characters of the text at fault, which
+    `LawError.args[1]` names: "law" or "damping".
     """
 
     def __new__(
@@ -104,7 +125,7 @@ class Law:
         reach: float = 1.0,
     ) -> Self: ...
     def force(self, d: float, v: float = 0.0) -> float:
-        """Force at elongation d [m] and its rate v [m/s]."""
+        """Force [N] at elongation d [m] and its rate v [m/s]."""
     def forces(
         self,
         d: NDArray[np.float64],
@@ -112,40 +133,48 @@ class Law:
         out: NDArray[np.float64],
         times: int = 1,
     ) -> None:
-        """Forces [N] of a run of links at d [m] and v [m/s] into `out`, all (n_links,); `times` over."""
+        """Write forces [N] for d [m] and v [m/s] into `out`, all (n_links,); computed `times` times.
+
+        Raises ValueError where the lengths differ.
+        """
     def rows(self) -> list[tuple[str, int, int, int]] | None:
-        """Its operations (name, operands: 0 is d, 1 v, 2 + i row i); None where it has none."""
+        """Operations (name, three operands: 0 is d, 1 is v, 2 + i is row i); None for `points`."""
     def native(self, address: int) -> Law:
-        """The same law, computed by the native code of its rows at `address`."""
+        """The same law, computed by native code of its rows at `address`.
+
+        Raises ValueError where the law has no rows.
+        """
     def potential(self, d: float) -> float:
-        """Energy stored at elongation d [J]; zero at d = 0."""
+        """Stored energy [J] at elongation d [m]; zero at d = 0."""
     def is_active(self, d_max: float, v_max: float) -> bool:
-        """Whether damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max: the link can give energy."""
+        """Whether the link can give energy: damping·v < 0 somewhere in |d| <= d_max, |v| <= v_max."""
 
 def law_functions() -> list[tuple[str, int]]:
-    """Addresses of the core's functions that native code of a law calls."""
+    """(name, address) of each function of the core that native code of a law calls."""
 
 @final
 class Met:
-    """The part of a scene that a hand can move, pressed: linear and at rest."""
+    """The part of a scene that a hand can move, made linear and at rest, with all contacts closed."""
 
     @property
     def others(self) -> int:
-        """How many other hands feel it."""
+        """Number of other hands that feel this hand."""
     def key(self) -> bytes:
-        """All that its answer is a function of: the same bytes, the same answer."""
+        """Bytes that determine `response`: equal bytes, equal response."""
     def response(self, every: int, ticks: tuple[int, int]) -> _Floats | None:
-        """Force against the hand [N/m] in each tick of `every` frames after it was 1 m away for one
-        (n_ticks,), at least and at most so many; None where the closed scene diverges by itself.
-        Raises EngineError."""
+        """Force against the hand [N/m] in each tick after it was 1 m away for one tick, (n_ticks,).
+
+        A tick has `every` frames; `ticks` are the least and the greatest n_ticks. None where the
+        linear scene diverges by itself. Raises EngineError.
+        """
 
 @final
 class Network:
-    """What is: MATs and LIAs with SI parameters, grouped into named parts.
+    """MATs and LIAs with SI parameters, grouped into named parts.
 
-    Every adding method returns the index of the (first) module it made. Names are local: module
-    `m` of part `bell` is reported as `bell.m`, member i of a generator as `bell.string.i`; a module
-    whose name is "" bears the name of its part.
+    Every adding method returns the index of the (first) module that it made, and raises EngineError
+    for impossible numbers. Names are local: module `m` of part `bell` is reported as `bell.m`,
+    member i of a generator as `bell.string.i`; a module named "" has the name of its part.
     """
 
     def __new__(cls) -> Self: ...
@@ -153,9 +182,12 @@ class Network:
     n_lia: int
     n_out: int
     def part(self, name: str, *, ca_rate: float | None = None, every: int | None = None) -> None:
-        """Start a part (an instrument, a key). With `ca_rate` its numbers are the algorithmic M, K,
-        Z of the discrete network at that rate, which then is the truth (GENESIS habit). A plan lets
-        its own springs pull once `every` so many frames, where it may (E4)."""
+        """Start a part (an instrument, a key): modules added from now on belong to it.
+
+        With `ca_rate` [Hz] its numbers are the algorithmic M, K, Z of the discrete network at that
+        rate, as in GENESIS. With `every` a plan may compute the part's own springs only once in so
+        many frames (method E4). Raises EngineError.
+        """
     def met(
         self,
         mat: int,
@@ -167,12 +199,17 @@ class Network:
         factors: Sequence[tuple[int, float]] = ...,
         deep: float = ...,
     ) -> Met:
-        """What a hand on a MAT can reach, at rest, with every contact closed and every law the
-        stiffest spring that it is within `deep` [m]. `held`: MATs that other hands hold; `without`:
-        LIAs that do not act; `ties`: (MAT, K, Z, M) and `factors`: (LIA, factor of its force) that
-        differ from the network's own, in a glide. `rate` [Hz]. Raises EngineError."""
-    def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int: ...
-    def sol(self, name: str, *, X0: float = 0.0) -> int: ...
+        """The part of the network that a hand on a MAT can move, at `rate` [Hz].
+
+        Every contact is closed, and every law is the stiffest spring that it is within `deep` [m].
+        `held`: MATs that other hands hold; `without`: LIAs that do not act; `ties`: (MAT, K, Z, M)
+        and `factors`: (LIA, factor of its force) replace the network's own during a glide.
+        Raises EngineError.
+        """
+    def mas(self, name: str, *, M: float, X0: float = 0.0, V0: float = 0.0) -> int:
+        """A free mass M [kg] that starts at X0 [m] with V0 [m/s]."""
+    def sol(self, name: str, *, X0: float = 0.0) -> int:
+        """A fixed point at X0 [m]."""
     def cel(
         self,
         name: str,
@@ -186,8 +223,11 @@ class Network:
         V0: float = 0.0,
         rest: float = 0.0,
     ) -> int:
-        """A MAS tied to the ground: by K [N/m] and Z [N·s/m], or by its damped frequency f [Hz] and
-        decay t60 [s] (None: no decay)."""
+        """A mass M [kg] tied to the ground at `rest` [m], starting at X0 [m] with V0 [m/s].
+
+        The tie has K [N/m] and Z [N·s/m], or is given by the damped frequency f [Hz] and the decay
+        t60 [s] (None: no decay).
+        """
     def string(
         self,
         name: str,
@@ -200,7 +240,7 @@ class Network:
         stiffness: float = 0.0,
         hardening: float = 0.0,
     ) -> int:
-        """`masses` MAS in a row, whole mass M [kg], tuned so that the lowest non-rigid mode is f."""
+        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s]."""
     def plate(
         self,
         name: str,
@@ -213,7 +253,10 @@ class Network:
         rim: Literal["free", "fixed"] = "free",
         hardening: float = 0.0,
     ) -> int:
-        """A mesh: `hex` of `radius` rings round its centre, or `square` of 2·radius+1 masses a side."""
+        """A mesh of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
+
+        `hex` has `radius` rings around its centre, `square` has 2·radius+1 masses a side.
+        """
     def bank(
         self,
         name: str,
@@ -226,20 +269,26 @@ class Network:
         place: Literal["line", "spiral"] = "line",
         seed: int = 0,
     ) -> int:
-        """`count` CELs, f over [low, high] (by logarithm), t60 from low f's (second) to high f's
-        (first) when even, drawn when random."""
+        """`count` CELs of whole mass M [kg], with frequencies between the two `f` [Hz] by logarithm.
+
+        When even, t60 [s] goes from the second value at the lowest f to the first at the highest;
+        when random, f and t60 are drawn with `seed`.
+        """
     def count(self, first: int) -> int:
-        """How many MATs the module that begins at index `first` has (1, or a generator's)."""
+        """Number of MATs of the module that begins at index `first`: 1, or those of a generator."""
     def centre(self, first: int) -> int:
         """Index of the middle MAT of the module that begins at `first`."""
     def start(self, index: int, X0: float, V0: float) -> None:
         """Set the initial position [m] and velocity [m/s] of one MAT."""
     def position_of(self, index: int) -> tuple[float, float]:
-        """Where the MAT lies on the bench, (x, y) in metres (for pictures and `nearest`)."""
+        """Place of the MAT on the bench, (x, y) [m]: for pictures and `nearest`."""
     def ref(
         self, name: str, a: int, b: int, *, K: float = 0.0, Z: float = 0.0, rest: float = 0.0
     ) -> int:
-        """Spring and damper between MATs a and b (RES: Z = 0, FRO: K = 0). Returns the LIA index."""
+        """Spring K [N/m] and damper Z [N·s/m] between MATs a and b, at `rest` [m]; the LIA's index.
+
+        RES has Z = 0, FRO has K = 0.
+        """
     def but(
         self,
         name: str,
@@ -256,15 +305,19 @@ class Network:
         clamp: bool = False,
         steps: int = 2,
     ) -> int:
-        """One-sided contact of the striker a on b. `magic` chooses K and Z itself from
-        `restitution` and the number of `steps` a contact lasts."""
-    def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int: ...
+        """A one-sided contact of the striker a on b; the LIA's index.
+
+        K [N/m^exponent] and Z [N·s/m] act once a is less than `gap` [m] away from its `side`.
+        `magic` takes K and Z from `restitution` and the number of `steps` that a contact lasts.
+        """
+    def lnl(self, name: str, a: int, b: int, law: Law, *, rest: float = 0.0) -> int:
+        """A link between MATs a and b with a law, at `rest` [m]; the LIA's index."""
     def laws(self) -> list[tuple[list[tuple[str, int, int, int]], int, int]]:
-        """Rows of every different law, its links alone in a run, its links in longer runs."""
+        """Of every different law: its rows, its links alone in a run, its links in longer runs."""
     def native(self, entries: Sequence[tuple[int, int]]) -> None:
-        """Compute `laws()[index]` by native code at address, for each (index, address)."""
+        """Compute `laws()[index]` by native code, for each (index, address). Raises IndexError."""
     def impose(self, index: int) -> None:
-        """The MAT's position is imposed (ENX): the timeline's `drive` says where it goes."""
+        """Impose the MAT's position (ENX): Timeline.drive says where it goes."""
     def listen(
         self,
         name: str,
@@ -273,18 +326,24 @@ class Network:
         forces: Sequence[tuple[int, int, float]] = ...,
         ground_forces: Sequence[tuple[int, int, float]] = ...,
     ) -> int:
-        """An output: the sum of weight · (position of MATs / force of LIAs on their second point /
-        K·(x-rest) of CELs) over ranges (first, count, weight). Returns the output's index."""
+        """An output; its index. Each range is (first, count, weight).
+
+        The output is the sum of weight · position [m] of MATs, weight · force [N] of LIAs on their
+        second point, and weight · K·(x - rest) [N] of CELs.
+        """
     def name_of(self, index: int) -> str:
-        """A MAT as the composer wrote it, e.g. `gong.12`."""
+        """The name of a MAT as in the score, e.g. `gong.12`."""
     def certify(self, rate: float) -> Certificate:
-        """Whether the CA scheme is stable at `rate`. Raises UnstableError, naming the module."""
+        """The certificate that the CA scheme is stable at `rate` [Hz]. Raises UnstableError."""
     def modes(self, part: str, n_modes: int) -> list[tuple[float, float]]:
-        """Lowest modes of a linear part as (f [Hz], t60 [s]) of the continuous network."""
+        """The lowest modes (f [Hz], t60 [s]) of a linear part, of the continuous network.
+
+        Raises EngineError where no part has this name.
+        """
 
 @final
 class Certificate:
-    """λmax(M⁻¹(K+2Z)) < 4 (Jury; every BUT closed, every LNL at its slope at rest)."""
+    """That the scheme is stable: λmax(M⁻¹(K+2Z)) < 4, all contacts closed, laws by their slope at rest."""
 
     lambda_max: float
     method: Literal["gershgorin", "dense", "lanczos"]
@@ -293,10 +352,11 @@ class Certificate:
 
 @final
 class Take:
-    """A captured movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
+    """A recorded movement: the natural quintic spline through samples (t [s], x [m]), both (n,).
 
-    `trim` keeps t in [from, to] and calls `from` zero; `smooth` is a 4th-order Butterworth low-pass
-    [Hz], forward and back. t must rise; everything finite; at most 20,000,000 samples.
+    `trim` keeps t in [from, to] and sets `from` to zero; `smooth` is a 4th-order Butterworth low-pass
+    [Hz], forward and backward. Raises EngineError unless t rises, all numbers are finite, and there
+    are at most 20,000,000 samples.
     """
 
     def __new__(
@@ -309,20 +369,20 @@ class Take:
     ) -> Self: ...
     duration: float
     def part(self, first: float, last: float) -> Take:
-        """What lies between two instants [s], counted from its first one; raises EngineError."""
+        """The part between two instants [s], which begins at zero. Raises EngineError."""
     def at(self, t: float) -> tuple[float, float, float]:
-        """Position, velocity, acceleration at t [s]."""
+        """Position [m], velocity [m/s] and acceleration [m/s²] at t [s]."""
     def positions(self, t: _Floats) -> _Floats:
-        """Positions [m] at t [s], both (n,); quickest where instants follow each other closely."""
+        """Positions [m] at instants t [s], both (n,); fastest where t rises."""
 
 @final
 class Recording:
-    """What live hands did, tick by tick; sizes: n_ticks rows, n_axes axes.
+    """The movement of live hands, tick by tick; sizes: n_ticks rows, n_axes axes.
 
-    `rate` [Hz] is of the sound and a tick lasts `frames` frames: row k was consumed at frame
-    ticks[k]·frames. Axes are (player, key); `about` is JSON by whoever recorded. Made here, forces
-    and flags are zero. Raises EngineError where ticks do not rise or positions are not
-    (n_ticks, n_axes).
+    `rate` [Hz] is that of the sound and a tick has `frames` frames: row k was used from frame
+    ticks[k]·frames on. Axes are (player, key); `about` is JSON from the recording program. In a
+    recording made by this constructor forces and flags are zero. Raises EngineError where ticks do
+    not rise or positions are not (n_ticks, n_axes).
     """
 
     def __new__(
@@ -347,39 +407,44 @@ class Recording:
     finished: bool  # the recorder came to its end
     damage: str | None  # a sentence on what is wrong with the file, and what is left
     def ticks(self) -> NDArray[np.uint64]:
-        """Rising, (n_ticks,)."""
+        """The tick of each row, rising, (n_ticks,)."""
     def positions(self) -> _Floats:
-        """What the physics consumed [m], (n_ticks, n_axes)."""
+        """Positions that the simulation used [m], (n_ticks, n_axes)."""
     def forces(self) -> _Floats:
-        """What the keys felt [N], (n_ticks, n_axes)."""
+        """Forces of the scene on the keys [N], (n_ticks, n_axes)."""
     def sent(self) -> NDArray[np.float32]:
-        """What went to the devices, after safety [N], (n_ticks, n_axes)."""
+        """Forces sent to the devices, after the safety stages [N], (n_ticks, n_axes)."""
     def flags(self) -> NDArray[np.uint8]:
-        """1 fresh, 2 touch, 4 force enabled, 8 stand-in, 16 tripped, (n_ticks, n_axes)."""
+        """Sums of 1 fresh, 2 touch, 4 force enabled, 8 stand-in, 16 tripped, (n_ticks, n_axes)."""
     def clocks(self) -> NDArray[np.uint32]:
-        """The devices' own clocks, as they send them, (n_ticks, n_axes)."""
+        """The devices' own clocks [µs], as the devices send them, (n_ticks, n_axes)."""
     def held(self) -> _Floats:
-        """Positions [m] at every tick from the first to the last, (n, n_axes), gaps held."""
+        """Positions [m] at every tick from the first to the last, (n, n_axes); a gap holds its last value."""
     def to_bytes(self) -> bytes:
-        """The bytes of a whole and finished `.take` file."""
+        """The bytes of a complete `.take` file. Raises EngineError."""
 
 def read_recording(path: str | PathLike[str], span: tuple[int, int] | None = None) -> Recording:
-    """Read what is whole of a `.take` file; `span` keeps ticks from..to, counted from the first row.
+    """Read the undamaged rows of a `.take` file; `span` keeps ticks from..to after the first row.
 
-    Raises EngineError where it is none, or longer than fits (20,000,000 rows · axes), and OSError.
+    Raises OSError, and EngineError where the file is not a recording or has more than 20,000,000
+    rows · axes.
     """
 
 # --- what will happen ---------------------------------------------------------------------------
 
 @final
 class Timeline:
-    """What will happen, by sample index. Build it after the Network is complete (it keeps a copy)."""
+    """All events of a piece, by sample index.
+
+    It keeps a copy of the network, which must be complete. Methods raise EngineError for arguments
+    that are impossible or that do not exist, gesture, take and strike also StoppedError.
+    """
 
     def __new__(cls, network: Network, rate: float) -> Self: ...
     def open(self) -> None:
-        """What else may come is not known (a session): no plan counts on what is written."""
+        """Mark the timeline as incomplete (a session): no plan may rely on what is absent."""
     def key(self, name: str, struck: int) -> int:
-        """A key: its part is copied as the free key that gestures are written for."""
+        """Declare the part `name`, whose MAT `struck` gestures move, as a key; returns its index."""
     def gesture(
         self,
         key: int,
@@ -395,11 +460,13 @@ class Timeline:
         layer: bool = False,
         sources: Sequence[int] = ...,
     ) -> int:
-        """A narrative gesture: pass x[i] [m] at t[i] [s] of the piece; curve[i] is the way into
-        point i (curve[0] is ignored). `sources[i]` is any number that comes back in the stream of
-        ergons (a source place). Returns the gesture's index (reports come in that order)."""
+        """A written gesture, which passes x[i] [m] at t[i] [s] of the piece; its index.
+
+        curve[i] leads to point i (curve[0] is ignored); `sources[i]` is any number, which
+        Simulation.ergons returns. `grain` and `join` are in [s], `force_limit` in [N].
+        """
     def ranges(self) -> list[tuple[float, float]]:
-        """Lowest and highest position of each gesture's written points and paths [m], in order."""
+        """Lowest and highest position [m] of each gesture's written points and paths, by index."""
     def take(
         self,
         key: int,
@@ -418,7 +485,7 @@ class Timeline:
         layer: bool = False,
         source: int = 0,
     ) -> int:
-        """A take played as a gesture from `at` [s]: x·scale at t·stretch."""
+        """A gesture that plays a take from `at` to `until` [s]: x·scale at t·stretch; its index."""
     def strike(
         self,
         mat: int,
@@ -429,7 +496,7 @@ class Timeline:
         speed: float | None = None,
         source: int = 0,
     ) -> None:
-        """An ergon meets a MAT at `at` [s]: with an impulse [N·s], or a mass [kg] and speed [m/s]."""
+        """A strike on a MAT at `at` [s]: an impulse [N·s], or a mass [kg] that arrives at a speed [m/s]."""
     def rain(
         self,
         mats: Sequence[int],
@@ -443,23 +510,28 @@ class Timeline:
         source: int = 0,
         within: tuple[float, float] = ...,
     ) -> int:
-        """Each MAT struck by a Poisson process of its own (rate [Hz], impulses drawn uniformly);
-        member i draws from Chance(seed, "strikes", name, i, 0). What falls outside `within` [s] is
-        drawn and does not strike. Returns the number of strikes."""
+        """Strikes on each MAT by a Poisson process from `start` to `stop` [s]; their number.
+
+        `rate` [Hz] is per MAT; impulses [N·s] are uniform. Member i draws from Chance(seed,
+        "strikes", name, i, 0). Strikes outside `within` [s] are drawn and left out.
+        """
     def couple(
         self, link: int, start: float, stop: float | None = None, fade: float = 0.02
     ) -> None:
-        """The LIA acts only from `start` to `stop` [s]: it fades in and out over `fade` [s]."""
+        """Let the LIA act only from `start` to `stop` [s], with fades of `fade` [s]."""
     def fade(
         self, link: int, before: float, after: float, start: float, stop: float, *, n: int = 1
     ) -> None:
-        """The force of `n` LIAs from `link` on, whole runs of them, is `before` times what it is
-        until `start` [s] and `after` times from `stop` on, evenly between (on the grid of 64). For a
-        spring that comes from another K and Z in one ratio: fade(link, K_old / K, 1, ...). What ends
-        at 0 is no part of the key that gestures are written for. EngineError."""
+        """Scale the force of `n` LIAs from `link` on: by `before` until `start` [s], by `after` from
+        `stop` [s] on, linearly between, on multiples of GRID frames.
+
+        The LIAs must be whole runs. A spring whose K and Z change in one ratio fades as
+        fade(link, K_old / K, 1, ...). A gesture's key has no LIA that ends at 0.
+        """
     def glide(self, mat: int, k: float, z: float, m: float, start: float, stop: float) -> None:
-        """A MAT has these K, Z and M until `start` [s] and the network's own from `stop` on,
-        evenly between (on the grid of 64); it is stepped. EngineError."""
+        """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
+        `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
+        """
     def drive(
         self,
         mat: int,
@@ -471,8 +543,11 @@ class Timeline:
         scale: float = 1.0,
         own: bool = True,
     ) -> None:
-        """ENX / ENF: a constant, or a take from `at` [s] (before it its first value, after it its
-        last). `own`: as a module of the MAT's own part, which a free key feels too."""
+        """Impose a MAT's position [m] (ENX) or a force on it [N] (ENF): a constant, or a take.
+
+        The take begins at `at` [s]; before it its first value holds, after it its last. With `own`
+        the module belongs to the MAT's part, so that the free copy of a key feels it too.
+        """
     def hand(
         self,
         mat: int,
@@ -481,17 +556,17 @@ class Timeline:
         way: Literal["hold", "line"] = "line",
         positions: _Floats | None = None,
     ) -> int:
-        """A real hand moves a MAT, in ticks of `every` frames; returns its index.
+        """A real hand that moves a MAT, in ticks of `every` frames; its index.
 
-        `positions` (n_ticks,) [m]: what stands in for it, or was recorded of it. `way`: how it goes
-        from one tick to the next.
+        `positions` (n_ticks,) [m]: a stand-in or a recording of the hand. `way`: between two ticks
+        the position is held, or goes along a line.
         """
 
 # --- what is computed ---------------------------------------------------------------------------
 
 @final
 class PlanRow:
-    """What is computed together, and how, or what is not."""
+    """A part of a plan: what is computed together, and how; or what is not computed, and why."""
 
     parts: list[str]
     n_mat: int  # MATs that move
@@ -526,9 +601,12 @@ class PlanRow:
 
 @final
 class Plan:
-    """Network + Timeline + budget: no more than is heard and moved, each island by the cheapest
-    method that is exact enough. Ask for a `method`, an error [dB] of the waveform, or `cents` up to a
-    frequency [Hz]; for nothing, and it is planned by ear. EngineError where it cannot be."""
+    """How network and timeline are computed: the cheapest method for each island that is heard.
+
+    At most one of `method`, `error_db` (error of the waveform) and `cents` (error of pitch up to
+    `upto` [Hz]) may be given; without any the error stays inaudible. Raises EngineError,
+    UnstableError and StoppedError.
+    """
 
     def __new__(
         cls,
@@ -540,16 +618,13 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
-        told: Sequence[
-            tuple[float | None, float | None, float | None, float | None, str | None]
-        ]
+        told: Sequence[tuple[float | None, float | None, float | None, float | None, str | None]]
         | None = None,
         like: Plan | None = None,
     ) -> Self:
-        """`pins`: the `choices` of an earlier plan of the same score, to decide the same again;
-        `told`: error_db, error_s, spectral_db, left_out_db and because of each of its rows, to say
-        the same;
-        `like`: a plan of another version: what it knows of bodies is not computed again."""
+        """`pins`: the `choices` of an earlier plan of the same score, which are used again;
+        `told`: error_db, error_s, spectral_db, left_out_db and because of each of that plan's rows;
+        `like`: a plan of another version, whose modes of unchanged bodies are used again."""
 
     @staticmethod
     def key(
@@ -561,20 +636,21 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
     ) -> str:
-        """A hash of all that a plan is a function of: 64 hex digits."""
-    def rows(self) -> list[PlanRow]: ...
+        """Hash of everything that determines a plan: 64 hex digits. Raises EngineError."""
+    def rows(self) -> list[PlanRow]:
+        """The parts of the plan."""
     def choices(self) -> list[tuple[int, int, int, list[list[int]]]]:
-        """What was decided, island by island: (modules, times it is stepped a frame, how often a
-        step contacts are computed, 0 for a bank; of each body its modes, or its method)."""
+        """The decisions, island by island: (modules, steps a frame, computations of contacts a step
+        (0 for a bank), of each body its modes or its method)."""
     def stay(self) -> list[tuple[str, str]]:
-        """Parts that have a rate of their own and go at every frame all the same: (name, why)."""
+        """(name, reason) of each part with its own rate that is nevertheless computed at every frame."""
     hash: str  # of what was decided: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------
 
 @final
 class Report:
-    """What became of one gesture, over the frames it ran."""
+    """How one gesture went, over the frames that it ran."""
 
     gesture: int
     n_ergons: int
@@ -594,7 +670,7 @@ class Report:
 
 @final
 class Energy:
-    """The ledger [J]: start + injected = stored + lost - produced + residual."""
+    """The energies of a simulation [J]: start + injected = stored + lost - produced + residual."""
 
     start: float
     stored: float
@@ -605,12 +681,16 @@ class Energy:
     flow: float  # Σ|injected|, |lost|, |produced| so far: what residual is compared with
 
 @final
-class Snapshot: ...
+class Snapshot:
+    """The state of a simulation at one frame."""
 
 @final
 class Simulation:
-    """What plays: by a plan made from the same network and timeline, or every module as written. Then it
-    can keep the ledger and the stream of ergons too."""
+    """Computes a network and its timeline, by a plan or, without one, every module as written.
+
+    `ledger` and `record` need a simulation without a plan. Raises EngineError, UnstableError and
+    StoppedError.
+    """
 
     def __new__(
         cls,
@@ -625,51 +705,61 @@ class Simulation:
         unchecked: bool = False,
         start: int = 0,
     ) -> Self:
-        """`start`: the frame of its timeline that it begins at: what was due before is past, what
-        moves begins at X0, or is taken over; `unchecked` runs even what the certificate refuses: to see where it really diverges."""
+        """`start`: the first frame; earlier events are left out, and everything begins at X0 unless
+        `take_over` follows. `unchecked`: run a network that the certificate refuses."""
     rate: float
     frame: int
     n_out: int
     def process(self, out: _Floats) -> None:
-        """Fill out (n_frames, n_out), C-contiguous, with the next frames. Raises DivergedError."""
+        """Fill out (n_frames, n_out), C-contiguous, with the next frames.
+
+        Raises DivergedError, StoppedError, and EngineError after a StoppedError.
+        """
     def positions(self) -> _Floats:
-        """Positions now (n_mat,) [m]; NaN where the plan computes none."""
+        """Positions now [m], (n_mat,); NaN where the plan computes none."""
     def velocities(self) -> _Floats:
-        """Backward differences now (n_mat,) [m/s]."""
+        """Velocities now [m/s], (n_mat,): backward differences."""
     def asked(self) -> _Floats:
-        """Where each key's gesture wants it now, NaN when none runs (n_keys,) [m]."""
+        """The position that each key's gesture asks for now [m], (n_keys,); NaN while none runs."""
     def hold(self, hand: int, x: float, step: float | None = None) -> None:
-        """Say where a real hand is from the next tick on [m], and by what step it came there."""
+        """Set the position x [m] of a real hand from the next tick on, and its last step [m]."""
     def felt(self, hand: int) -> float:
-        """Mean force of the scene on a real hand over the last whole tick [N]."""
+        """Mean force of the scene on a real hand [N] over the last whole tick."""
     def fork(self) -> Simulation:
-        """The same at the same moment, to go its own way."""
+        """An independent copy in the same state."""
     def damp(self, t60: float | None) -> None:
-        """From this frame on let everything fade within t60 [s] where nothing else damps it (1/T60
-        add up); None: no longer. Free copies of keys do not feel it."""
+        """Add a damping with decay t60 [s] to everything from this frame on; None: remove it.
+
+        Free copies of keys are not damped. Raises EngineError unless t60 is above zero.
+        """
     def take_over(self, old: Simulation) -> list[int | None]:
-        """Go on where `old` stands, which is of no use afterwards: what both have, by name, goes on,
-        to the last bit where its network is the same. Which output here each of its outputs has
-        become. EngineError unless both are at one frame."""
-    def snapshot(self) -> Snapshot: ...
-    def restore(self, snapshot: Snapshot) -> None: ...
+        """Take the state of `old` over, by names; `old` must not be used afterwards.
+
+        An island of the same network continues to the last bit. Returns, for each output of `old`,
+        the index of the output here. Raises EngineError unless both are at the same frame.
+        """
+    def snapshot(self) -> Snapshot:
+        """The state now."""
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a state of this simulation."""
     def energy(self) -> Energy:
-        """The ledger; EngineError unless built with ledger=True."""
-    def reports(self) -> list[Report]: ...
+        """The ledger. Raises EngineError unless made with ledger=True."""
+    def reports(self) -> list[Report]:
+        """A report of each gesture, by its index."""
     def ergons(self) -> dict[str, NDArray[np.float64]]:
-        """Ergons since the last call (built with record=True): columns `time` [s], `mat`, `mass`
-        [kg], `speed` [m/s], `impulse` [N·s], `source`, each (n_ergons,)."""
+        """Ergons since the last call, with record=True: columns `time` [s], `mat`, `mass` [kg],
+        `speed` [m/s], `impulse` [N·s] and `source`, each (n_ergons,)."""
     def muted(self) -> list[tuple[str, int]]:
-        """Parts put to silence (name, frame) under on_fault="mute"."""
+        """(name, frame) of each part that became non-finite and was muted, with on_fault="mute"."""
     def finer(self) -> list[tuple[str, int, int]]:
-        """Parts whose links stiffened so far that frames were computed finer (name, frames, steps
-        a frame at most)."""
+        """(name, frames, greatest number of steps) of each part some of whose frames needed more
+        than one step, because its links had stiffened."""
 
 # --- from outputs to loudspeakers ---------------------------------------------------------------
 
 @final
 class Mixer:
-    """Routes of outputs to channels, with gains and second-order high-passes."""
+    """Routes of outputs to channels, with gains and second-order high-passes. Raises EngineError."""
 
     def __new__(cls, rate: float, n_out: int, n_channels: int) -> Self: ...
     def route(
@@ -680,71 +770,78 @@ class Mixer:
         highpass: float | None = None,
         group: int = 0,
     ) -> None:
-        """Add gain · output to a channel (from 0); highpass [Hz] is a Butterworth of order 2.
+        """Add gain · output to a channel (from 0); `highpass` [Hz] is a Butterworth of order 2.
 
-        The gain of a group of routes may be moved while they sound.
+        `set_gain` changes the gain of a `group` of routes. Raises EngineError.
         """
     def set_gain(self, group: int, gain: float) -> None:
-        """Let the gain of a group glide to another, 20 ms from the next multiple of 64 frames on."""
+        """Let the gain of a group glide to `gain` in 20 ms, from the next multiple of GRID frames on."""
     def take_over(self, old: Mixer, outputs: Sequence[int | None] | None = None) -> None:
-        """Go on as `old` stands, with its gains and filters; `outputs`: which output here each of
-        its outputs has become, where they are not the same."""
+        """Take the gains and filters of `old` over; `outputs`: what Simulation.take_over returned,
+        where the outputs differ."""
     def process(self, frames: _Floats, mixed: _Floats) -> None:
-        """(n_frames, n_out) -> (n_frames, n_channels)."""
+        """Mix frames (n_frames, n_out) into mixed (n_frames, n_channels). Raises EngineError."""
 
 @final
 class Limiter:
-    """Look-ahead limiter: 5 ms ahead, 50 ms release, sample peak; all channels by one gain."""
+    """Look-ahead limiter of sample peaks: 5 ms ahead, 50 ms release, one gain for all channels.
+
+    Raises EngineError for an impossible rate, ceiling or number of channels.
+    """
 
     def __new__(cls, rate: float, n_channels: int, ceiling: float) -> Self: ...
-    latency: int
+    latency: int  # frames
     def process(self, frames: _Floats) -> None:
-        """In place, (n_frames, n_channels); what comes out is `latency` frames late."""
+        """Limit frames (n_frames, n_channels) in place; the output is `latency` frames late."""
 
 @final
 class Meter:
-    """Peak and integrated loudness (ITU-R BS.1770) of what passes."""
+    """Peak and integrated loudness (ITU-R BS.1770) of all frames so far. Raises EngineError."""
 
     def __new__(cls, rate: float, n_channels: int) -> Self: ...
-    def process(self, frames: _Floats) -> None: ...
+    def process(self, frames: _Floats) -> None:
+        """Measure frames (n_frames, n_channels)."""
     peak: float
     loudness: float  # LUFS; -inf for silence
 
 def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32]:
-    """frames · gain as integers in the top bits of an int32, rounded half to even, clipped."""
+    """frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
+
+    Raises EngineError for other bits.
+    """
 
 def single(frames: _Floats, gain: float) -> NDArray[np.float32]:
-    """frames · gain in single precision."""
+    """frames · gain in single precision, of the same shape."""
 
 # --- sound cards ----------------------------------------------------------------------------------
 
 @final
 class AudioOut:
-    """An output: `auto`, `jack[:PORTS]`, `pulse[:SINK]`, `file:PATH`, `null`, `null:fast`."""
+    """A sound output: `auto`, `jack[:PORTS]`, `pulse[:SINK]`, `file:PATH`, `null`, `null:fast`."""
 
     def __new__(cls, spec: str, rate: int, n_channels: int, capacity: int = 4096) -> Self:
-        """`capacity` frames of ring. Raises EngineError with what is not there."""
-    room: int
+        """Open it, with a ring of `capacity` frames. Raises EngineError where it cannot be opened."""
+    room: int  # free frames of the ring
     def set_prefill(self, n_frames: int) -> None:
-        """Begin when so many frames wait, and begin again so after an underrun."""
+        """Begin, and begin again after an underrun, once the ring holds `n_frames`."""
     def push(self, frames: NDArray[np.float32]) -> int:
-        """Give frames, (n_frames, n_channels), without waiting; how many were taken."""
+        """Write frames (n_frames, n_channels) without waiting; the number of frames that were taken."""
     def play(self, frames: NDArray[np.float32]) -> None:
-        """Give all frames, (n_frames, n_channels), waiting for room."""
+        """Write all frames (n_frames, n_channels), waiting for room."""
     def finish(self, limit: float) -> bool:
-        """No more will come: wait until all was heard; False when `limit` [s] came first."""
+        """Mark the end and wait until all frames were heard; False when `limit` [s] has passed first."""
     def close(self) -> None:
-        """Stop; a file is finished and gets its name. Raises EngineError when it could not be."""
+        """Close the output; a file gets its final name. Raises EngineError where it cannot be written."""
     def panic(self) -> None:
         """Silence within 5 ms, until `release`."""
     def release(self) -> None:
         """Sound again, faded in."""
     info: tuple[str, str, int, int, float, str]
-    """(backend, device, rate [Hz], block [frames], latency [s], the whole as a sentence)."""
+    """(backend, device, rate [Hz], block [frames], latency [s], all of it as a sentence)."""
     events: list[tuple[float, int, str]]
-    """What happened: (when [s], frame, sentence) each."""
-    alive: bool
-    freewheeling: bool
+    """All events so far: (time since it was opened [s], frame, sentence)."""
+    alive: bool  # a card or server takes frames
+    freewheeling: bool  # a JACK server that runs as fast as it can
     underruns: int
     missing: int  # frames of silence that underruns put in
     played: int  # frames of the score that went to the card
@@ -753,69 +850,79 @@ class AudioOut:
 
 @final
 class JackCapture:
-    """A JACK client that records what another one sends, at most `n_frames` frames."""
+    """A JACK client that records another client, at most `n_frames` frames. Raises EngineError."""
 
     def __new__(cls, name: str, n_channels: int, n_frames: int) -> Self: ...
-    recorded: int
+    recorded: int  # frames so far
     def connect(self, source: str, limit: float) -> bool:
-        """Connect to the outputs of a client, waiting up to `limit` [s]; whether all are."""
+        """Connect to the outputs of a client, waiting up to `limit` [s]; whether all are connected."""
     def freewheel(self, on: bool) -> bool:
-        """Let the server run as fast as its clients do, or by its clock again."""
+        """Let the server run as fast as its clients, or by its clock again; whether it agreed."""
     def finish(self) -> NDArray[np.float32]:
-        """End; the frames, (n_frames, n_channels)."""
+        """End the recording; its frames, (n_frames, n_channels)."""
 
 def play_frames(frames: NDArray[np.float32], rate: int, spec: str = "auto") -> str:
-    """Play frames, (n_frames, n_channels), at `rate` [Hz] to their end; says where."""
+    """Play frames (n_frames, n_channels) at `rate` [Hz] to their end; the output as a sentence.
+
+    Raises EngineError.
+    """
 
 def survey_audio() -> list[tuple[str, bool, str]]:
-    """(backend, whether it is there, what it is or why not) each; starts no server."""
+    """(backend, whether it is available, what it is or why not) of each backend; starts no server."""
 
 # --- live ---------------------------------------------------------------------------------------
 
 @final
 class HandStatus:
-    """How a real hand does: position [m], force felt and force sent [N], the part of the scene's
-    force that it may get now (0 to 1)."""
+    """The state of a hand of a performance."""
 
-    position: float
-    force: float
-    sent: float
-    scale: float
-    real: bool
-    touch: bool
-    enabled: bool
-    tripped: bool
+    position: float  # of the key [m]
+    force: float  # of the scene on the key [N]
+    sent: float  # to the motor, after the safety stages [N]
+    scale: float  # factor of the scene's force, 0 to 1
+    real: bool  # a person moves the key, not its stand-in
+    touch: bool  # a finger is on the key
+    enabled: bool  # the device lets forces through
+    tripped: bool  # forces are held at zero
 
 @final
 class Status:
-    """How a performance goes. `load` and `busiest` are parts of a tick, `latest` is in seconds.
+    """The state of a performance."""
 
-    `sounding` [s]: since the first frame went to the card, by what its last block tells (frame n
-    goes n frames later; None before that); `latency` [s]: from there to being heard.
-    """
-
-    frame: int
+    frame: int  # frames computed
     ticks: int
-    late: int
-    latest: float
-    lost: int
-    dropped: int
-    missed: int
-    load: float
-    busiest: float
-    filled: int
+    late: int  # ticks that began more than half a tick late
+    latest: float  # greatest lateness of a tick [s]
+    lost: int  # how often the clock was reset, because it was too late
+    dropped: int  # frames that found no room in the ring
+    missed: int  # frames of frozen parts that were not read in time
+    load: float  # part of a tick that its computation takes, over the last second
+    busiest: float  # greatest load of one tick
+    filled: int  # frames in the ring
     underruns: int
-    played: int
-    alive: bool
-    sounding: float | None
-    latency: float
-    paced: bool
-    peaks: list[float]
+    played: int  # frames that went to the card
+    alive: bool  # a card or server takes frames
+    sounding: float | None  # time since frame 0 went to the card [s], from its last block's time
+    latency: float  # from the card to the ear [s]
+    paced: bool  # the output has a clock
+    peaks: list[float]  # of each channel, decaying
     hands: list[HandStatus]
 
 @final
+class HandLimit:
+    """How much of the scene's force a real hand may get, so that device and scene stay stable."""
+
+    hand: int
+    scale: float  # factor of the force, 0 to 1
+    stiffness: float  # greatest stiffness of scene and guidance [N/m]
+    limit: float  # greatest stable stiffness [N/m]
+
+@final
 class Performance:
-    """A piece that is being played: one real-time thread, keys on one side, sound on the other."""
+    """Plays a piece live: one real-time thread between devices and sound.
+
+    After `close` every method but `panic`, `release`, `stop` and `close` raises EngineError.
+    """
 
     def __new__(
         cls,
@@ -828,42 +935,57 @@ class Performance:
         limit: float = 1.0,
         n_frames: int | None = None,
         hands: Sequence[tuple[_Floats, float, tuple[float, float, bool] | None, _Floats]] = ...,
-        boards: Sequence[tuple[str, Sequence[tuple[int, int]], float | None, Sequence[_Axis]]] = ...,
+        boards: Sequence[
+            tuple[str, Sequence[tuple[int, int]], float | None, Sequence[_Axis]]
+        ] = ...,
         bars: Sequence[int] = ...,
         ahead: int | None = None,
         record: tuple[Path, Sequence[tuple[str, str]], str] | None = None,
         frozen: Sequence[tuple[Path, int, int, Sequence[int]]] = ...,
     ) -> Self:
-        """Begin. `hands`: (positions at each tick (n_ticks,) [m], reach, (K, Z, is loose)
-        that guide it, the scene's force in each tick after it was 1 m away for one [N/m]); a loose
-        guide begins let go;
-        `boards`: (url, (axis, hand) of each hand on it, most force [N], what was found of its
-        axes); `bars`: frames at which a hand that comes back takes over; `record`: (file, (player,
-        key) of each hand, JSON about it); `frozen`: (file, bytes before its doubles, frames,
-        outputs) of parts that were computed before. Raises EngineError."""
-    def status(self) -> Status: ...
+        """Begin to play a copy of the simulation, through a copy of the mixer.
+
+        `every`: frames of a tick; `limit`: ceiling of the limiter; `n_frames`: None plays until
+        `stop`; `ahead`: frames of the ring. `hands`: (stand-in position at each tick [m] (n_ticks,),
+        factor between key and scene, guidance (K [N/m], Z [N·s/m], whether it follows steps) or
+        None, Met.response of the scene or none of it (n_ticks,)). `boards`: (url, (axis, hand) of
+        each of its hands, greatest force [N], calibrated axes). `bars`: frames at which a hand that
+        comes back takes over. `record`: (file, (player, key) of each hand, JSON). `frozen`: (file,
+        offset of its doubles [bytes], frames, outputs). Raises EngineError.
+        """
+    def status(self) -> Status:
+        """The state now."""
     def events(self) -> list[tuple[int, str, float]]:
-        """What happened since the last call: (frame, what, number of the hand or board)."""
+        """Events since the last call: (frame, what, number).
+
+        The number is a board ("gone", "back"), a hand ("took over", "tripped: …"), a ticket
+        ("changed", "late") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
+        """
     def sound_events(self) -> list[tuple[float, str]]:
-        """What happened to the sound: (seconds, sentence)."""
-    def bears(self, hand: int, response: _Floats) -> tuple[float, float, float] | None:
-        """What the key under a real hand bears of a scene that answers it so (n_ticks,) [N/m]: part
-        of the force, stiffness met and borne [N/m]; None where the hand is not real."""
-    def borne(self) -> list[tuple[int, float, float, float]]:
-        """How much of the scene's force each real hand gets: (hand, part of it, stiffness met
-        [N/m], stiffness borne [N/m])."""
+        """Events of the sound output so far: (time [s], sentence)."""
+    def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
+        """The force limit of a real hand in another scene; None where the hand is not real.
+
+        `response` (n_ticks,) [N/m] is what Met.response returns for that scene. Raises EngineError
+        when the performance is closed.
+        """
+    def hand_limits(self) -> list[HandLimit]:
+        """The force limit of each real hand in the scene that the performance began with.
+
+        Raises EngineError when the performance is closed.
+        """
     def output(self) -> str:
-        """What it plays on, in words."""
+        """The sound output, as a sentence."""
     def granted(self) -> str | None:
-        """What the system granted the physics thread; None until it runs."""
+        """Priority and memory lock of the physics thread, in words; None until it runs."""
     def panic(self) -> None:
-        """Silence within 5 ms and zero force at the next tick."""
+        """Silence within 5 ms and zero force at the next tick, until `release`."""
     def release(self) -> None:
-        """Sound and force again, after a panic or after `let_go`."""
+        """Let sound and force return after `panic`, after `let_go` and after a trip."""
     def gain(self, gain: float) -> bool:
-        """Go to another gain in 20 ms; False where too much is asked at once."""
+        """Let the gain glide to `gain` in 20 ms; False where too many commands wait."""
     def part_gain(self, group: int, gain: float) -> bool:
-        """Another gain of one of the mixer's groups of routes, in the same way."""
+        """Let the gain of a group of the mixer's routes glide in 20 ms; False as for `gain`."""
     def change(
         self,
         at: int,
@@ -875,41 +997,50 @@ class Performance:
         gain: float | None = None,
         bars: Sequence[int] | None = None,
         standins: Sequence[_Floats] | None = None,
-        leads: Sequence[Sequence[tuple[int, float, float]]] | None = None,
+        guidance: Sequence[Sequence[tuple[int, float, float]]] | None = None,
         bounds: Sequence[Sequence[tuple[int, float]]] | None = None,
         damp: float | None = None,
     ) -> int:
-        """Change what is said at frame `at`, the first of a tick. Returns a ticket, which an event
-        "changed" tells, or "late" where that frame had passed, or another plan than `old` has plays
-        there: nothing is changed then. `simulation` (its `start` is `at`) takes over from `old`, one
-        by the very Plan that plays until then, at any moment; `mixer` goes on with the gains and filters of the one before;
-        `standins`: where each hand stands in at each tick from this one on (n_ticks,) [m], without
-        any as before; `leads`: of each hand's loose guide, after how many ticks which shares of its
-        K and Z act (0 to 1); `bounds`: of each hand, after how many ticks how much of the scene's
-        force it may get (0 to 1), which falls to that beforehand and rises to it afterwards; without any as before; `damp`: as Simulation.damp, 0 for no longer (a take-over ends it too).
-        Raises EngineError."""
+        """Make a change at frame `at`, the first of a tick; returns a ticket. What is None stays.
+
+        An event "changed" with the ticket confirms it; an event "late" says that nothing was
+        changed, because the frame had passed or another simulation than `old` was playing.
+
+        `simulation`, whose `start` is `at`, takes over from `old`, a simulation by the plan that
+        plays until then; without `old` it begins anew. `mixer` takes gains and filters over; `gains`
+        are (group, gain). `standins`: new stand-in positions of each hand from this tick on [m]
+        (n_ticks,), an empty one keeps the old. `guidance`: of each hand (ticks after the change,
+        factor of K, factor of Z). `bounds`: of each hand (ticks after the change, greatest factor
+        of the scene's force); the force falls before a lower bound and rises after a higher one.
+        `damp`: as in Simulation.damp; 0 removes it. Raises EngineError.
+        """
     def stop(self) -> None:
-        """Play nothing more."""
+        """Stop: zero force at once, silence within 5 ms."""
     def wait(self, seconds: float) -> bool:
-        """Wait until the last frame is computed; False when `seconds` came first."""
+        """Wait until the last frame is computed; False when `seconds` have passed first."""
     def close(self, patience: float) -> list[tuple[int, str, float]]:
-        """Wait until everything was heard, put everything away; the events that are left."""
+        """Wait up to `patience` [s] until everything was heard, and close; events as in `events`.
+
+        Raises EngineError where a file could not be written or the physics thread panicked.
+        """
 
 # --- devices ------------------------------------------------------------------------------------
 
 def stop_on_signals(signals: Sequence[int], *, ends: bool | None) -> None:
-    """Have signals stop something at once, below Python, before their handlers run: where the
-    program `ends` every force and sound, else every force; None: nothing. Ask again whenever a
-    handler was set: that takes the signal over."""
+    """Let signals act at once, before their Python handlers run.
+
+    `ends` True: they stop every force and sound; False: every force; None: nothing. Call it again
+    after each signal.signal, which replaces the core's handler.
+    """
 
 def let_go() -> None:
-    """No force on any hand, until a performance is released."""
+    """Set every force of the process to zero, until Performance.release."""
 
 def has_let_go() -> bool:
-    """Whether every hand is let go, by `let_go` or by a signal."""
+    """Whether every force is zero, by `let_go` or by a signal."""
 
 def begin_again() -> None:
-    """Nothing is stopped: for a process that outlives what a signal ended."""
+    """Allow forces and sound again, in a process that continues after a signal."""
 
 def emulate(
     protocol: Literal["firefader", "frame", "haply"],
@@ -933,34 +1064,40 @@ def emulate(
     seconds: float | None = None,
     once: bool = False,
 ) -> None:
-    """Be a device of `axes` keys (mass [kg], stiffness [N/m], damping [Ns/m], travel [m], motors of
-    force_max [N], a sensor's resolution [m]) at rate [Hz], until Ctrl-C or `seconds`, heard on 127.0.0.1 alone.
+    """Emulate a device of `axes` keys on 127.0.0.1 until Ctrl-C, or for `seconds` [s].
 
-    Hands of stiffness [N/m] and damping [Ns/m] `hand` go `paths`, each (n,) [m] by period; an empty
-    one is a resting finger, a missing one none. `tell(event, what)` hears: ready and the address,
-    let-go (silence of the host for `watchdog` [s]), host-gone, and over with periods, packets and the
-    hash of all positions.
+    A key has mass [kg], stiffness [N/m], damping [N·s/m] and travel [m]; its motor has force_max
+    [N], its sensor a resolution [m]. `rate` [Hz] is that of its periods. `hand` is the stiffness
+    [N/m] and damping [N·s/m] of hands, which follow `paths`, each (n,) [m] by period; an empty path
+    is a resting finger, a missing one an untouched key.
+
+    `tell(event, text)` is called with "ready" and the address, "let-go" (no packet for `watchdog`
+    [s]), "host-gone", and "over" with periods, packets and the hash of all positions.
+    Raises EngineError, and what `tell` raises.
     """
 
 def guard_haply() -> None:
-    """Be the guardian of a Haply: hold the connection to its service and take forces back where the
-    host is silent, stopped or gone. The host is at the other end of the standard input; returns when it is
-    gone. For a process that does nothing else. Raises EngineError where no host is there."""
+    """Run as the guardian process of a Haply, until the host at the standard input is gone.
+
+    The guardian holds the connection to the Haply service, and sets forces to zero where the host is
+    silent or stopped. Raises EngineError where the standard input is not a host.
+    """
 
 def serial_ports() -> list[tuple[str, tuple[int, int, str, str] | None]]:
-    """(path, (vendor, product, name, serial number) of what came by USB) each; opens none."""
+    """(path, (vendor, product, name, serial number) or None unless USB) of each serial port."""
 
 def serial_identity(path: str) -> str | None:
-    """What the board on a serial port is called wherever it is plugged in; None where unsure."""
+    """A name of the board on a serial port that does not depend on the port; None where unknown."""
 
 def checkup(seconds: float, period: float) -> Checkup:
-    """Wake like the physics thread for so many seconds, a period [s] apart."""
+    """Wake like the physics thread every `period` [s] for `seconds`. Raises EngineError."""
 
 @final
 class Device:
-    """A device that is open, to be looked at and tried. Raises EngineError where it is not there."""
+    """An open device, for tests and calibration. Every method raises EngineError once it is closed."""
 
-    def __new__(cls, url: str, calibration: Sequence[_Axis] = ...) -> Self: ...
+    def __new__(cls, url: str, calibration: Sequence[_Axis] = ...) -> Self:
+        """Open it. Raises EngineError where it does not answer."""
     axes: int
     unit: str  # of positions, m or rad
     resolution: float  # step of the position sensor [m or rad]
@@ -968,24 +1105,28 @@ class Device:
     force_max: float  # [N or N·m]
     lockstep: bool
     def direction(self, axis: int, period: float) -> float:
-        """Which way an axis goes when it is pushed a little: 1 or -1. Raises UnsureError."""
+        """The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
+
+        Raises UnsureError where the axis did not move, or moved the same way for both signs.
+        """
     def ends(self, seconds: float, period: float) -> _Floats:
-        """Least and greatest position of each axis while somebody moves it, (n_axes, 2)."""
+        """Least and greatest position of each axis during `seconds` [s] of motion by hand, (n_axes, 2)."""
     def checkup(self, seconds: float, period: float) -> Checkup:
-        """Send zero forces, a period [s] apart, and time the replies."""
-    def close(self) -> None: ...
+        """Send zero forces every `period` [s] for `seconds` [s], and time the replies."""
+    def close(self) -> None:
+        """Close it; forces are zero."""
 
 @final
 class Checkup:
-    """What a checkup found; `unanswered`: forces without a reply within 20 ms."""
+    """Timings that `checkup` measured."""
 
-    priority: int | None  # under SCHED_FIFO; None: scheduled like any other
+    priority: int | None  # under SCHED_FIFO; None: no real-time priority
     locked: bool  # memory stays in RAM
     seconds: float
-    unanswered: int
-    garbage: int  # bytes that belonged to no packet
-    drift_ppm: float | None  # how much faster the device's clock goes [1e-6]
+    unanswered: int  # forces without a reply within 20 ms
+    garbage: int  # received bytes that belong to no packet
+    drift_ppm: float | None  # how much faster the device's clock runs than the host's [1e-6]
     def lateness(self) -> _Floats:
-        """How late each tick began, (n_ticks,) [s]; none in lockstep."""
+        """Lateness of each tick [s], (n_ticks,); empty in lockstep."""
     def round_trips(self) -> _Floats:
-        """From each force to its reply, (n_replies,) [s]."""
+        """Time from each force to its reply [s], (n_replies,)."""

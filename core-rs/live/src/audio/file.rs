@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use super::AudioError;
 use super::ring::Drain;
-use super::sink::{Opened, PRIORITY, Pump, Sink};
+use super::sink::{Opened, PRIORITY, Sink, ThreadSink};
 use super::{null, wave};
 use crate::realtime;
 
@@ -42,7 +42,7 @@ pub(super) fn open(
         remarks: Vec::new(),
         start: Box::new(move |drain| {
             drain.shared().set_timing(block, 0);
-            let pump = Pump::start("ergon file", drain, move |drain, stop| {
+            let pump = ThreadSink::start("ergon file", drain, move |drain, stop| {
                 let run = match clock {
                     Some(_) => recording.run_by_the_clock(drain, stop, block),
                     None => recording.run(drain, stop),
@@ -142,6 +142,6 @@ impl Recording {
 
     fn told(&self, error: &io::Error) -> String {
         let (path, unfinished) = (self.path.display(), self.unfinished.display());
-        format!("{path} could not be written ({error}); what there is lies in {unfinished}")
+        format!("{path} could not be written ({error}); the unfinished file is {unfinished}")
     }
 }

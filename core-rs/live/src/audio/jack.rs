@@ -12,7 +12,7 @@ use self::client::{Active, Client, Port, Process};
 use super::AudioError;
 use super::ring::Drain;
 use super::shared::Shared;
-use super::sink::{Failed, Opened, Sink};
+use super::sink::{Opened, Sink, StartFailure};
 use super::spec::Spec;
 
 pub use self::capture::Capture;
@@ -32,7 +32,7 @@ pub(super) fn open(
     let targets = targets(&client, spec.device.as_deref());
     let mut remarks = Vec::new();
     if let Some(wanted) = spec.block.filter(|wanted| *wanted != client.block()) {
-        remarks.push(format!("the server's block stays, not {wanted}"));
+        remarks.push(format!("the server keeps its own block size, not {wanted}"));
     }
     let device = match targets.first() {
         Some(first) => format!("client {}, to {first} and on", client.name()),
@@ -57,13 +57,17 @@ pub(super) fn open(
     })
 }
 
-fn start(client: Client, drain: Drain, device: Option<&str>) -> Result<Box<dyn Sink>, Failed> {
+fn start(
+    client: Client,
+    drain: Drain,
+    device: Option<&str>,
+) -> Result<Box<dyn Sink>, StartFailure> {
     let channels = drain.channels();
     let ports = match client.ports("out", channels, PORT_IS_OUTPUT) {
         Ok(ports) => ports,
         Err(error) => return Err((Some(Box::new(drain)), error)),
     };
-    let playing = Playing {
+    let playing = JackCallback {
         scratch: vec![0.0; SLICE * channels].into(),
         ports: ports.clone().into(),
         drain,
@@ -89,13 +93,13 @@ fn targets(client: &Client, device: Option<&str>) -> Vec<String> {
 }
 
 /// What runs in the server's thread.
-struct Playing {
+struct JackCallback {
     drain: Drain,
     ports: Box<[Port]>,
     scratch: Box<[f32]>,
 }
 
-impl Process for Playing {
+impl Process for JackCallback {
     fn cycle(&mut self, api: &Api, frames: u32) {
         let channels = self.ports.len();
         let total = frames as usize;
@@ -125,7 +129,7 @@ impl Process for Playing {
 }
 
 struct Playback {
-    active: Active<Playing>,
+    active: Active<JackCallback>,
     ports: Vec<Port>,
 }
 
@@ -157,7 +161,7 @@ impl Sink for Playback {
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
         let gone = !self.active.client().alive();
         let drain = self.active.close().drain;
-        let why = "the server went away or changed its rate";
+        let why = "the server ended or changed its rate";
         (Some(drain), gone.then(|| why.into()))
     }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::ring::{CHANNELS_MAX, Drain};
 use super::shared::Shared;
-use super::sink::{Failed, Opened, Sink};
+use super::sink::{Opened, Sink, StartFailure};
 use super::spec::{Backend, Spec};
 use super::{AudioError, connect, null, rate};
 
@@ -54,21 +54,21 @@ pub struct Event {
 
 /// An output that plays what is fed, until it is closed or dropped.
 pub struct Output {
-    desk: Arc<Desk>,
+    state: Arc<OutputState>,
     supervisor: Option<JoinHandle<Option<String>>>,
 }
 
-struct Desk {
+struct OutputState {
     spec: Spec,
     score_rate: u32,
     channels: usize,
     shared: Arc<Shared>,
     began: Instant,
     stop: AtomicBool,
-    said: Mutex<Said>,
+    report: Mutex<Report>,
 }
 
-struct Said {
+struct Report {
     info: Info,
     remarks: Vec<String>,
     events: Vec<Event>,
@@ -88,7 +88,7 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
     }
     let shared = drain.shared().clone();
     let (opened, found) = connect::connect(spec, rate, channels, &shared)?;
-    let desk = Desk {
+    let state = OutputState {
         // A server that dies is looked for again: the one that `auto` found, not whatever is there by then.
         spec: found,
         score_rate: rate,
@@ -96,22 +96,22 @@ pub fn open(spec: &Spec, rate: u32, channels: usize, drain: Drain) -> Result<Out
         shared,
         began: Instant::now(),
         stop: AtomicBool::new(false),
-        said: Mutex::new(Said {
+        report: Mutex::new(Report {
             info: Info::of(&opened, rate, channels),
             remarks: opened.remarks.clone(),
             events: Vec::new(),
         }),
     };
     let line = Line::start(opened, rate, drain).map_err(|(_, error)| error)?;
-    desk.playing(&line);
-    let desk = Arc::new(desk);
-    let here = desk.clone();
+    state.playing(&line);
+    let state = Arc::new(state);
+    let here = state.clone();
     let supervisor = std::thread::Builder::new()
         .name("ergon supervisor".into())
         .spawn(move || here.supervise(line))
         .map_err(AudioError::Thread)?;
     Ok(Output {
-        desk,
+        state,
         supervisor: Some(supervisor),
     })
 }
@@ -120,30 +120,30 @@ impl Output {
     /// What it is, as it is now.
     #[must_use]
     pub fn info(&self) -> Info {
-        let said = self.desk.said();
-        let mut info = said.info.clone();
-        info.priority = self.desk.shared.priority();
-        info.sentence = sentence(&info, &said.remarks);
+        let report = self.state.report();
+        let mut info = report.info.clone();
+        info.priority = self.state.shared.priority();
+        info.sentence = sentence(&info, &report.remarks);
         info
     }
 
     /// What happened since it was opened.
     #[must_use]
     pub fn events(&self) -> Vec<Event> {
-        self.desk.said().events.clone()
+        self.state.report().events.clone()
     }
 
     /// Counts, and the panic switch.
     #[must_use]
     pub fn shared(&self) -> &Arc<Shared> {
-        &self.desk.shared
+        &self.state.shared
     }
 
     /// Wait until the feed is closed and all of it was heard; false when `limit` came first.
     #[must_use]
     pub fn wait(&self, limit: Duration) -> bool {
         let until = Instant::now() + limit;
-        while !self.desk.shared.finished() {
+        while !self.state.shared.finished() {
             if Instant::now() >= until {
                 return false;
             }
@@ -167,13 +167,13 @@ impl Output {
         let Some(supervisor) = self.supervisor.take() else {
             return Ok(());
         };
-        self.desk.stop.store(true, Ordering::Release);
+        self.state.stop.store(true, Ordering::Release);
         supervisor.thread().unpark();
         match supervisor.join() {
             Ok(None) => Ok(()),
             Ok(Some(sentence)) => Err(AudioError::Broken(sentence)),
             Err(_) => Err(AudioError::Broken(
-                "the supervisor of the sound failed".into(),
+                "the thread that supervises the sound panicked".into(),
             )),
         }
     }
@@ -225,9 +225,9 @@ fn sentence(info: &Info, remarks: &[String]) -> String {
     text
 }
 
-impl Desk {
-    fn said(&self) -> MutexGuard<'_, Said> {
-        self.said.lock().unwrap_or_else(PoisonError::into_inner)
+impl OutputState {
+    fn report(&self) -> MutexGuard<'_, Report> {
+        self.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn tell(&self, sentence: String) {
@@ -236,7 +236,7 @@ impl Desk {
             frame: self.shared.played(),
             sentence,
         };
-        self.said().events.push(event);
+        self.report().events.push(event);
     }
 
     fn playing(&self, line: &Line) {
@@ -246,10 +246,10 @@ impl Desk {
 
     fn look(&self, line: &Line) {
         let (block, latency) = self.shared.timing();
-        let mut said = self.said();
+        let mut report = self.report();
         let latency = f64::from(latency) + line.converting() as f64;
-        said.info.latency_s = latency / f64::from(said.info.rate.max(1));
-        said.info.block = block;
+        report.info.latency_s = latency / f64::from(report.info.rate.max(1));
+        report.info.block = block;
     }
 
     /// Keep it playing until it is stopped; returns what went wrong with what it wrote.
@@ -267,14 +267,16 @@ impl Desk {
                 self.spec.backend,
                 Backend::Jack | Backend::Pulse | Backend::System
             );
-            let why = trouble.clone().unwrap_or_else(|| "it went away".into());
+            let why = trouble
+                .clone()
+                .unwrap_or_else(|| "the device disappeared".into());
             self.tell(if comes_back {
                 format!(
-                    "{} is lost ({why}); playing on in silence and looking for it",
+                    "{} is lost ({why}); the piece plays on in silence until the output is found again",
                     self.spec
                 )
             } else {
-                format!("{} is lost ({why}); playing on in silence", self.spec)
+                format!("{} is lost ({why}); the piece plays on in silence", self.spec)
             });
             let Some(next) = self.in_silence(drain?, comes_back) else {
                 return trouble.filter(|_| !comes_back);
@@ -312,8 +314,8 @@ impl Desk {
             drain.changed_card();
             match Line::start(opened, self.score_rate, drain) {
                 Ok(back) => {
-                    let mut said = self.said();
-                    (said.info, said.remarks) = (info, remarks);
+                    let mut report = self.report();
+                    (report.info, report.remarks) = (info, remarks);
                     return Some(back);
                 }
                 Err((drain, _)) => {
@@ -334,7 +336,7 @@ struct Line {
 }
 
 impl Line {
-    fn start(opened: Opened, score_rate: u32, mut drain: Drain) -> Result<Self, Failed> {
+    fn start(opened: Opened, score_rate: u32, mut drain: Drain) -> Result<Self, StartFailure> {
         drain.set_rate(score_rate);
         if opened.rate == score_rate {
             let sink = (opened.start)(drain)?;

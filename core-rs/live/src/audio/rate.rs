@@ -8,7 +8,7 @@ use rubato::{Fft, FixedSync, Indexing, Resampler};
 
 use super::AudioError;
 use super::ring::{self, Drain, Feed};
-use super::sink::{Failed, PRIORITY, Pump, Sink};
+use super::sink::{PRIORITY, Sink, StartFailure, ThreadSink};
 use crate::realtime;
 
 /// Frames that are converted at once: the longer, the nearer the filter goes to half the rate, and the later.
@@ -17,7 +17,7 @@ const NAP: Duration = Duration::from_micros(200);
 
 /// The thread, and how late it makes the sound [frames of the card].
 pub(super) struct Converter {
-    pump: Pump,
+    pump: ThreadSink,
     pub(super) latency: usize,
 }
 
@@ -27,7 +27,7 @@ pub(super) fn between(
     from: u32,
     to: u32,
     block: u32,
-) -> Result<(Converter, Drain), Failed> {
+) -> Result<(Converter, Drain), StartFailure> {
     let channels = inner.channels();
     let filter = match Filter::new(from, to, channels) {
         Ok(filter) => filter,
@@ -41,7 +41,7 @@ pub(super) fn between(
     outer.count_from(shared.played(), from, to);
     inner.set_outermost(false);
     let latency = ahead + filter.delay;
-    let pump = Pump::start("ergon rate", inner, move |inner, stop| {
+    let pump = ThreadSink::start("ergon rate", inner, move |inner, stop| {
         realtime::scheduled_at(PRIORITY);
         filter.run(inner, feed, stop)
     })?;

@@ -36,7 +36,7 @@ pub struct Drain {
     hushed: bool,
     /// Whether the loudspeakers are behind this one; a rate converter's inner drain tells nothing.
     outermost: bool,
-    given: Given,
+    given: FrameCounts,
     /// Of the frames that are handed out [Hz].
     rate: u32,
 }
@@ -58,7 +58,7 @@ enum Phase {
 
 /// Frames given to the card, counted in frames of the score.
 #[derive(Clone, Copy)]
-struct Given {
+struct FrameCounts {
     before: u64,
     frames: u64,
     score_rate: u64,
@@ -104,7 +104,7 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
         hushed: false,
         shape: Shape::new(channels, 48_000),
         outermost: true,
-        given: Given {
+        given: FrameCounts {
             before: 0,
             frames: 0,
             score_rate: 1,
@@ -115,7 +115,7 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
     (feed, drain)
 }
 
-impl Given {
+impl FrameCounts {
     /// All of them, in frames of the score.
     fn score(self) -> u64 {
         self.before + self.frames * self.score_rate / self.card_rate
@@ -207,7 +207,7 @@ impl Drain {
 
     /// Frames handed out from now on are at `card_rate`, of a score at `score_rate` that was heard up to `before`.
     pub(super) fn count_from(&mut self, before: u64, score_rate: u32, card_rate: u32) {
-        self.given = Given {
+        self.given = FrameCounts {
             before,
             frames: 0,
             score_rate: score_rate.into(),

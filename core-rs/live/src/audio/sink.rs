@@ -25,10 +25,10 @@ pub(super) struct Opened {
     pub(super) start: Start,
 }
 
-pub(super) type Start = Box<dyn FnOnce(Drain) -> Result<Box<dyn Sink>, Failed> + Send>;
+pub(super) type Start = Box<dyn FnOnce(Drain) -> Result<Box<dyn Sink>, StartFailure> + Send>;
 
 /// What did not start, and the drain back.
-pub(super) type Failed = (Option<Box<Drain>>, AudioError);
+pub(super) type StartFailure = (Option<Box<Drain>>, AudioError);
 
 /// An output that plays.
 pub(super) trait Sink: Send {
@@ -40,18 +40,18 @@ pub(super) trait Sink: Send {
 }
 
 /// A sink that is a thread.
-pub(super) struct Pump {
+pub(super) struct ThreadSink {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<(Drain, Option<String>)>,
 }
 
-impl Pump {
+impl ThreadSink {
     /// Run `body` until it returns or `stop` is set.
     pub(super) fn start(
         name: &str,
         drain: Drain,
         body: impl FnOnce(&mut Drain, &AtomicBool) -> Result<(), String> + Send + 'static,
-    ) -> Result<Self, Failed> {
+    ) -> Result<Self, StartFailure> {
         let stop = Arc::new(AtomicBool::new(false));
         let (to, from) = mpsc::sync_channel::<Drain>(1);
         let told = stop.clone();
@@ -74,7 +74,7 @@ impl Pump {
     }
 }
 
-impl Sink for Pump {
+impl Sink for ThreadSink {
     fn alive(&mut self) -> bool {
         !self.thread.is_finished()
     }
@@ -85,7 +85,7 @@ impl Sink for Pump {
             Ok((drain, trouble)) => (Some(drain), trouble),
             Err(_) => (
                 None,
-                Some("the thread that hands out the sound failed".into()),
+                Some("the thread that writes the sound panicked".into()),
             ),
         }
     }

@@ -73,7 +73,7 @@ impl FromStr for Spec {
                 Ok(number @ 1..=1_048_576) => Ok(number),
                 _ => Err(refused(
                     text,
-                    format!("{name}={value} is no number of frames or channels"),
+                    format!("{name}={value} is not a number of frames or channels"),
                 )),
             };
             match name.trim() {
@@ -97,7 +97,7 @@ impl FromStr for Spec {
             ("null", Some("fast")) => Backend::Fast,
             ("file", Some(path)) => Backend::File(path.into()),
             ("clock", Some(path)) => Backend::Clock(path.into()),
-            ("file", None) => return Err(refused(text, "a file needs its path: file:PATH".into())),
+            ("file", None) => return Err(refused(text, "a file needs a path: file:PATH".into())),
             _ => return Err(refused(text, "no such output".into())),
         };
         if matches!(

@@ -11,7 +11,7 @@ use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};
 use cpal::{BufferSize, Device, ErrorKind, SampleFormat, Stream, StreamConfig};
 
 use super::ring::Drain;
-use super::sink::{Failed, Opened, Sink};
+use super::sink::{Opened, Sink, StartFailure};
 use super::{AudioError, Spec};
 
 const BLOCK: u32 = 512;
@@ -68,7 +68,7 @@ fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioErr
     if configs.peek().is_none() {
         return Err(AudioError::Channels {
             channels,
-            why: format!("{device} plays no so many"),
+            why: format!("{device} has no float format with this number of channels"),
         });
     }
     if configs.any(|one| (one.min_sample_rate()..=one.max_sample_rate()).contains(&rate)) {
@@ -78,11 +78,15 @@ fn playable(device: &Device, rate: u32, channels: usize) -> Result<u32, AudioErr
     Ok(own.sample_rate())
 }
 
-fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn Sink>, Failed> {
+fn start(
+    device: &Device,
+    config: StreamConfig,
+    drain: Drain,
+) -> Result<Box<dyn Sink>, StartFailure> {
     let gone = Arc::new(AtomicBool::new(false));
     let (lost, shared) = (gone.clone(), drain.shared().clone());
     let (back, returned) = mpsc::sync_channel(1);
-    let mut held = Held(Some((drain, back)));
+    let mut held = LentDrain(Some((drain, back)));
     let stream = device.build_output_stream::<f32, _, _>(
         config,
         move |out, _| held.fill(out),
@@ -95,7 +99,7 @@ fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn 
     );
     let played = stream.and_then(|stream| stream.play().map(|()| stream));
     match played {
-        Ok(stream) => Ok(Box::new(Playing {
+        Ok(stream) => Ok(Box::new(SystemStream {
             stream,
             returned,
             gone,
@@ -105,9 +109,9 @@ fn start(device: &Device, config: StreamConfig, drain: Drain) -> Result<Box<dyn 
 }
 
 /// The drain in the callback; it comes back when the callback is dropped.
-struct Held(Option<(Drain, mpsc::SyncSender<Drain>)>);
+struct LentDrain(Option<(Drain, mpsc::SyncSender<Drain>)>);
 
-impl Held {
+impl LentDrain {
     fn fill(&mut self, out: &mut [f32]) {
         match &mut self.0 {
             Some((drain, _)) => drain.fill(out),
@@ -116,7 +120,7 @@ impl Held {
     }
 }
 
-impl Drop for Held {
+impl Drop for LentDrain {
     fn drop(&mut self) {
         if let Some((drain, back)) = self.0.take() {
             let _ = back.try_send(drain);
@@ -124,13 +128,13 @@ impl Drop for Held {
     }
 }
 
-struct Playing {
+struct SystemStream {
     stream: Stream,
     returned: mpsc::Receiver<Drain>,
     gone: Arc<AtomicBool>,
 }
 
-impl Sink for Playing {
+impl Sink for SystemStream {
     fn alive(&mut self) -> bool {
         !self.gone.load(Ordering::Acquire)
     }
@@ -138,7 +142,7 @@ impl Sink for Playing {
     fn stop(self: Box<Self>) -> (Option<Drain>, Option<String>) {
         let gone = self.gone.load(Ordering::Acquire);
         drop(self.stream);
-        let why = gone.then(|| "the device went away".into());
+        let why = gone.then(|| "the device disappeared".into());
         (self.returned.recv().ok(), why)
     }
 }

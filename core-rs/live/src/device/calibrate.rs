@@ -163,10 +163,12 @@ impl Pulse {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unsure {
     /// It did not move.
-    #[error("the axis did not move: does its motor have power, and a finger that lets it go?")]
+    #[error(
+        "the axis did not move: check the power of its motor, and touch the key without holding it"
+    )]
     Still,
     /// It went the same way both times.
-    #[error("the axis went one way, whichever way it was pushed: let it go")]
+    #[error("the axis moved the same way for both directions of the force: do not hold the key")]
     OneWay,
     /// The device went away.
     #[error(transparent)]

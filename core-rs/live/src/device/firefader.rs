@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use super::port::Port;
-use super::wire::{Inbox, firefader as wire};
 use super::{
     ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, Sample, Spec,
     Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
+use crate::wire::{Inbox, firefader as wire};
 
 /// Only boards with an FTDI chip listen to it.
 const BAUD: u32 = 57_600;
@@ -53,7 +53,7 @@ fn spec() -> Spec {
 impl FireFader {
     pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
         if url.wide {
-            return Err(url.cannot("its forces and positions are bytes; wide is for frames"));
+            return Err(url.cannot("the option wide is only for the open frame"));
         }
         let baud = url.number("baud", f64::from(BAUD))? as u32;
         let mut this = Self {

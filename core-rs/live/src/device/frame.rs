@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 use super::port::Port;
-use super::stats::{Drift, Sent};
-use super::wire::Inbox;
-use super::wire::frame::{self as wire, flag, status};
 use super::{
     ASK_AGAIN, Device, DeviceError, FIRST_REPLY, Gone, Kind, LOCKSTEP_PATIENCE, LastResort,
     MAX_AXES, Sample, Spec, Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
+use crate::safety::contract::{Drift, Sent};
+use crate::wire::Inbox;
+use crate::wire::frame::{self as wire, flag, status};
 
 /// USB boards ignore it.
 const BAUD: u32 = 1_000_000;
@@ -34,7 +34,7 @@ pub(super) struct Frame {
 }
 
 /// What a device says of itself.
-fn spec(who: &wire::Who) -> Option<Spec> {
+fn spec(who: &wire::DeviceInfo) -> Option<Spec> {
     let [continuous, peak, pos_lsb, low, high, rate, inertia, damping] = who.numbers.map(f64::from);
     let known = |number: f64| (number.is_finite() && number > 0.0).then_some(number);
     let sound = known(peak).is_some() && low < high && low.is_finite() && high.is_finite();
@@ -68,12 +68,18 @@ impl Frame {
         };
         let who = ask(&mut port).map_err(|gone| url.closed(gone))?;
         let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
-        let spec = spec(&who).ok_or_else(|| url.cannot("it says impossible things of itself"))?;
+        let spec = spec(&who).ok_or_else(|| {
+            url.cannot("the numbers that the device tells of itself are impossible")
+        })?;
         if url.lockstep && !spec.can_lockstep {
-            return Err(url.cannot("its clock is its own; lockstep is for emulators"));
+            return Err(
+                url.cannot("a real device runs by its own clock; lockstep is only for emulators")
+            );
         }
         if url.wide && !spec.can_wide {
-            return Err(url.cannot("its forces and positions are integers; it knows no wide frame"));
+            return Err(
+                url.cannot("the device sends integers only and does not support the option wide")
+            );
         }
         let mut this = Self {
             port,
@@ -169,7 +175,7 @@ impl Frame {
 }
 
 /// Ask who is there until somebody says so.
-fn ask(port: &mut Port) -> Result<Option<wire::Who>, Gone> {
+fn ask(port: &mut Port) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + FIRST_REPLY;
     let mut inbox = Inbox::<512>::new();
     let (mut bytes, mut packet, mut who) = ([0; 512], [0; wire::LONGEST], None);
@@ -185,7 +191,9 @@ fn ask(port: &mut Port) -> Result<Option<wire::Who>, Gone> {
         let until = Instant::now() + ASK_AGAIN;
         while who.is_none() && Instant::now() < until {
             let n = port.read(&mut bytes, until)?;
-            inbox.feed(&bytes[..n], wire::Who::parse, |found| who = Some(found));
+            inbox.feed(&bytes[..n], wire::DeviceInfo::parse, |found| {
+                who = Some(found)
+            });
         }
     }
     Ok(who)

@@ -12,14 +12,14 @@ mod start;
 
 use std::time::{Duration, Instant};
 
-use super::stats::Sent;
 use super::{
     Device, DeviceError, FIRST_REPLY, Gone, LOCKSTEP_PATIENCE, LastResort, MAX_AXES, Sample, Spec,
     Stats, Unit, Url,
 };
 use crate::safety::SafeForce;
-use guardian::{Reply, Wish};
-use line::{Answer, Line, Order, put_text, take_text};
+use crate::safety::contract::Sent;
+use guardian::{HostRequest, Reply};
+use line::{ForceCommand, GuardianReply, Line, put_text, take_text};
 
 /// How long a guardian may take to start, on a busy machine.
 const START: Duration = Duration::from_secs(10);
@@ -65,26 +65,28 @@ fn spec() -> Spec {
 impl Haply {
     pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
         if url.wide {
-            return Err(url.cannot("its numbers are text already; wide is for frames"));
+            return Err(url.cannot("the option wide is only for the open frame"));
         }
         if !url.target.starts_with("ws://") {
-            return Err(url.cannot("an address looks like ws://127.0.0.1:10001"));
+            return Err(url.cannot("its address must have the form ws://127.0.0.1:10001"));
         }
         let closed = |error: std::io::Error| url.closed(error);
         let (mut stream, guardian) = start::start().map_err(closed)?;
-        let wish = Wish {
+        let wish = HostRequest {
             target: &url.target,
             id: url.text("id"),
             lockstep: url.lockstep,
         };
         let reply = put_text(&mut stream, &wish.text())
             .and_then(|()| take_text(&mut stream, START + 2 * FIRST_REPLY))
-            .map_err(|error| url.closed(format!("its guardian did not start ({error})")))?;
+            .map_err(|error| url.closed(format!("its guardian process did not start ({error})")))?;
         let position = match Reply::parse(&reply) {
             Some(Reply::Open(position)) => position,
-            Some(Reply::Refused(why)) => return Err(url.closed(why)),
+            Some(Reply::OpenError(why)) => return Err(url.closed(why)),
             Some(Reply::OwnTime) => {
-                return Err(url.cannot("its clock is its own; lockstep is for emulators"));
+                return Err(url.cannot(
+                    "a real device runs by its own clock; lockstep is only for emulators",
+                ));
             }
             Some(Reply::NoAnswer) | None => return Err(url.no_answer("Haply device")),
         };
@@ -106,7 +108,7 @@ impl Haply {
 
     fn put(&mut self, force: [f64; 3]) -> Result<(), Gone> {
         self.latest = self.sent.number(Instant::now(), &mut self.stats);
-        let order = Order {
+        let order = ForceCommand {
             number: self.latest,
             force,
         };
@@ -130,8 +132,8 @@ impl Haply {
                 ..
             } = self;
             let (now, mut fresh) = (Instant::now(), false);
-            let taken = line.take(|bytes| match Answer::parse(bytes) {
-                Answer::State {
+            let taken = line.take(|bytes| match GuardianReply::parse(bytes) {
+                GuardianReply::State {
                     number,
                     position,
                     let_go,
@@ -139,7 +141,7 @@ impl Haply {
                     sent.answered(number, now, stats);
                     (*answered, *at, *freed, fresh) = (number, position, let_go, true);
                 }
-                Answer::Gone(why) => *gone = Some(why),
+                GuardianReply::Gone(why) => *gone = Some(why),
             });
             if let Err(closed) = taken {
                 *gone = gone.or(Some(closed));
@@ -205,9 +207,9 @@ impl Device for Haply {
     fn last_resort(&self) -> Option<LastResort> {
         use std::os::fd::AsRawFd;
         // A number that no order has soon: a late answer to it is none.
-        let order = Order {
+        let order = ForceCommand {
             number: self.latest.wrapping_add(u16::MAX / 2),
-            ..Order::default()
+            ..ForceCommand::default()
         };
         let fd = self.line.stream().as_raw_fd();
         Some(LastResort::new(fd, &order.bytes()))

@@ -15,7 +15,7 @@ pub(super) enum Port {
     Serial(Box<dyn serialport::SerialPort>),
     /// Datagrams from and to one address, which no other program of this machine sends to.
     #[cfg(unix)]
-    Udp(UdpSocket, #[expect(dead_code)] super::owner::Owned),
+    Udp(UdpSocket, #[expect(dead_code)] super::lock::DeviceLock),
     #[cfg(not(unix))]
     Udp(UdpSocket, ()),
 }
@@ -43,10 +43,14 @@ impl Port {
     pub(super) fn udp(url: &Url) -> Result<Self, DeviceError> {
         let closed = |error: std::io::Error| url.closed(error);
         let mut found = url.target.to_socket_addrs().map_err(closed)?;
-        let peer = found.next().ok_or_else(|| url.closed("no such address"))?;
+        let peer = found
+            .next()
+            .ok_or_else(|| url.closed("the address cannot be resolved"))?;
         if peer.ip().is_multicast() || matches!(peer, SocketAddr::V4(at) if at.ip().is_broadcast())
         {
-            return Err(url.cannot("a device has an address of its own"));
+            return Err(
+                url.cannot("the address of a device must not be a multicast or broadcast address")
+            );
         }
         let here = match (peer.ip().is_loopback(), peer.is_ipv4()) {
             (true, true) => "127.0.0.1:0",
@@ -58,7 +62,7 @@ impl Port {
         socket.connect(peer).map_err(closed)?;
         socket.set_nonblocking(true).map_err(closed)?;
         #[cfg(unix)]
-        let owned = super::owner::Owned::take(peer).map_err(|who| url.closed(who))?;
+        let owned = super::lock::DeviceLock::take(peer).map_err(|who| url.closed(who))?;
         #[cfg(not(unix))]
         let owned = ();
         Ok(Self::Udp(socket, owned))

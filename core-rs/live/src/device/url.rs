@@ -52,10 +52,14 @@ pub struct Url {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UrlError {
     /// No such protocol.
-    #[error("'{0}' is no kind of device: there are firefader, frame, frame+udp, haply and emul")]
+    #[error(
+        "'{0}' is not a kind of device; the kinds are firefader, frame, frame+udp, haply and emul"
+    )]
     Kind(String),
     /// A protocol that is known to exist, and not spoken here.
-    #[error("'{0}' is not spoken yet: its kinematics are the host's, and none could be tried")]
+    #[error(
+        "'{0}' is not supported yet: the host would have to compute its kinematics, and no such device was there to test"
+    )]
     NotSpoken(String),
     /// Something is missing or not understood.
     #[error("'{text}': {what}")]
@@ -79,7 +83,7 @@ impl Url {
         };
         let (name, rest) = text
             .split_once(':')
-            .ok_or_else(|| bad("a kind of device and a colon come first".to_owned()))?;
+            .ok_or_else(|| bad("an address begins with a kind of device and a colon".to_owned()))?;
         if name == "hapi" {
             return Err(UrlError::NotSpoken(name.to_owned()));
         }
@@ -89,7 +93,7 @@ impl Url {
             None => (rest, None),
             Some((rest, axis)) => {
                 let axis = axis.parse();
-                let axis = axis.map_err(|_| bad("after # stands the number of an axis".into()))?;
+                let axis = axis.map_err(|_| bad("the number of an axis must follow #".into()))?;
                 (rest, Some(axis))
             }
         };
@@ -97,8 +101,8 @@ impl Url {
         let target = target.strip_prefix("//").unwrap_or(target);
         if target.is_empty() != (kind == Kind::Emul) {
             return Err(bad(match kind {
-                Kind::Emul => "an emulated device is nowhere: emul:".to_owned(),
-                _ => "a path or an address comes after the colon".to_owned(),
+                Kind::Emul => "`emul:` takes no address".to_owned(),
+                _ => "a path or an address must follow the colon".to_owned(),
             }));
         }
         let mut url = Self {
@@ -117,7 +121,7 @@ impl Url {
                 Some((key, value)) if VALUES.contains(&key) => {
                     url.values.push((key.to_owned(), value.to_owned()));
                 }
-                _ => return Err(bad(format!("there is no option '{option}'"))),
+                _ => return Err(bad(format!("unknown option '{option}'"))),
             }
         }
         Ok(url)
@@ -135,7 +139,7 @@ impl Url {
             return Ok(default);
         };
         let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-        number.ok_or_else(|| self.closed(format!("{key} is a number, not '{text}'")))
+        number.ok_or_else(|| self.closed(format!("{key} must be a number, not '{text}'")))
     }
 
     pub(super) fn closed(&self, reason: impl fmt::Display) -> DeviceError {
@@ -188,8 +192,8 @@ mod tests {
     #[test]
     fn names_what_it_does_not_know() {
         for (text, word) in [
-            ("hapi:/dev/ttyACM1", "not spoken yet"),
-            ("falcon:usb", "no kind of device"),
+            ("hapi:/dev/ttyACM1", "not supported yet"),
+            ("falcon:usb", "not a kind of device"),
             ("/dev/ttyACM0", "colon"),
             ("firefader:", "a path"),
             ("emul:here", "nowhere"),

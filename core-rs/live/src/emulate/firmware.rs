@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use super::Keys;
-use crate::device::MAX_AXES;
-use crate::device::wire::frame::{self, flag, status};
-use crate::device::wire::{Inbox, firefader, haply};
+use crate::wire::MAX_AXES;
+use crate::wire::frame::{self, flag, status};
+use crate::wire::{Inbox, firefader, haply};
 
 /// What the board speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -265,7 +265,7 @@ impl Firmware {
         }
     }
 
-    fn who(&self, seq: u16) -> frame::Who {
+    fn who(&self, seq: u16) -> frame::DeviceInfo {
         let [inertia, damping] = self.board.known;
         let [low, high] = self.board.range;
         let full = self.board.force_max;
@@ -273,7 +273,7 @@ impl Firmware {
         let rate = self.keys.rate().hertz();
         let gate = u8::from(self.board.touch_gate) << 1;
         let lockstep = u8::from(self.board.lockstep) << 2;
-        frame::Who {
+        frame::DeviceInfo {
             seq,
             n: self.keys.n(),
             traits: gate | lockstep | 8,

@@ -5,7 +5,7 @@ use ergon_engine::units::Rate;
 
 use super::EmulateError;
 use super::hand::Hand;
-use crate::device::MAX_AXES;
+use crate::wire::MAX_AXES;
 
 /// What a key is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,21 +56,21 @@ impl Keys {
     pub fn new(n: usize, key: Key, rate: f64, mut hands: Vec<Hand>) -> Result<Self, EmulateError> {
         let refused = |why| Err(EmulateError::Refused(why));
         if n == 0 || n > MAX_AXES {
-            return refused("a device has 1 to 16 keys");
+            return refused("a device must have 1 to 16 keys");
         }
         let Ok(rate) = Rate::new(rate) else {
-            return refused("a rate is a positive number of periods a second");
+            return refused("the rate must be a positive number of periods a second");
         };
         let known = |x: f64, least: f64| x.is_finite() && x >= least;
         let tied = known(key.stiffness, 0.0) && known(key.damping, 0.0);
         if !known(key.mass, f64::MIN_POSITIVE) || !tied {
             return refused(
-                "a key has a mass above zero, a stiffness and a damping of at least zero",
+                "the mass of a key must be above zero, its stiffness and damping at least zero",
             );
         }
         let cell = Cell::new(key.mass, key.stiffness, key.damping);
         if cell.frequency() > 0.5 * rate.hertz() {
-            return refused("this key is faster than half its rate");
+            return refused("the resonance of this key is faster than half its rate");
         }
         let ratios = cell.ratios(rate);
         hands.resize(n, Hand::Free);

@@ -1,5 +1,8 @@
 //! Where an emulated device is heard: a pseudo-terminal, datagrams or a WebSocket, never beyond this machine.
 
+#[cfg(unix)]
+mod terminal;
+
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::time::{Duration, Instant};
@@ -7,7 +10,7 @@ use std::time::{Duration, Instant};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
 
-use crate::device::wire::haply;
+use crate::wire::haply;
 
 /// The way in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,21 +23,21 @@ pub enum Transport {
     WebSocket(u16),
 }
 
-/// What was heard.
-pub(super) enum Heard {
+/// What a host does on the line.
+pub(super) enum LineEvent {
     Nothing,
     /// So many bytes.
     Bytes(usize),
-    /// Somebody has come.
-    Came,
-    /// The host has gone.
-    Gone,
+    /// A host has connected.
+    Connected,
+    /// The host has disconnected.
+    Disconnected,
 }
 
 /// A line to at most one host.
 pub(super) enum Line {
     #[cfg(unix)]
-    Terminal(super::terminal::Terminal),
+    Terminal(terminal::Terminal),
     Udp(Datagrams),
     WebSocket(Box<Sockets>),
 }
@@ -44,7 +47,7 @@ impl Line {
         let here = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         Ok(match transport {
             #[cfg(unix)]
-            Transport::Terminal => Self::Terminal(super::terminal::Terminal::open()?),
+            Transport::Terminal => Self::Terminal(terminal::Terminal::open()?),
             #[cfg(not(unix))]
             Transport::Terminal => return Err(io::ErrorKind::Unsupported.into()),
             Transport::Udp(port) => Self::Udp(Datagrams {
@@ -73,7 +76,7 @@ impl Line {
     }
 
     /// Wait at most so long for something.
-    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         match self {
             #[cfg(unix)]
             Self::Terminal(terminal) => terminal.read(into, wait),
@@ -119,7 +122,7 @@ pub(super) struct Datagrams {
 }
 
 impl Datagrams {
-    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         // A timeout of zero would be none.
         self.socket
             .set_read_timeout(Some(wait.max(Duration::from_micros(1))))?;
@@ -130,11 +133,11 @@ impl Datagrams {
         let now = Instant::now();
         match self.host {
             Some((host, at)) if host != from && now.duration_since(at) < PATIENCE => {
-                return Ok(Heard::Nothing);
+                return Ok(LineEvent::Nothing);
             }
             _ => self.host = Some((from, now)),
         }
-        Ok(Heard::Bytes(n))
+        Ok(LineEvent::Bytes(n))
     }
 }
 
@@ -144,7 +147,7 @@ pub(super) struct Sockets {
 }
 
 impl Sockets {
-    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+    fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         let Some(host) = &mut self.host else {
             return self.accept(wait);
         };
@@ -153,22 +156,22 @@ impl Sockets {
         match host.read() {
             Ok(Message::Text(text)) if text.len() <= into.len() => {
                 into[..text.len()].copy_from_slice(text.as_bytes());
-                Ok(Heard::Bytes(text.len()))
+                Ok(LineEvent::Bytes(text.len()))
             }
             Ok(Message::Close(_)) => {
                 self.host = None;
-                Ok(Heard::Gone)
+                Ok(LineEvent::Disconnected)
             }
-            Ok(_) => Ok(Heard::Nothing),
-            Err(tungstenite::Error::Io(error)) if is_quiet(&error) => Ok(Heard::Nothing),
+            Ok(_) => Ok(LineEvent::Nothing),
+            Err(tungstenite::Error::Io(error)) if is_quiet(&error) => Ok(LineEvent::Nothing),
             Err(_) => {
                 self.host = None;
-                Ok(Heard::Gone)
+                Ok(LineEvent::Disconnected)
             }
         }
     }
 
-    fn accept(&mut self, wait: Duration) -> io::Result<Heard> {
+    fn accept(&mut self, wait: Duration) -> io::Result<LineEvent> {
         let stream = match self.listener.accept() {
             Ok((stream, _)) => stream,
             Err(error) => {
@@ -184,10 +187,10 @@ impl Sockets {
             .max_frame_size(Some(haply::LONGEST));
         // Whoever does not speak the protocol is let go.
         let Ok(socket) = tungstenite::accept_with_config(stream, Some(config)) else {
-            return Ok(Heard::Nothing);
+            return Ok(LineEvent::Nothing);
         };
         self.host = Some(socket);
-        Ok(Heard::Came)
+        Ok(LineEvent::Connected)
     }
 }
 
@@ -199,9 +202,9 @@ pub(super) fn is_quiet(error: &io::Error) -> bool {
     )
 }
 
-pub(super) fn quiet(error: io::Error) -> io::Result<Heard> {
+pub(super) fn quiet(error: io::Error) -> io::Result<LineEvent> {
     if is_quiet(&error) {
-        Ok(Heard::Nothing)
+        Ok(LineEvent::Nothing)
     } else {
         Err(error)
     }

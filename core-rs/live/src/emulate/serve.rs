@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::firmware::{Board, Firmware};
-use super::line::{Heard, Line, Transport};
+use super::line::{Line, LineEvent, Transport};
 use super::{EmulateError, Hand, Key, Keys};
 
 /// How often the caller is asked whether to go on.
@@ -98,13 +98,13 @@ pub fn serve(
             Duration::from_secs_f64((firmware.next() - now.as_secs_f64()).clamp(0.0, 0.02))
         };
         match line.read(&mut bytes, wait)? {
-            Heard::Nothing => {}
-            Heard::Came => {
+            LineEvent::Nothing => {}
+            LineEvent::Connected => {
                 if let Some(text) = firmware.greeting() {
                     line.write(text.as_bytes());
                 }
             }
-            Heard::Bytes(n) => {
+            LineEvent::Bytes(n) => {
                 firmware.run_to(start.elapsed());
                 let answer = &mut |bytes: &[u8]| line.write(bytes);
                 firmware.hear(&bytes[..n], start.elapsed(), answer);
@@ -112,7 +112,7 @@ pub fn serve(
                     line.free();
                 }
             }
-            Heard::Gone => {
+            LineEvent::Disconnected => {
                 tell(Event::HostGone);
                 if options.once {
                     break;

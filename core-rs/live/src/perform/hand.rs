@@ -1,6 +1,6 @@
 //! A hand while it plays: the person's, or what stands in for it, and the way from one to the other.
 
-use super::lead::Guide;
+use super::guidance::{Guidance, smooth};
 
 /// A change of hands moves the key by no more than this in a tick [m].
 const STEP: f64 = 5e-5;
@@ -19,7 +19,7 @@ pub struct Hand {
     /// The scene sees this many times its travel, and it feels this many times the scene's force.
     pub reach: f64,
     /// A force that leads it.
-    pub guide: Option<Guide>,
+    pub guidance: Option<Guidance>,
     /// The scene's force against it [N/m] in each tick after it was 1 m away for one (n_ticks,); empty: nobody looked.
     pub response: Vec<f64>,
 }
@@ -74,11 +74,6 @@ impl Mover {
             1.0
         }
     }
-}
-
-/// From 0 to 1 without a jolt at either end: the quintic whose first two derivatives are zero there.
-pub(super) fn smooth(t: f64) -> f64 {
-    t * t * t * (10.0 + t * (6.0 * t - 15.0))
 }
 
 #[cfg(test)]

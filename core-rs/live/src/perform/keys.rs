@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Command, bearer};
+use super::{Command, hand_limit};
 use crate::device::calibrate::{self, Axis};
 use crate::device::{self, Device, Kind, MAX_AXES, Sample, Unit, Url, ports};
 use crate::safety::{Guarded, Limits, Trip, stiffness};
@@ -25,14 +25,14 @@ const WAIT: f64 = 0.3;
 /// A device that is open, and the hands on it.
 pub struct Keyboard {
     guarded: Box<Guarded>,
-    known: Known,
+    known: DeviceConfig,
     /// Device axis and hand of the piece.
     axes: Vec<(usize, usize)>,
 }
 
 /// How to open it, now and again.
 #[derive(Clone, Debug)]
-pub struct Known {
+pub struct DeviceConfig {
     /// Where it is.
     pub url: Url,
     /// What was found of its axes, by their numbers.
@@ -43,7 +43,7 @@ pub struct Known {
     pub period: f64,
 }
 
-impl Known {
+impl DeviceConfig {
     /// What the board is called wherever it is plugged in, if that is certain.
     fn identity(&self) -> Option<String> {
         let is_serial = matches!(self.url.kind, Kind::FireFader | Kind::Frame);
@@ -72,7 +72,7 @@ pub struct Slot {
 }
 
 /// The side that may wait: opens the device again, frees what is dead.
-pub(super) struct Seeker {
+pub(super) struct Reconnector {
     thread: Option<JoinHandle<()>>,
     stop: Arc<AtomicBool>,
 }
@@ -82,7 +82,10 @@ impl Keyboard {
     ///
     /// # Errors
     /// What the device's driver says.
-    pub fn open(known: Known, axes: Vec<(usize, usize)>) -> Result<Self, device::DeviceError> {
+    pub fn open(
+        known: DeviceConfig,
+        axes: Vec<(usize, usize)>,
+    ) -> Result<Self, device::DeviceError> {
         let device = known.open()?;
         let n = device.spec().dof;
         if axes.iter().any(|(axis, _)| *axis >= n) {
@@ -92,7 +95,11 @@ impl Keyboard {
     }
 
     /// A device that is open already; gone, it is looked for by what is known of it.
-    pub(super) fn around(device: Box<dyn Device>, known: Known, axes: Vec<(usize, usize)>) -> Self {
+    pub(super) fn around(
+        device: Box<dyn Device>,
+        known: DeviceConfig,
+        axes: Vec<(usize, usize)>,
+    ) -> Self {
         Self {
             guarded: known.guard(device),
             known,
@@ -119,7 +126,7 @@ impl Keyboard {
         self,
         index: usize,
         commands: Arc<Mutex<Producer<Command>>>,
-    ) -> (Slot, Seeker) {
+    ) -> (Slot, Reconnector) {
         let (gone, stop) = (Arc::default(), Arc::default());
         // One may die while the one before is still to be freed.
         let (grave, graves) = RingBuffer::new(4);
@@ -140,7 +147,7 @@ impl Keyboard {
             silent: 0,
             patience: (SILENT / self.known.period) as u32 + 1,
         };
-        let search = Search {
+        let search = ReconnectLoop {
             key,
             axes: self.axes,
             identity: self.known.identity(),
@@ -155,23 +162,23 @@ impl Keyboard {
             .name("ergon keys".into())
             .spawn(move || search.run())
             .ok();
-        (slot, Seeker { thread, stop })
+        (slot, Reconnector { thread, stop })
     }
 }
 
-impl Known {
+impl DeviceConfig {
     fn open(&self) -> Result<Box<dyn Device>, device::DeviceError> {
         let device = calibrate::applied(device::open(&self.url)?, &self.calibration);
         if device.spec().unit == Unit::Radian {
             return Err(self
                 .url
-                .cannot("it turns, and a key of a score goes by metres"));
+                .cannot("the axis rotates (its unit is rad), and a key of a score needs metres"));
         }
         Ok(device)
     }
 
     fn key(&self, guarded: &Guarded) -> stiffness::Key {
-        bearer::key(guarded.spec(), guarded.in_lockstep(), self.period)
+        hand_limit::key(guarded.spec(), guarded.in_lockstep(), self.period)
     }
 
     fn guard(&self, device: Box<dyn Device>) -> Box<Guarded> {
@@ -289,8 +296,8 @@ impl Slot {
     }
 }
 
-struct Search {
-    known: Known,
+struct ReconnectLoop {
+    known: DeviceConfig,
     key: stiffness::Key,
     axes: Vec<(usize, usize)>,
     /// Of the board that was opened first.
@@ -302,7 +309,7 @@ struct Search {
     commands: Arc<Mutex<Producer<Command>>>,
 }
 
-impl Search {
+impl ReconnectLoop {
     fn run(mut self) {
         let mut next = Instant::now();
         let mut memory = None;
@@ -344,7 +351,7 @@ impl Search {
     }
 }
 
-impl Drop for Seeker {
+impl Drop for Reconnector {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {

@@ -1,5 +1,7 @@
 //! What the physics thread does in a tick. Nothing here allocates, locks or fails.
 
+pub(super) mod change;
+
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -7,17 +9,18 @@ use std::time::{Duration, Instant};
 use ergon_engine::mix::glide::Glide;
 use rtrb::{Consumer, Producer};
 
-use super::change::{Due, WAITING};
 use super::clock::Clock;
+use super::control::SharedFlags;
 use super::frozen::Frozen;
+use super::guidance::GuidanceState;
 use super::hand::Mover;
-use super::lead::Lead;
 use super::scale::Scale;
-use super::status::{Event, HANDS_MAX, Status, What};
-use super::{Borne, Command, Desk, Hand, Slot, Stage};
+use super::status::{Event, EventKind, HANDS_MAX, Status};
+use super::{Command, Hand, HandLimit, Slot, Stage};
 use crate::audio::{Feed, Shared};
 use crate::recording::{self, RowSink, flag};
 use crate::safety;
+use change::{SCHEDULED_MAX, ScheduledChange};
 
 /// The load is averaged over this time [s].
 const AVERAGE: f64 = 1.0;
@@ -28,9 +31,9 @@ const LATE: f64 = 0.5;
 /// Without keys on a clock, ticks wait at most so long for room in the ring: the card may be gone for good.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Everything that leads to other threads.
-pub(super) struct Links {
-    pub(super) desk: Arc<Desk>,
+/// Ends of everything that is shared with other threads.
+pub(super) struct Connections {
+    pub(super) flags: Arc<SharedFlags>,
     pub(super) commands: Consumer<Command>,
     pub(super) events: Producer<Event>,
     pub(super) status: triple_buffer::Input<Status>,
@@ -38,7 +41,7 @@ pub(super) struct Links {
     pub(super) record: Option<RowSink>,
     pub(super) frozen: Option<Frozen>,
     pub(super) shared: Arc<Shared>,
-    pub(super) garbage: Producer<Box<Due>>,
+    pub(super) garbage: Producer<Box<ScheduledChange>>,
 }
 
 /// All that plays.
@@ -46,14 +49,14 @@ pub(super) struct Player {
     pub(super) stage: Stage,
     pub(super) gain: Glide,
     pub(super) slots: Vec<Slot>,
-    pub(super) links: Links,
+    pub(super) links: Connections,
     /// Changes that are not due yet, by rising frame.
     #[allow(clippy::vec_box)]
     // each goes back in the box that it came in: to open it would free that
-    pub(super) waiting: Vec<Box<Due>>,
+    pub(super) waiting: Vec<Box<ScheduledChange>>,
     clock: Clock,
     pub(super) movers: Vec<Mover>,
-    pub(super) leads: Vec<Lead>,
+    pub(super) guidance: Vec<GuidanceState>,
     pub(super) scales: Vec<Scale>,
     /// Where each hand's key was in the tick before: its speed is taken from that.
     before: Vec<f64>,
@@ -84,17 +87,17 @@ impl Player {
     pub(super) fn new(
         mut stage: Stage,
         slots: Vec<Slot>,
-        links: Links,
+        links: Connections,
         clock: Clock,
         paced: bool,
-        borne: &[Borne],
+        hand_limits: &[HandLimit],
     ) -> Self {
         let n = stage.hands.len();
         let period = stage.every as f64 / stage.simulation.rate();
-        let lead = |hand: &Hand| Lead::new(hand.guide, period);
-        let leads = stage.hands.iter().map(lead).collect();
+        let guidance = |hand: &Hand| GuidanceState::new(hand.guidance, period);
+        let guidance = stage.hands.iter().map(guidance).collect();
         let mut scales = vec![Scale::new(1.0, period); n];
-        for one in borne {
+        for one in hand_limits {
             scales[one.hand] = Scale::new(one.scale, period);
         }
         let mut of = vec![None; n];
@@ -114,7 +117,7 @@ impl Player {
         Self {
             gain: Glide::new(stage.simulation.rate(), stage.gain),
             movers: vec![Mover::default(); n],
-            leads,
+            guidance,
             scales,
             before: vec![0.0; n],
             felt: vec![0.0; n],
@@ -132,7 +135,7 @@ impl Player {
             panicked: false,
             paced,
             looked: false,
-            waiting: Vec::with_capacity(WAITING),
+            waiting: Vec::with_capacity(SCHEDULED_MAX),
             stage,
             slots,
             links,
@@ -144,7 +147,7 @@ impl Player {
     pub(super) fn run(&mut self) {
         self.begin();
         loop {
-            let is_over = self.links.desk.stop.load(Ordering::Acquire);
+            let is_over = self.links.flags.stop.load(Ordering::Acquire);
             if is_over || !self.tick() {
                 break;
             }
@@ -152,7 +155,7 @@ impl Player {
         for slot in &mut self.slots {
             slot.stop(true);
         }
-        self.tell(What::Ended);
+        self.tell(EventKind::Ended);
         self.links.status.write(self.status);
         self.links.feed.close();
     }
@@ -194,7 +197,9 @@ impl Player {
         self.commands();
         self.changes();
         self.scale();
-        self.leads.iter_mut().for_each(|lead| lead.tick(self.tick));
+        self.guidance
+            .iter_mut()
+            .for_each(|guidance| guidance.tick(self.tick));
         let n = (self.stage.every as u64).min(left) as usize;
         if n > 0 {
             self.keys();
@@ -226,7 +231,7 @@ impl Player {
         status.latest = status.latest.max(late);
         if lost {
             status.lost += 1;
-            self.tell(What::Lost(late));
+            self.tell(EventKind::Lost(late));
         }
     }
 
@@ -246,17 +251,17 @@ impl Player {
                     self.slots[slot].comes_back(guarded);
                     self.slots[slot].stop(self.panicked);
                     self.waits[slot] = Some(self.next_bar());
-                    self.tell(What::Back(slot));
+                    self.tell(EventKind::Back(slot));
                 }
             }
         }
-        let panicked = self.links.desk.panic.load(Ordering::Acquire);
+        let panicked = self.links.flags.panic.load(Ordering::Acquire);
         if panicked != self.panicked {
             self.panicked = panicked;
             self.slots.iter_mut().for_each(|slot| slot.stop(panicked));
             self.note(format_args!("{{\"panic\":{panicked}}}"));
         }
-        if self.links.desk.again.swap(false, Ordering::AcqRel) {
+        if self.links.flags.release.swap(false, Ordering::AcqRel) {
             self.slots.iter_mut().for_each(Slot::release);
         }
     }
@@ -282,8 +287,8 @@ impl Player {
             let (own, mover) = (&self.stage.hands[hand], &self.movers[hand]);
             let force = if mover.real {
                 let v = (mover.x - self.before[hand]) * rate;
-                let lead = self.leads[hand].force(own, self.tick, mover.x, v);
-                (self.felt[hand] + lead) * mover.share()
+                let guidance = self.guidance[hand].force(own.stands_at(self.tick), mover.x, v);
+                (self.felt[hand] + guidance) * mover.share()
             } else {
                 0.0
             };
@@ -312,7 +317,7 @@ impl Player {
         if there {
             return;
         }
-        self.tell(What::Gone(slot));
+        self.tell(EventKind::Gone(slot));
         self.waits[slot] = None;
         for at in 0..self.slots[slot].axes.len() {
             let (_, hand) = self.slots[slot].axes[at];
@@ -333,7 +338,7 @@ impl Player {
                 let (axis, hand) = self.slots[slot].axes[at];
                 let x = self.slots[slot].sample.position[axis];
                 self.movers[hand].change(true, x);
-                self.tell(What::TookOver(hand));
+                self.tell(EventKind::TookOver(hand));
             }
         }
         for (hand, own) in self.stage.hands.iter().enumerate() {
@@ -366,7 +371,7 @@ impl Player {
                 // Where no clock presses, the disk is waited for.
                 let asked = Instant::now();
                 let is_there = |frozen: &Frozen| frozen.is_ready(self.frame, n);
-                let is_over = || self.links.desk.stop.load(Ordering::Acquire);
+                let is_over = || self.links.flags.stop.load(Ordering::Acquire);
                 while !self.paced && !is_there(frozen) && asked.elapsed() < PATIENCE && !is_over() {
                     self.clock.nap();
                 }
@@ -411,7 +416,7 @@ impl Player {
         loop {
             let taken = self.links.feed.push(rest);
             rest = &rest[taken * channels..];
-            let is_over = self.links.desk.stop.load(Ordering::Acquire);
+            let is_over = self.links.flags.stop.load(Ordering::Acquire);
             if rest.is_empty() || is_over {
                 break;
             }
@@ -452,7 +457,7 @@ impl Player {
         }
         // Where no clock presses, the disk is waited for.
         let asked = Instant::now();
-        let is_over = || self.links.desk.stop.load(Ordering::Acquire);
+        let is_over = || self.links.flags.stop.load(Ordering::Acquire);
         while !self.paced && !sink.has_room() && asked.elapsed() < PATIENCE && !is_over() {
             self.clock.nap();
         }
@@ -473,13 +478,13 @@ impl Player {
         status.muted = muted;
         status.filled = self.links.feed.filled();
         if is_new {
-            self.tell(What::Muted);
+            self.tell(EventKind::Muted);
         }
         let finer = self.stage.simulation.n_finer() as u32;
         let is_new = finer > self.status.finer;
         self.status.finer = finer;
         if is_new {
-            self.tell(What::Finer);
+            self.tell(EventKind::Finer);
         }
     }
 
@@ -500,7 +505,7 @@ impl Player {
             if let Some(why) = trip.filter(|_| !own.tripped) {
                 let event = Event {
                     frame: self.frame,
-                    what: What::Tripped(hand, why),
+                    kind: EventKind::Tripped(hand, why),
                 };
                 let _ = self.links.events.push(event);
             }
@@ -509,9 +514,9 @@ impl Player {
     }
 
     /// Something happened; where nobody listens it is lost.
-    pub(super) fn tell(&mut self, what: What) {
+    pub(super) fn tell(&mut self, kind: EventKind) {
         let frame = self.frame;
-        let _ = self.links.events.push(Event { frame, what });
+        let _ = self.links.events.push(Event { frame, kind });
     }
 
     /// Something was consumed besides positions.

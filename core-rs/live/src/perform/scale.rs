@@ -1,7 +1,9 @@
 //! How much of the scene's force a hand gets, tick by tick: less before a stiffer scene acts, more after it is gone.
 
+use crate::safety::unit;
+
 /// A scale begins to fall so long before it has to be lower [s].
-pub(super) const FALL: f64 = 0.02;
+pub const FALL_TIME: f64 = 0.02;
 /// From no force to all of it [s].
 const RISE: f64 = 0.2;
 
@@ -31,13 +33,13 @@ pub(super) struct Scale {
 impl Scale {
     /// As it is from the start, in ticks of `period` [s].
     pub(super) fn new(scale: f64, period: f64) -> Self {
-        let scale = sound(scale);
+        let scale = unit(scale);
         Self {
             now: scale,
             goal: scale,
             bounds: Vec::new(),
             next: 0,
-            fall: (FALL / period).ceil() as u64,
+            fall: (FALL_TIME / period).ceil() as u64,
             by: period / RISE,
         }
     }
@@ -55,14 +57,14 @@ impl Scale {
         // What was allowed in the tick before may be risen to: its force is the first that goes out now.
         let goal = self.goal;
         while let Some(bound) = self.bounds.get(self.next).filter(|bound| bound.at <= tick) {
-            self.goal = sound(bound.scale);
+            self.goal = unit(bound.scale);
             self.next += 1;
         }
         let risen = (self.now + self.by).min(goal).max(self.now);
         let mut now = risen.min(self.goal);
         let coming = self.bounds[self.next..].iter().copied().chain(waiting);
         for bound in coming.filter(|bound| bound.at <= tick + self.fall) {
-            let (to, left) = (sound(bound.scale), bound.at.saturating_sub(tick) + 1);
+            let (to, left) = (unit(bound.scale), bound.at.saturating_sub(tick) + 1);
             if to < self.now {
                 now = now.min(self.now + (to - self.now) / left as f64);
             }
@@ -75,11 +77,6 @@ impl Scale {
     pub(super) fn now(&self) -> f64 {
         self.now
     }
-}
-
-/// What is no scale lets nothing through.
-fn sound(scale: f64) -> f64 {
-    if scale > 0.0 { scale.min(1.0) } else { 0.0 }
 }
 
 #[cfg(test)]

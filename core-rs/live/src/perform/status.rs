@@ -89,12 +89,12 @@ pub struct Event {
     /// At this frame.
     pub frame: u64,
     /// What it was.
-    pub what: What,
+    pub kind: EventKind,
 }
 
 /// What may happen.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum What {
+pub enum EventKind {
     /// A keyboard no longer answers: what stands in for its hands plays on.
     Gone(usize),
     /// A keyboard is there again; its hands take over at the next bar.

@@ -1,7 +1,7 @@
 //! Ticks by hand: nothing is allocated in them, whatever happens to the keys meanwhile.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use assert_no_alloc::{assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::law::Law;
@@ -12,43 +12,23 @@ use ergon_engine::timeline::{HandWay, Timeline};
 use ergon_engine::units::Rate;
 
 use super::*;
-use crate::device::{Device, Gone, Sample, Spec, Url};
+use crate::device::Url;
 use crate::recording::{Axis, flag, read};
-use crate::safety::SafeForce;
+
+pub(super) mod unplugged;
+
+use unplugged::Unplugged;
 
 const RATE: f64 = 44_100.0;
 const EVERY: usize = 44;
 const TICKS: u64 = 6_000;
 const KEY: &str = "emul:?mass=0.05&damping=1";
 
-/// An emulated key that is pulled out after so many ticks.
-struct Brief {
-    key: Box<dyn Device>,
-    left: u32,
-}
-
-impl Device for Brief {
-    fn spec(&self) -> &Spec {
-        self.key.spec()
-    }
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        self.left = self.left.checked_sub(1).ok_or(Gone::Closed)?;
-        self.key.send(force)
-    }
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        self.key.receive(into, deadline)
-    }
-    fn in_lockstep(&self) -> bool {
-        true
-    }
-    fn zero(&mut self) {}
-}
-
 fn keyboard(hand: usize, left: u32) -> Keyboard {
     let url = Url::parse(KEY).unwrap();
     let key = crate::device::open(&url).unwrap();
-    let brief = Box::new(Brief { key, left });
-    let known = Known {
+    let brief = Box::new(Unplugged { key, left });
+    let known = DeviceConfig {
         url,
         calibration: Vec::new(),
         most: None,
@@ -110,7 +90,7 @@ fn stage() -> Stage {
     let hand = Hand {
         standin: (0..TICKS).map(|n| 1e-6 * (n % 1_000) as f64).collect(),
         reach: 1.0,
-        guide: Some(Guide {
+        guidance: Some(Guidance {
             k: 50.0,
             z: 0.5,
             loose: false,
@@ -135,7 +115,7 @@ fn stage() -> Stage {
 #[test]
 fn changes_are_done_at_their_frames() {
     let path = std::env::temp_dir().join(format!("ergon-changes-{}.wav", std::process::id()));
-    let how = How {
+    let config = PlaybackConfig {
         audio: format!("file:{}", path.display()).parse().unwrap(),
         ahead: None,
         record: None,
@@ -155,7 +135,7 @@ fn changes_are_done_at_their_frames() {
     };
     let frames = [100, 250, 90, 300].map(|tick| tick * every);
     let struck = [&[0.15][..], &[0.15, 0.3, 0.35], &[0.2], &[0.4]];
-    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), how).unwrap();
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
     let versions = frames.map(|from| {
         simulation(
             struck[frames.iter().position(|at| *at == from).unwrap()],
@@ -195,15 +175,15 @@ fn changes_are_done_at_their_frames() {
     while player.tick() {}
     assert_eq!(violation_count(), 0);
     let events: Vec<_> = std::iter::from_fn(|| this.event())
-        .map(|event| (event.frame, event.what))
+        .map(|event| (event.frame, event.kind))
         .collect();
     assert_eq!(
         events,
         [
-            (frames[0], What::Changed(first)),
-            (120 * every, What::Late(late)),
-            (frames[1], What::Changed(second)),
-            (frames[3], What::Late(of_another)),
+            (frames[0], EventKind::Changed(first)),
+            (120 * every, EventKind::Late(late)),
+            (frames[1], EventKind::Changed(second)),
+            (frames[3], EventKind::Late(of_another)),
         ]
     );
     player.links.feed.close();
@@ -251,15 +231,15 @@ fn changes_are_done_at_their_frames() {
 /// What may lead a hand counts before it does: a key that could not bear it gets less force.
 #[test]
 fn a_loose_guide_is_borne() {
-    let scale = |guide: Option<(f64, bool)>| {
+    let scale = |guidance: Option<(f64, bool)>| {
         let hand = Hand {
-            guide: guide.map(|(k, loose)| Guide { k, z: 0.0, loose }),
+            guidance: guidance.map(|(k, loose)| Guidance { k, z: 0.0, loose }),
             response: vec![0.0; 400],
             ..Hand::default()
         };
         let response = hand.response.clone();
-        Bearer::all(&keyboard(0, 0), &[hand])[0]
-            .borne(&response)
+        HandKey::all(&keyboard(0, 0), &[hand])[0]
+            .limit(&response)
             .scale
     };
     assert_eq!(scale(None), 1.0);
@@ -273,7 +253,7 @@ fn a_loose_guide_is_borne() {
 /// A guide that is taken up and let go: the key goes where it leads, and back.
 #[test]
 fn a_key_is_led_and_let_go() {
-    let how = How {
+    let config = PlaybackConfig {
         audio: "null:fast".parse().unwrap(),
         ahead: None,
         record: None,
@@ -282,29 +262,35 @@ fn a_key_is_led_and_let_go() {
     for hand in &mut stage.hands {
         hand.standin = vec![0.0];
         hand.reach = 0.0; // the scene is out of it
-        hand.guide = Some(Guide {
+        hand.guidance = Some(Guidance {
             k: 500.0,
             z: 1.0,
             loose: true,
         });
     }
     let (mut this, mut player) =
-        Performance::prepare(stage, vec![keyboard(0, u32::MAX)], how).unwrap();
+        Performance::prepare(stage, vec![keyboard(0, u32::MAX)], config).unwrap();
     player.begin();
-    let step = |at, share| Step { at, share };
-    let all = Share { k: 1.0, z: 1.0 };
-    let change = |x: f64, steps: Vec<Step>| Change {
+    let step = |at, share| GuidanceStep { at, share };
+    let all = GuidanceShare { k: 1.0, z: 1.0 };
+    let change = |x: f64, steps: Vec<GuidanceStep>| Change {
         standins: Some(vec![vec![x], vec![0.0]]),
-        leads: Some(vec![steps, Vec::new()]),
+        guidance_steps: Some(vec![steps, Vec::new()]),
         ..Change::default()
     };
     let at = |tick: u64| tick * EVERY as u64;
-    let led = change(4e-3, vec![step(0, all), step(3_000, Share::default())]);
+    let led = change(
+        4e-3,
+        vec![step(0, all), step(3_000, GuidanceShare::default())],
+    );
     this.change(at(500), led).unwrap();
     this.change(at(2_000), change(-3e-3, vec![step(0, all)]))
         .unwrap();
-    this.change(at(4_000), change(-3e-3, vec![step(0, Share::default())]))
-        .unwrap();
+    this.change(
+        at(4_000),
+        change(-3e-3, vec![step(0, GuidanceShare::default())]),
+    )
+    .unwrap();
     let mut x = Vec::new();
     reset_violation_count();
     for _ in 0..TICKS {
@@ -348,20 +334,20 @@ fn what_is_computed_finer_is_told_once() {
         hands: Vec::new(),
         ..stage()
     };
-    let how = How {
+    let config = PlaybackConfig {
         audio: "null:fast".parse().unwrap(),
         ahead: None,
         record: None,
     };
-    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), how).unwrap();
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
     player.begin();
     reset_violation_count();
     assert_no_alloc(|| (0..1_000).for_each(|_| assert!(player.tick())));
     assert_eq!(violation_count(), 0);
     let events: Vec<_> = std::iter::from_fn(|| this.event())
-        .map(|event| event.what)
+        .map(|event| event.kind)
         .collect();
-    assert_eq!(events, [What::Finer]);
+    assert_eq!(events, [EventKind::Finer]);
     assert_eq!((this.status().finer, this.status().muted), (1, 0));
     drop(player);
     this.close(Duration::from_secs(10)).unwrap();
@@ -381,13 +367,13 @@ fn a_tick_does_not_allocate() {
         axes: vec![axis("ada"), axis("remi")],
         about: "{}".into(),
     };
-    let how = How {
+    let config = PlaybackConfig {
         audio: "null:fast".parse().unwrap(),
         ahead: None,
         record: Some((path.clone(), header)),
     };
     let boards = vec![keyboard(0, u32::MAX), keyboard(1, 1_000)];
-    let (mut this, mut player) = Performance::prepare(stage(), boards, how).unwrap();
+    let (mut this, mut player) = Performance::prepare(stage(), boards, config).unwrap();
     player.begin();
     // From here on the second key gets no force: nor does the one that comes back in its place.
     let none = vec![Bound { at: 0, scale: 0.0 }];
@@ -413,12 +399,17 @@ fn a_tick_does_not_allocate() {
     assert_eq!(violation_count(), 0);
     assert_eq!(this.status().ticks, TICKS);
     let events: Vec<_> = std::iter::from_fn(|| this.event())
-        .map(|event| event.what)
+        .map(|event| event.kind)
         .collect();
-    let changed = What::Changed(1);
+    let changed = EventKind::Changed(1);
     assert_eq!(
         events,
-        [changed, What::Gone(1), What::Back(1), What::TookOver(1)]
+        [
+            changed,
+            EventKind::Gone(1),
+            EventKind::Back(1),
+            EventKind::TookOver(1)
+        ]
     );
     drop(player);
     this.close(Duration::from_secs(10)).unwrap();

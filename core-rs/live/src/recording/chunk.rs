@@ -34,7 +34,7 @@ pub(super) fn append(to: &mut Vec<u8>, kind: u8, payload: &[u8]) {
 
 /// What stands where a chunk should begin.
 #[derive(Debug, PartialEq)]
-pub(super) enum Found {
+pub(super) enum ChunkState {
     /// A whole chunk of this kind; its payload is in the buffer.
     Whole(u8),
     /// Bytes that are no whole chunk; where the next one would begin is known.
@@ -44,22 +44,26 @@ pub(super) enum Found {
 }
 
 /// Read the chunk that begins here, with `left` bytes to the end of the file; `payload` is overwritten.
-pub(super) fn next(from: &mut impl Read, left: u64, payload: &mut Vec<u8>) -> io::Result<Found> {
+pub(super) fn next(
+    from: &mut impl Read,
+    left: u64,
+    payload: &mut Vec<u8>,
+) -> io::Result<ChunkState> {
     if left < FRAME as u64 {
-        return Ok(Found::Cut);
+        return Ok(ChunkState::Cut);
     }
     let mut frame = [0; FRAME];
     from.read_exact(&mut frame)?;
     let length = u32::from_le_bytes([frame[0], frame[1], frame[2], frame[3]]);
     let crc = u32::from_le_bytes([frame[5], frame[6], frame[7], frame[8]]);
     if length as usize > MAX_PAYLOAD || FRAME as u64 + u64::from(length) > left {
-        return Ok(Found::Cut);
+        return Ok(ChunkState::Cut);
     }
     payload.resize(length as usize, 0);
     from.read_exact(payload)?;
     if checksum(length, frame[4], payload) == crc {
-        Ok(Found::Whole(frame[4]))
+        Ok(ChunkState::Whole(frame[4]))
     } else {
-        Ok(Found::Damaged)
+        Ok(ChunkState::Damaged)
     }
 }

@@ -38,15 +38,15 @@ impl Header {
     pub fn check(&self) -> Result<(), RecordingError> {
         let long = |axis: &Axis| axis.player.len().max(axis.key.len()) > MAX_NAME;
         let wrong = if !(self.rate > 0.0 && self.rate <= MAX_RATE) {
-            "its audio rate lies above 0 and up to 2 MHz"
+            "the audio rate must be above 0 and at most 2 MHz"
         } else if self.frames == 0 || f64::from(self.frames) > MAX_RATE {
-            "a tick lasts one frame or more, and up to 2,000,000"
+            "a tick must have 1 to 2,000,000 frames"
         } else if self.axes.is_empty() || self.axes.len() > MAX_AXES {
-            "it has 1 to 64 axes"
+            "there must be 1 to 64 axes"
         } else if self.axes.iter().any(long) {
-            "a name has at most 200 bytes"
+            "a name must have at most 200 bytes"
         } else if self.about.len() > MAX_ABOUT {
-            "its description has at most 512 KiB"
+            "the description must have at most 512 KiB"
         } else {
             return Ok(());
         };

@@ -5,7 +5,7 @@ use std::io::{BufReader, Read, Write};
 use std::ops::Range;
 use std::path::Path;
 
-use super::chunk::{self, Found};
+use super::chunk::{self, ChunkState};
 use super::row::{self, Sample};
 use super::{Header, MAGIC, MAX_EVENTS, MAX_SAMPLES, RecordingError, VERSION};
 
@@ -41,11 +41,11 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         header.check()?;
         if samples.len() != ticks.len() * header.axes.len() {
-            let wrong = "it has one position for each tick and axis";
+            let wrong = "there must be one position for each tick and axis";
             return Err(RecordingError::Rows(wrong));
         }
         if !ticks.is_sorted_by(|a, b| a < b) {
-            return Err(RecordingError::Rows("its ticks rise"));
+            return Err(RecordingError::Rows("ticks must rise"));
         }
         if samples.len() > MAX_SAMPLES {
             return Err(RecordingError::TooLong);
@@ -208,7 +208,7 @@ pub(super) fn decode(
     let mut at = prefix.len() as u64;
     let mut payload = Vec::new();
     let header = match chunk::next(from, length - at, &mut payload)? {
-        Found::Whole(chunk::HEADER) => Header::decode(&payload),
+        ChunkState::Whole(chunk::HEADER) => Header::decode(&payload),
         _ => None,
     };
     let header = header.ok_or(RecordingError::NoHeader)?;
@@ -217,18 +217,18 @@ pub(super) fn decode(
     while at < length {
         let found = chunk::next(from, length - at, &mut payload)?;
         let size = match found {
-            Found::Cut => length - at,
+            ChunkState::Cut => length - at,
             _ => (chunk::FRAME + payload.len()) as u64,
         };
         let kept = match found {
-            Found::Whole(kind) => collected.take(kind, &payload)?,
+            ChunkState::Whole(kind) => collected.take(kind, &payload)?,
             _ => false,
         };
         if !kept {
             collected.recording.lost_bytes += size;
         }
         at += size;
-        if found == Found::Cut {
+        if found == ChunkState::Cut {
             break;
         }
     }

@@ -1,6 +1,6 @@
 //! Forces that have passed every stage.
 
-use crate::device::MAX_AXES;
+use crate::wire::MAX_AXES;
 
 /// Forces that may be sent to a device: zero, or made by the stages of this module and by nothing else.
 ///

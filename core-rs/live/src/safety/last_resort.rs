@@ -12,7 +12,7 @@ pub use unix::{leave_signals, look_for_signals, watch, watch_ends};
 /// Where there are no file descriptors, a device's own watchdog is the last resort.
 #[cfg(not(unix))]
 mod elsewhere {
-    use crate::device::LastResort;
+    use crate::safety::contract::LastResort;
     use crate::stop::Stop;
 
     pub(in crate::safety) struct Armed;
@@ -40,7 +40,7 @@ mod unix {
     use std::sync::{Mutex, Once, OnceLock, PoisonError};
 
     use super::super::FAREWELLS;
-    use crate::device::LastResort;
+    use crate::safety::contract::LastResort;
     use crate::stop::{self, Stop};
 
     /// Devices open at once, at most, that are zeroed.

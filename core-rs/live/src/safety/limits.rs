@@ -1,6 +1,6 @@
 //! What a hand is asked to bear.
 
-use crate::device::Spec;
+use crate::safety::contract::Spec;
 
 /// Work that no device does on a hand at once [J]: 10 N over 100 mm. A partner who leads a hand by 15 mm to and fro three
 /// times a second does a fifth of a watt.

@@ -47,9 +47,9 @@ impl Answer {
         }
     }
 
-    /// The greatest part of its force, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground besides, that a key
-    /// bears; infinite where it bears any.
-    pub fn borne(&self, key: Key, k: f64, z: f64) -> f64 {
+    /// Gain margin of the loop of key and scene, with a spring `k` [N/m] and a damper `z` [N·s/m] to the ground beside the
+    /// scene: the factor of all forces at the border of stability; infinite where no factor makes the loop unstable.
+    pub fn gain_margin(&self, key: Key, k: f64, z: f64) -> f64 {
         if !self.acts && (k, z) == (0.0, 0.0) {
             return f64::INFINITY;
         }

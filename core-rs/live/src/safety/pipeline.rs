@@ -17,7 +17,8 @@ use super::stages::passivity::Passivity;
 use super::stages::slew::Slew;
 use super::stages::stale::Ages;
 use super::stages::trip::Trip;
-use crate::device::{MAX_AXES, Sample, Spec};
+use crate::safety::contract::{Sample, Spec};
+use crate::wire::MAX_AXES;
 
 /// A force that has to end now has this room.
 const NONE: [f64; 2] = [0.0, 0.0];
@@ -197,16 +198,22 @@ impl Pipeline {
 
     pub(super) fn scale(&mut self, axis: usize, gain: f64) {
         if let Some(axis) = self.axes.get_mut(axis) {
-            axis.gain = if gain.is_nan() {
-                0.0
-            } else {
-                gain.clamp(0.0, 1.0)
-            };
+            axis.gain = super::unit(gain);
         }
     }
 
     pub(super) fn tripped(&self, axis: usize) -> bool {
         self.axes.get(axis).is_some_and(|axis| axis.trip.is_held())
+    }
+
+    /// The greatest force that any stage lets through [N].
+    pub(super) fn force_max(&self) -> f64 {
+        self.most
+    }
+
+    /// From tick to tick [s].
+    pub(super) fn period(&self) -> f64 {
+        self.period
     }
 
     pub(super) fn counts(&self) -> &Counts {

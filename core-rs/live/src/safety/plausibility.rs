@@ -13,9 +13,9 @@
 mod probe;
 mod signs;
 
-use crate::device::MAX_AXES;
-use probe::{Answer, Kind, Probe};
-use signs::{Signs, Traits};
+use crate::wire::MAX_AXES;
+use probe::{Answer, Probe};
+use signs::{AxisParameters, Signs, Suspicion};
 
 /// Length of a step, if a tick is shorter [s].
 const STEP: f64 = 1e-3;
@@ -54,7 +54,7 @@ pub enum Trip {
 
 /// What an axis is, for [`Plausibility`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Built {
+pub(super) struct AxisSpec {
     /// Least and greatest position.
     pub(super) range: [f64; 2],
     /// Step of the sensor.
@@ -79,7 +79,7 @@ enum Mode {
 /// One axis that is watched.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plausibility {
-    built: Traits,
+    built: AxisParameters,
     /// Ticks of a step, and those since the last one.
     every: u32,
     ticks: u32,
@@ -104,9 +104,9 @@ pub(super) struct Plausibility {
 
 impl Plausibility {
     /// An axis that is sent a force every `period` [s].
-    pub(super) fn new(built: Built, period: f64) -> Self {
+    pub(super) fn new(built: AxisSpec, period: f64) -> Self {
         let every = (STEP / period).round().max(1.0);
-        let traits = Traits::new(built, every * period);
+        let traits = AxisParameters::new(built, every * period);
         Self {
             built: traits,
             every: every as u32,
@@ -149,7 +149,7 @@ impl Plausibility {
             }) => {
                 // What is asked beyond the greatest force would hide the probe; and on a sensor that may be frozen no
                 // force grows meanwhile.
-                let most = if kind == Kind::Still {
+                let most = if kind == Suspicion::Still {
                     force.abs()
                 } else {
                     self.force
@@ -244,7 +244,7 @@ impl Plausibility {
         // What a key answered at one place says nothing of it at another.
         if (self.signs.past[0] - self.probed_at).abs() > ELSEWHERE.max(4.0 * self.built.resolution)
         {
-            self.pauses[Kind::Still as usize] = (0, 0);
+            self.pauses[Suspicion::Still as usize] = (0, 0);
         }
         if let Some(trip) = self.signs.evident(sent, &self.built) {
             self.off(trip);
@@ -305,8 +305,8 @@ pub(super) struct Watched {
 
 impl Watched {
     /// Axes that are built so, sent a force every `period` [s].
-    pub(super) fn new(built: &[Built], period: f64) -> Self {
-        let nothing = Built {
+    pub(super) fn new(built: &[AxisSpec], period: f64) -> Self {
+        let nothing = AxisSpec {
             range: [0.0, 0.0],
             resolution: 0.0,
             inertia: None,

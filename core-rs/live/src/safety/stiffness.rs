@@ -19,7 +19,7 @@ pub fn scale(k: f64, limit: f64) -> f64 {
     if k > limit { limit / k } else { 1.0 }
 }
 
-/// At the border a swing lasts for ever: so much of what it bears a key is given.
+/// At the border of stability an oscillation never decays: a loop gets this part of the greatest stable gain.
 const RESERVE: f64 = 0.8;
 
 /// A key by itself, and how late its forces are.
@@ -35,10 +35,9 @@ pub struct Key {
     pub delay: usize,
 }
 
-/// The part of a force, 0 to 1, that leaves the loop stable by [`RESERVE`] where `borne` times it is the border.
-pub fn part(borne: f64) -> f64 {
-    let part = RESERVE * borne;
-    if part > 0.0 { part.min(1.0) } else { 0.0 }
+/// The factor of a force, 0 to 1, that keeps the loop stable with a reserve, for a loop of this gain margin.
+pub fn safe_scale(gain_margin: f64) -> f64 {
+    super::unit(RESERVE * gain_margin)
 }
 
 /// The stiffest that a hand meets, pushed once and held there: the greatest sum of a response [N/m].
@@ -135,10 +134,14 @@ mod tests {
                 delay,
             };
             for k in [0.05 * border, 0.5 * border, 2.0 * border, 8.0 * border] {
-                let borne = k * Answer::new(&[k]).borne(key, 0.0, 0.0);
+                let borne = k * Answer::new(&[k]).gain_margin(key, 0.0, 0.0);
                 let text = format!("{damping} {delay} {k}: {borne} {border}");
                 assert!((borne / border - 1.0).abs() < 0.05, "{text}");
-                assert_eq!(part(borne / k), (RESERVE * (borne / k)).min(1.0), "{text}");
+                assert_eq!(
+                    safe_scale(borne / k),
+                    (RESERVE * (borne / k)).min(1.0),
+                    "{text}"
+                );
             }
         }
     }
@@ -161,7 +164,7 @@ mod tests {
                 delay,
             };
             assert_eq!(
-                part(Answer::new(&[0.5 * k, 0.5 * k]).borne(key, 0.0, 0.0)),
+                safe_scale(Answer::new(&[0.5 * k, 0.5 * k]).gain_margin(key, 0.0, 0.0)),
                 1.0,
                 "{mass} kg, {k} N/m"
             );

@@ -10,7 +10,8 @@ use std::time::Instant;
 use proptest::prelude::*;
 
 use super::*;
-use crate::device::{MAX_AXES, Unit};
+use crate::safety::contract::Unit;
+use crate::wire::MAX_AXES;
 
 const PERIOD: f64 = 1e-3;
 

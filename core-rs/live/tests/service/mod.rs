@@ -8,7 +8,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use ergon_live::device::wire::haply;
+use ergon_live::wire::haply;
 use tungstenite::Message;
 
 const ID: &str = "TEST";
@@ -41,7 +41,7 @@ const REPLIES: [Reply; 5] = [
 
 /// What the service was told.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Told {
+pub(crate) enum ServiceEvent {
     Came,
     Force([f64; 3]),
     /// The host said goodbye, or its connection ended.
@@ -50,7 +50,7 @@ pub(crate) enum Told {
 
 pub(crate) struct Service {
     pub(crate) url: String,
-    pub(crate) told: Receiver<Told>,
+    pub(crate) told: Receiver<ServiceEvent>,
     reply: Arc<AtomicU8>,
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -88,16 +88,16 @@ impl Service {
     }
 
     /// Wait for something that the service is told.
-    pub(crate) fn until(&self, wanted: impl Fn(Told) -> bool) {
+    pub(crate) fn until(&self, wanted: impl Fn(ServiceEvent) -> bool) {
         while !wanted(self.told.recv_timeout(PATIENCE).expect("it is told")) {}
     }
 
     pub(crate) fn until_pushed(&self) {
-        self.until(|told| matches!(told, Told::Force([x, ..]) if x > 0.0));
+        self.until(|told| matches!(told, ServiceEvent::Force([x, ..]) if x > 0.0));
     }
 
     pub(crate) fn until_zero(&self) {
-        self.until(|told| told == Told::Force([0.0; 3]));
+        self.until(|told| told == ServiceEvent::Force([0.0; 3]));
     }
 }
 
@@ -111,7 +111,12 @@ impl Drop for Service {
 }
 
 /// One host, until it leaves.
-fn serve(stream: std::net::TcpStream, tell: &Sender<Told>, reply: &AtomicU8, over: &AtomicBool) {
+fn serve(
+    stream: std::net::TcpStream,
+    tell: &Sender<ServiceEvent>,
+    reply: &AtomicU8,
+    over: &AtomicBool,
+) {
     stream.set_nonblocking(false).unwrap();
     stream.set_nodelay(true).unwrap();
     let Ok(mut socket) = tungstenite::accept(stream) else {
@@ -120,7 +125,7 @@ fn serve(stream: std::net::TcpStream, tell: &Sender<Told>, reply: &AtomicU8, ove
     let quick = Some(Duration::from_millis(5));
     socket.get_ref().set_read_timeout(quick).unwrap();
     let state = |force| Message::text(haply::state(ID, [0.01, 0.0, 0.0], force, false));
-    let _ = tell.send(Told::Came);
+    let _ = tell.send(ServiceEvent::Came);
     let _ = socket.send(state([0.0; 3]));
     while !over.load(Ordering::Relaxed) {
         let force = match socket.read() {
@@ -135,7 +140,7 @@ fn serve(stream: std::net::TcpStream, tell: &Sender<Told>, reply: &AtomicU8, ove
             Err(_) => break,
         };
         let Some(force) = force else { continue };
-        let _ = tell.send(Told::Force(force));
+        let _ = tell.send(ServiceEvent::Force(force));
         let how = REPLIES[usize::from(reply.load(Ordering::Relaxed))];
         if force == [0.0; 3] && matches!(how, Reply::SilentUntilZero | Reply::EmptyUntilZero) {
             reply.store(Reply::State as u8, Ordering::Relaxed);
@@ -150,5 +155,5 @@ fn serve(stream: std::net::TcpStream, tell: &Sender<Told>, reply: &AtomicU8, ove
             }
         }
     }
-    let _ = tell.send(Told::Left);
+    let _ = tell.send(ServiceEvent::Left);
 }

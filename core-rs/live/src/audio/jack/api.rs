@@ -43,7 +43,7 @@ pub(super) const PLAYBACK_LATENCY: c_uint = 1;
 pub(super) const AUDIO: &std::ffi::CStr = c"32 bit float mono audio";
 
 pub(super) type OnFrames = unsafe extern "C" fn(u32, *mut c_void) -> c_int;
-pub(super) type OnNews = unsafe extern "C" fn(*mut c_void) -> c_int;
+pub(super) type OnEvent = unsafe extern "C" fn(*mut c_void) -> c_int;
 pub(super) type OnSwitch = unsafe extern "C" fn(c_int, *mut c_void);
 pub(super) type OnThread = unsafe extern "C" fn(*mut c_void);
 pub(super) type OnEnd = unsafe extern "C" fn(c_uint, *const c_char, *mut c_void);
@@ -86,7 +86,7 @@ api! {
     on_thread = "jack_set_thread_init_callback":
         unsafe extern "C" fn(*mut RawClient, OnThread, *mut c_void) -> c_int;
     on_xrun = "jack_set_xrun_callback":
-        unsafe extern "C" fn(*mut RawClient, OnNews, *mut c_void) -> c_int;
+        unsafe extern "C" fn(*mut RawClient, OnEvent, *mut c_void) -> c_int;
     on_buffer_size = "jack_set_buffer_size_callback":
         unsafe extern "C" fn(*mut RawClient, OnFrames, *mut c_void) -> c_int;
     on_sample_rate = "jack_set_sample_rate_callback":

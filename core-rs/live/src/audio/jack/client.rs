@@ -11,7 +11,7 @@ use crate::audio::shared::Shared;
 use crate::realtime;
 
 /// What the server's own threads tell; atomics only.
-struct News {
+struct ServerEvents {
     shared: Arc<Shared>,
     gone: AtomicBool,
     rate: AtomicU32,
@@ -33,7 +33,7 @@ struct Callback<P> {
 pub(super) struct Client {
     pub(super) api: &'static Api,
     raw: *mut RawClient,
-    news: Arc<News>,
+    news: Arc<ServerEvents>,
     opened_at: u32,
 }
 
@@ -72,7 +72,7 @@ impl Client {
         }
         // SAFETY: the client is open.
         let (rate, block) = unsafe { ((api.get_sample_rate)(raw), (api.get_buffer_size)(raw)) };
-        let news = Arc::new(News {
+        let news = Arc::new(ServerEvents {
             shared,
             gone: AtomicBool::new(false),
             rate: AtomicU32::new(rate),
@@ -138,7 +138,7 @@ impl Client {
                 (self.api.port_register)(self.raw, name.as_ptr(), api::AUDIO.as_ptr(), direction, 0)
             };
             if port.is_null() {
-                let why = format!("the JACK server gives no port {prefix}_{i}");
+                let why = format!("the JACK server refused the port {prefix}_{i}");
                 return Err(AudioError::Unavailable {
                     backend: "jack",
                     why,
@@ -219,7 +219,7 @@ impl Client {
         if done == 0 {
             return Ok(active);
         }
-        let why = "the JACK server does not let it begin".into();
+        let why = "the JACK server refused to activate the client".into();
         let error = AudioError::Unavailable {
             backend: "jack",
             why,
@@ -296,9 +296,9 @@ unsafe extern "C" fn cycle<P: Process>(frames: u32, arg: *mut c_void) -> c_int {
 /// # Safety
 ///
 /// `arg` is what `listen` gave.
-unsafe fn news<'a>(arg: *mut c_void) -> &'a News {
+unsafe fn news<'a>(arg: *mut c_void) -> &'a ServerEvents {
     // SAFETY: by contract; the client, which lives longer than its callbacks, holds it.
-    unsafe { &*arg.cast::<News>() }
+    unsafe { &*arg.cast::<ServerEvents>() }
 }
 
 unsafe extern "C" fn thread(arg: *mut c_void) {

@@ -8,7 +8,7 @@ use pulseaudio::protocol::{self, ChannelMap, ChannelPosition, Command, Prop, Sin
 
 use super::wire::Wire;
 use crate::audio::ring::Drain;
-use crate::audio::sink::{Opened, PRIORITY, Pump, Sink};
+use crate::audio::sink::{Opened, PRIORITY, Sink, ThreadSink};
 use crate::audio::{AudioError, Spec};
 use crate::realtime;
 
@@ -54,11 +54,11 @@ pub(in crate::audio) fn open(spec: &Spec, channels: usize) -> Result<Opened, Aud
         paced: true,
         remarks,
         start: Box::new(move |drain| {
-            let pump = Pump::start("ergon pulse", drain, move |drain, stop| {
+            let pump = ThreadSink::start("ergon pulse", drain, move |drain, stop| {
                 drain
                     .shared()
                     .set_priority(realtime::scheduled_at(PRIORITY));
-                Playing::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
+                PlayingStream::begin(wire, &sink, drain.channels(), block)?.run(drain, stop)
             })?;
             Ok(Box::new(pump) as Box<dyn Sink>)
         }),
@@ -89,7 +89,7 @@ fn find(wire: &mut Wire, device: Option<&str>) -> Result<SinkInfo, AudioError> {
 }
 
 /// A stream that plays.
-struct Playing {
+struct PlayingStream {
     wire: Wire,
     channel: u32,
     rate: u32,
@@ -101,7 +101,7 @@ struct Playing {
     bytes: Vec<u8>,
 }
 
-impl Playing {
+impl PlayingStream {
     fn begin(mut wire: Wire, sink: &SinkInfo, channels: usize, block: u32) -> Result<Self, String> {
         let rate = sink.sample_spec.sample_rate;
         let frame = 4 * channels as u32;

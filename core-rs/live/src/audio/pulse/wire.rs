@@ -160,7 +160,9 @@ impl Message {
         let mut cursor = Cursor::new(&self.0);
         Command::read_tag_prefixed(&mut cursor, version)
             .and_then(|_| protocol::TagStructReader::new(&mut cursor, version).read())
-            .map_err(|error| format!("the PulseAudio server's answer is not understood: {error}"))
+            .map_err(|error| {
+                format!("the answer of the PulseAudio server cannot be parsed: {error}")
+            })
     }
 }
 

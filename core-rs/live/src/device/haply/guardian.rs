@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::line::{Answer, Line, Order, put_text, take_text, wait};
-use super::rules::{Due, Rules};
-use super::service::{Refused, Service};
+use super::line::{ForceCommand, GuardianReply, Line, put_text, take_text, wait};
+use super::rules::{Action, Rules};
+use super::service::{OpenError, Service};
 use super::start;
 pub use super::start::{Program, start_with};
 use crate::device::{FIRST_REPLY, Gone, LOCKSTEP_PATIENCE};
@@ -19,13 +19,13 @@ const FAREWELLS: usize = 3;
 const FAREWELL: Duration = Duration::from_millis(20);
 
 /// What the host wants first.
-pub(super) struct Wish<'a> {
+pub(super) struct HostRequest<'a> {
     pub(super) target: &'a str,
     pub(super) id: Option<&'a str>,
     pub(super) lockstep: bool,
 }
 
-impl Wish<'_> {
+impl HostRequest<'_> {
     pub(super) fn text(&self) -> String {
         json!({"target": self.target, "id": self.id, "lockstep": self.lockstep}).to_string()
     }
@@ -35,7 +35,7 @@ impl Wish<'_> {
 pub(super) enum Reply {
     /// Where the device is [m].
     Open([f64; 3]),
-    Refused(String),
+    OpenError(String),
     NoAnswer,
     /// Lockstep was asked for, and the device has its own time.
     OwnTime,
@@ -45,7 +45,7 @@ impl Reply {
     fn text(&self) -> String {
         match self {
             Self::Open(position) => json!({"open": position}),
-            Self::Refused(why) => json!({"refused": why}),
+            Self::OpenError(why) => json!({"refused": why}),
             Self::NoAnswer => json!({"no_answer": true}),
             Self::OwnTime => json!({"own_time": true}),
         }
@@ -59,7 +59,7 @@ impl Reply {
             return numbers?.try_into().ok().map(Self::Open);
         }
         if let Some(why) = reply.get("refused").and_then(Value::as_str) {
-            return Some(Self::Refused(why.to_owned()));
+            return Some(Self::OpenError(why.to_owned()));
         }
         if reply.get("own_time").is_some() {
             return Some(Self::OwnTime);
@@ -84,8 +84,8 @@ pub fn serve() -> io::Result<()> {
     let (reply, mut service) = match opened {
         Ok((service, first)) if lockstep && !first.lockstep => (Reply::OwnTime, Some(service)),
         Ok((service, first)) => (Reply::Open(first.position), Some(service)),
-        Err(Refused::Because(why)) => (Reply::Refused(why), None),
-        Err(Refused::NoAnswer) => (Reply::NoAnswer, None),
+        Err(OpenError::Because(why)) => (Reply::OpenError(why), None),
+        Err(OpenError::NoAnswer) => (Reply::NoAnswer, None),
     };
     put_text(&mut stream, &reply.text())?;
     if let (Reply::Open(_), Some(service)) = (&reply, &mut service) {
@@ -115,7 +115,7 @@ fn attend(line: &mut Line, service: &mut Service, lockstep: bool) {
     } else if rules.is_unsure() {
         service.zero_anew();
     }
-    let _ = line.put(&Answer::Gone(gone).bytes());
+    let _ = line.put(&GuardianReply::Gone(gone).bytes());
 }
 
 /// Fails where the service is gone, and ends where the host is.
@@ -123,10 +123,10 @@ fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(),
     loop {
         // What has come is heard before somebody is judged silent, by the clock as it was before.
         let now = Instant::now();
-        let host = line.take(|bytes| rules.order(Order::parse(bytes), now));
+        let host = line.take(|bytes| rules.order(ForceCommand::parse(bytes), now));
         let more = service.read(|state| {
             let (number, let_go) = rules.state(now);
-            let answer = Answer::State {
+            let answer = GuardianReply::State {
                 number,
                 position: state.position,
                 let_go,
@@ -136,9 +136,9 @@ fn pass(line: &mut Line, service: &mut Service, rules: &mut Rules) -> Result<(),
         })?;
         loop {
             match rules.due(now) {
-                Due::Nothing => break,
-                Due::Send(force) => service.command(force)?,
-                Due::Gone => return Err(Gone::Silent),
+                Action::Nothing => break,
+                Action::Send(force) => service.command(force)?,
+                Action::Gone => return Err(Gone::Silent),
             }
         }
         if host.is_err() {

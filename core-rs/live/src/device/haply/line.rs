@@ -24,14 +24,14 @@ pub(super) type Bytes = [u8; LEN];
 
 /// To the guardian: the force of all axes [N].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Order {
+pub(super) struct ForceCommand {
     pub(super) number: u16,
     pub(super) force: [f64; 3],
 }
 
 /// From the guardian.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Answer {
+pub(super) enum GuardianReply {
     /// A state that the service told.
     State {
         /// Of the latest order that was passed on before it.
@@ -52,7 +52,7 @@ const SILENT: u8 = 2;
 const SYSTEM: u8 = 3;
 const SHARED: u8 = 4;
 
-impl Order {
+impl ForceCommand {
     pub(super) fn bytes(&self) -> Bytes {
         pack(self.number, 0, false, 0, self.force)
     }
@@ -69,7 +69,7 @@ impl Order {
     }
 }
 
-impl Answer {
+impl GuardianReply {
     pub(super) fn bytes(&self) -> Bytes {
         let gone = |kind, error| pack(0, kind, false, error, [0.0; 3]);
         match *self {
@@ -257,24 +257,25 @@ mod tests {
 
     #[test]
     fn messages_travel_whole() {
-        let order = Order {
+        let order = ForceCommand {
             number: 0xABCD,
             force: [0.1, -0.0, f64::MIN_POSITIVE],
         };
-        let back = Order::parse(&order.bytes());
+        let back = ForceCommand::parse(&order.bytes());
         assert_eq!(back.number, order.number);
         assert_eq!(back.force.map(f64::to_bits), order.force.map(f64::to_bits));
         for answer in [
-            Answer::State {
+            GuardianReply::State {
                 number: 7,
                 position: [0.1, 0.2, -0.3],
                 let_go: true,
             },
-            Answer::Gone(Gone::Closed),
-            Answer::Gone(Gone::Silent),
-            Answer::Gone(Gone::System(-32)),
+            GuardianReply::Gone(Gone::Closed),
+            GuardianReply::Gone(Gone::Silent),
+            GuardianReply::Gone(Gone::Shared),
+            GuardianReply::Gone(Gone::System(-32)),
         ] {
-            assert_eq!(Answer::parse(&answer.bytes()), answer);
+            assert_eq!(GuardianReply::parse(&answer.bytes()), answer);
         }
     }
 
@@ -283,7 +284,7 @@ mod tests {
     fn messages_are_found_whatever_the_pieces_they_come_in() {
         let (mut from, to) = Stream::pair().unwrap();
         let mut line = Line::new(to).unwrap();
-        let order = |number| Order {
+        let order = |number| ForceCommand {
             number,
             force: [f64::from(number); 3],
         };
@@ -291,7 +292,8 @@ mod tests {
         let mut found = Vec::new();
         for piece in sent.chunks(37) {
             from.write_all(piece).unwrap();
-            line.take(|bytes| found.push(Order::parse(bytes))).unwrap();
+            line.take(|bytes| found.push(ForceCommand::parse(bytes)))
+                .unwrap();
         }
         assert_eq!(found, (0..300).map(order).collect::<Vec<_>>());
         // All at once, more than one batch, and then the end.

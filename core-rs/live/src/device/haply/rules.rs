@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use super::line::Order;
+use super::line::ForceCommand;
 use crate::device::LOCKSTEP_PATIENCE;
 
 /// Silence of the host after which the force is zero.
@@ -18,7 +18,7 @@ const SERVICE_GONE: Duration = LOCKSTEP_PATIENCE;
 
 /// What is to be done now.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Due {
+pub(super) enum Action {
     Nothing,
     /// Send this force.
     Send([f64; 3]),
@@ -31,7 +31,7 @@ pub(super) struct Rules {
     /// When the host was last heard.
     heard: Instant,
     /// Orders that are not yet passed on: by a clock the newest, in lockstep all.
-    orders: VecDeque<Order>,
+    orders: VecDeque<ForceCommand>,
     /// Number of the latest order that was passed on.
     number: u16,
     /// Numbers of the commands that have no state yet.
@@ -63,7 +63,7 @@ impl Rules {
     }
 
     /// The host orders a force.
-    pub(super) fn order(&mut self, order: Order, now: Instant) {
+    pub(super) fn order(&mut self, order: ForceCommand, now: Instant) {
         self.heard = now;
         if !self.lockstep {
             self.orders.clear();
@@ -85,18 +85,18 @@ impl Rules {
     }
 
     /// What is to be done now; to be asked again until it is nothing.
-    pub(super) fn due(&mut self, now: Instant) -> Due {
+    pub(super) fn due(&mut self, now: Instant) -> Action {
         if self.lockstep {
             // Time is the host's, and nobody is late.
             return match self.orders.pop_front() {
                 Some(order) => self.pass(order, now),
-                None => Due::Nothing,
+                None => Action::Nothing,
             };
         }
         let since = |at: Instant| now.saturating_duration_since(at);
         let unanswered = self.asked.map_or(Duration::ZERO, since);
         if unanswered >= SERVICE_GONE {
-            return Due::Gone;
+            return Action::Gone;
         }
         let service_silent = unanswered >= SERVICE_SILENT;
         if service_silent || since(self.heard) >= HOST_SILENT {
@@ -106,16 +106,16 @@ impl Rules {
                 self.let_go |= self.pushes;
                 return self.send([0.0; 3], now);
             }
-            return Due::Nothing;
+            return Action::Nothing;
         }
         // One force at a time, or a slow service would be ever farther behind. A zero that ends a force goes at once.
-        let free = |order: &Order| self.asked.is_none() || (order.is_zero() && self.pushes);
+        let free = |order: &ForceCommand| self.asked.is_none() || (order.is_zero() && self.pushes);
         match self.orders.front().copied().filter(free) {
             Some(order) => {
                 self.orders.clear();
                 self.pass(order, now)
             }
-            None => Due::Nothing,
+            None => Action::Nothing,
         }
     }
 
@@ -139,20 +139,20 @@ impl Rules {
         self.pushes || self.asked.is_some()
     }
 
-    fn pass(&mut self, order: Order, now: Instant) -> Due {
+    fn pass(&mut self, order: ForceCommand, now: Instant) -> Action {
         self.number = order.number;
         self.let_go = false;
         self.send(order.force, now)
     }
 
-    fn send(&mut self, force: [f64; 3], now: Instant) -> Due {
+    fn send(&mut self, force: [f64; 3], now: Instant) -> Action {
         self.pushes = force != [0.0; 3];
         self.sent = now;
         self.asked = self.asked.or(Some(now));
         if self.lockstep {
             self.unanswered.push_back(self.number);
         }
-        Due::Send(force)
+        Action::Send(force)
     }
 }
 

@@ -8,8 +8,8 @@ use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, HandshakeError, Message, WebSocket, client::client_with_config};
 
 use super::line::{Waits, is_quiet, wait};
-use crate::device::wire::haply as wire;
 use crate::device::{ASK_AGAIN, FIRST_REPLY, Gone};
+use crate::wire::haply as wire;
 
 /// Messages that are read before the clock is looked at again: a service may send without end.
 const AT_ONCE: usize = 64;
@@ -21,7 +21,7 @@ pub(super) struct Service {
 }
 
 /// Why there is none.
-pub(super) enum Refused {
+pub(super) enum OpenError {
     Because(String),
     /// It tells no state.
     NoAnswer,
@@ -29,8 +29,8 @@ pub(super) enum Refused {
 
 impl Service {
     /// Connect and wait for the first state, of the device `id` or of any.
-    pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::State), Refused> {
-        let socket = connect(target, FIRST_REPLY).map_err(Refused::Because)?;
+    pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::State), OpenError> {
+        let socket = connect(target, FIRST_REPLY).map_err(OpenError::Because)?;
         let mut this = Self {
             socket,
             target: target.to_owned(),
@@ -48,10 +48,10 @@ impl Service {
                 return Ok((this, state));
             }
             if let Err(gone) = read {
-                return Err(Refused::Because(gone.to_string()));
+                return Err(OpenError::Because(gone.to_string()));
             }
         }
-        Err(Refused::NoAnswer)
+        Err(OpenError::NoAnswer)
     }
 
     /// Command a force [N]. Where the service reads too slowly, it waits in a buffer and goes with what is sent next.

@@ -53,7 +53,7 @@ pub(super) fn start() -> io::Result<(Stream, Started)> {
         .unwrap_or_else(PoisonError::into_inner)
         .clone();
     let program = program.ok_or_else(|| {
-        io::Error::other("a Haply needs a guardian process, and this program can start none")
+        io::Error::other("a Haply needs a guardian process, which this program cannot start")
     })?;
     let mut command = Command::new(&program.path);
     command
@@ -63,7 +63,10 @@ pub(super) fn start() -> io::Result<(Stream, Started)> {
     let started = launch(command);
     started.map_err(|error| {
         let path = program.path.display();
-        io::Error::new(error.kind(), format!("its guardian ({path}): {error}"))
+        io::Error::new(
+            error.kind(),
+            format!("its guardian process ({path}): {error}"),
+        )
     })
 }
 
@@ -100,7 +103,7 @@ fn launch(mut command: Command) -> io::Result<(Stream, Started)> {
         const CREATE_NO_WINDOW: u32 = 0x0800_0000;
         command.creation_flags(CREATE_NEW_PROCESS_GROUP | CREATE_NO_WINDOW);
     }
-    let (meeting, told) = loopback::Meeting::new()?;
+    let (meeting, told) = loopback::Rendezvous::new()?;
     let mut child = command.stdin(Stdio::piped()).spawn()?;
     let stdin = child.stdin.take();
     let mut started = Started(child);
@@ -131,12 +134,12 @@ mod loopback {
     const STRANGER: Duration = Duration::from_millis(200);
     const LOOK: Duration = Duration::from_millis(2);
 
-    pub(super) struct Meeting {
+    pub(super) struct Rendezvous {
         listener: TcpListener,
         token: [u8; LEN - 2],
     }
 
-    impl Meeting {
+    impl Rendezvous {
         /// The meeting, and what the other is to be told of it.
         pub(super) fn new() -> io::Result<(Self, [u8; LEN])> {
             let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
@@ -189,7 +192,7 @@ mod loopback {
 
         #[test]
         fn only_who_knows_the_token_is_met() {
-            let (meeting, told) = Meeting::new().unwrap();
+            let (meeting, told) = Rendezvous::new().unwrap();
             let mut wrong = told;
             wrong[17] ^= 1;
             let _stranger = join(&mut &wrong[..]).unwrap();
@@ -203,7 +206,7 @@ mod loopback {
 
         #[test]
         fn one_that_died_is_not_waited_for() {
-            let (meeting, _) = Meeting::new().unwrap();
+            let (meeting, _) = Rendezvous::new().unwrap();
             assert!(meeting.wait(|| false).is_err());
         }
     }

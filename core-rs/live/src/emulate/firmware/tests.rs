@@ -1,8 +1,8 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::device::wire::Found;
 use crate::emulate::{Hand, Key};
+use crate::wire::Parsed;
 
 fn board(protocol: Protocol, lockstep: bool) -> Board {
     Board {
@@ -31,7 +31,7 @@ fn firefader_reply(firmware: &mut Firmware, force: [f64; 2], now: Duration) -> f
     firmware.hear(&firefader::request(force), now, &mut |bytes| {
         replies.push(firefader::parse_reply(bytes));
     });
-    let [Found::Whole(reply, 7)] = replies[..] else {
+    let [Parsed::Packet(reply, 7)] = replies[..] else {
         panic!("{replies:?}");
     };
     reply
@@ -88,10 +88,10 @@ fn by_the_wall_only_the_newest_packet_counts() {
     assert!(firmware.forces()[0] > 0.4);
 }
 
-fn frame_reply(firmware: &mut Firmware, request: frame::Request) -> Found<frame::Reply> {
+fn frame_reply(firmware: &mut Firmware, request: frame::Request) -> Parsed<frame::Reply> {
     let mut bytes = [0; frame::LONGEST];
     let len = request.write(10.0, &mut bytes);
-    let mut reply = Found::Short;
+    let mut reply = Parsed::Incomplete;
     firmware.hear(&bytes[..len], ms(7), &mut |bytes| {
         reply = frame::Reply::parse(bytes)
     });
@@ -108,13 +108,13 @@ fn a_frame_asked_takes_no_step() {
         flags: flag::ENABLE | flag::ASK,
         force: [1.0; MAX_AXES],
     };
-    let Found::Whole(reply, _) = frame_reply(&mut firmware, request) else {
+    let Parsed::Packet(reply, _) = frame_reply(&mut firmware, request) else {
         panic!("no reply");
     };
     assert_eq!((reply.seq, reply.t_us, reply.position[0]), (9, 0, 0.0));
     assert_eq!(firmware.keys().periods(), 0);
     request.flags = flag::ENABLE;
-    let Found::Whole(reply, _) = frame_reply(&mut firmware, request) else {
+    let Parsed::Packet(reply, _) = frame_reply(&mut firmware, request) else {
         panic!("no reply");
     };
     // F T²/m after one period from rest.
@@ -129,7 +129,7 @@ fn a_frame_asked_takes_no_step() {
     request.n = 2;
     assert_eq!(
         frame_reply(&mut firmware, request),
-        Found::Short,
+        Parsed::Incomplete,
         "not for this board"
     );
 }
@@ -143,11 +143,11 @@ fn a_frame_says_who_it_is() {
     };
     let mut bytes = [0; frame::LONGEST];
     let len = request.write(10.0, &mut bytes);
-    let mut who = Found::Short;
+    let mut who = Parsed::Incomplete;
     firmware.hear(&bytes[..len], ms(0), &mut |bytes| {
-        who = frame::Who::parse(bytes)
+        who = frame::DeviceInfo::parse(bytes)
     });
-    let Found::Whole(who, _) = who else {
+    let Parsed::Packet(who, _) = who else {
         panic!("{who:?}");
     };
     assert_eq!((who.seq, who.n, who.traits), (3, 12, 4 | 8));

@@ -11,9 +11,9 @@ use super::*;
 static ALLOCATOR: assert_no_alloc::AllocDisabler = assert_no_alloc::AllocDisabler;
 
 /// A file of its own, gone with its guard.
-struct Own(PathBuf);
+struct TempFile(PathBuf);
 
-impl Drop for Own {
+impl Drop for TempFile {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.0);
     }
@@ -24,7 +24,7 @@ fn sample(o: usize, i: u64) -> f64 {
     o as f64 + 1.0 + i as f64 * 1e-7
 }
 
-fn stem(name: &str, n_frames: u64, written: u64, outputs: &[usize]) -> (Own, Stem) {
+fn stem(name: &str, n_frames: u64, written: u64, outputs: &[usize]) -> (TempFile, Stem) {
     let name = format!("ergon-frozen-{}-{name}", std::process::id());
     let path = std::env::temp_dir().join(name);
     let mut bytes = b"header".to_vec();
@@ -40,7 +40,7 @@ fn stem(name: &str, n_frames: u64, written: u64, outputs: &[usize]) -> (Own, Ste
         n_frames,
         outputs: outputs.to_vec(),
     };
-    (Own(path), stem)
+    (TempFile(path), stem)
 }
 
 fn until_ready(frozen: &Frozen, at: u64, n: usize) {

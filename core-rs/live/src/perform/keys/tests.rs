@@ -1,47 +1,23 @@
 //! A device that is gone and found again.
 
 use super::*;
-use crate::device::{Gone, Spec};
-use crate::safety::SafeForce;
-
-/// An emulated key that is pulled out after so many forces.
-struct Brief {
-    key: Box<dyn Device>,
-    left: u32,
-}
-
-impl Device for Brief {
-    fn spec(&self) -> &Spec {
-        self.key.spec()
-    }
-    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
-        self.left = self.left.checked_sub(1).ok_or(Gone::Closed)?;
-        self.key.send(force)
-    }
-    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        self.key.receive(into, deadline)
-    }
-    fn in_lockstep(&self) -> bool {
-        true
-    }
-    fn zero(&mut self) {}
-}
+use crate::perform::tests::unplugged::Unplugged;
 
 /// A motor stays as hot as it is when its cable is pulled out and put back.
 #[test]
 fn a_device_that_comes_back_is_still_hot() {
     let url = Url::parse("emul:?mass=0.05&damping=1&stiffness=1000").unwrap();
     let key = device::open(&url).unwrap();
-    let known = Known {
+    let known = DeviceConfig {
         url,
         calibration: Vec::new(),
         most: None,
         period: 1e-3,
     };
-    let brief = Box::new(Brief { key, left: 5_000 });
+    let brief = Box::new(Unplugged { key, left: 5_000 });
     let keyboard = Keyboard::around(brief, known, vec![(0, 0)]);
     let (commands, mut found) = RingBuffer::new(4);
-    let (mut slot, seeker) = keyboard.split(0, Arc::new(Mutex::new(commands)));
+    let (mut slot, reconnector) = keyboard.split(0, Arc::new(Mutex::new(commands)));
     assert!(slot.look(slot.deadline()), "where it is, first");
     while slot.is_there() {
         slot.force(0, 20.0);
@@ -58,7 +34,7 @@ fn a_device_that_comes_back_is_still_hot() {
         }
     };
     let heat = back.memory().heat()[0];
-    drop(seeker);
+    drop(reconnector);
     // At full force for 3 s, after two seconds' rise: 1 - exp(-3.6/10), and half a second cooler.
     assert!((0.1..0.4).contains(&heat), "{heat}");
 }

@@ -49,7 +49,7 @@ fn bell(t: f64, x: f64) -> f64 {
     -900.0 * gap.max(0.0)
 }
 
-struct Playing {
+struct PlayCase {
     name: &'static str,
     grip: Option<Grip>,
     scene: Scene,
@@ -59,8 +59,8 @@ struct Playing {
     mass: f64,
 }
 
-fn playing() -> Vec<Playing> {
-    let usual = |name, grip, scene| Playing {
+fn play_cases() -> Vec<PlayCase> {
+    let usual = |name, grip, scene| PlayCase {
         name,
         grip,
         scene,
@@ -69,12 +69,12 @@ fn playing() -> Vec<Playing> {
         friction: 0.0,
         mass: 0.05,
     };
-    let coarse = |own: Playing| Playing {
+    let coarse = |own: PlayCase| PlayCase {
         resolution: 3.9e-4,
         force_max: 1.56,
         ..own
     };
-    let dry = |own: Playing| Playing {
+    let dry = |own: PlayCase| PlayCase {
         friction: 0.5,
         ..own
     };
@@ -174,7 +174,7 @@ fn playing() -> Vec<Playing> {
             grip(500.0, 5.0, |_| 0.0),
             |_, x, _| 200.0 * (0.015 - x),
         )),
-        Playing {
+        PlayCase {
             mass: 0.4,
             ..usual(
                 "a heavy key",
@@ -188,7 +188,7 @@ fn playing() -> Vec<Playing> {
 /// Trips and probes of each hand that plays for so long [s].
 #[allow(clippy::type_complexity)]
 fn played(seconds: f64) -> Vec<(&'static str, Vec<(f64, Trip)>, u64)> {
-    let all = std::sync::Mutex::new(playing());
+    let all = std::sync::Mutex::new(play_cases());
     let found = std::sync::Mutex::new(Vec::new());
     let work = || loop {
         let next = all.lock().unwrap().pop();

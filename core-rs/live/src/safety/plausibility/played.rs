@@ -2,8 +2,9 @@
 
 use std::time::Instant;
 
-use crate::device::{Device, Gone, MAX_AXES, Sample, Spec, Unit};
+use crate::safety::contract::{Device, Gone, Sample, Spec, Unit};
 use crate::safety::{Guarded, Limits, SafeForce, Trip};
+use crate::wire::MAX_AXES;
 
 pub(super) const PERIOD: f64 = 1e-3;
 const SUBSTEPS: usize = 8;

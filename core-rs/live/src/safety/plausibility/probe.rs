@@ -1,17 +1,6 @@
 //! A probe: a force that differs from the scene's for some milliseconds, and what the key answers.
 
-use super::signs::{OVER, Signs, Traits};
-
-/// What was suspected.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// The position keeps its last bit under a force.
-    Still,
-    /// The key rests at a stop that the force pulls it away from.
-    Stop,
-    /// The key runs against the force, faster and faster.
-    Run,
-}
+use super::signs::{AxisParameters, OVER, Signs, Suspicion};
 
 /// How fast a probe grows [N/s], how great it is at most [N] (at a stop beside the force that is there), and how long it
 /// lasts at most [s].
@@ -46,7 +35,7 @@ pub(super) enum Answer {
 /// A probe that goes on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Probe {
-    pub(super) kind: Kind,
+    pub(super) kind: Suspicion,
     way: f64,
     most: f64,
     /// Steps until it begins, and since then.
@@ -68,8 +57,18 @@ pub(super) struct Probe {
 }
 
 impl Probe {
-    pub(super) fn new(kind: Kind, way: f64, signs: &Signs, force: f64, own: &Traits) -> Self {
-        let beside = if kind == Kind::Stop { force.abs() } else { 0.0 };
+    pub(super) fn new(
+        kind: Suspicion,
+        way: f64,
+        signs: &Signs,
+        force: f64,
+        own: &AxisParameters,
+    ) -> Self {
+        let beside = if kind == Suspicion::Stop {
+            force.abs()
+        } else {
+            0.0
+        };
         let mut probe = Self {
             kind,
             way,
@@ -90,7 +89,7 @@ impl Probe {
     }
 
     /// The same once more, from no offset at once: a hand that goes along with a force that grows does not with that.
-    pub(super) fn repeated(self, signs: &Signs, force: f64, own: &Traits) -> Self {
+    pub(super) fn repeated(self, signs: &Signs, force: f64, own: &AxisParameters) -> Self {
         Self {
             unmoved: true,
             ..Self::new(self.kind, self.way, signs, force, own)
@@ -100,8 +99,8 @@ impl Probe {
     /// The next one, soon, from however the key moves then; until it is over the scene's force does not act.
     pub(super) fn again(self) -> Self {
         Self {
-            kind: Kind::Run,
-            most: SHAPES[Kind::Run as usize].1,
+            kind: Suspicion::Run,
+            most: SHAPES[Suspicion::Run as usize].1,
             settles: SETTLES,
             offset: 0.0,
             instead: true,
@@ -109,18 +108,18 @@ impl Probe {
         }
     }
 
-    fn begin(&mut self, signs: &Signs, force: f64, own: &Traits) {
+    fn begin(&mut self, signs: &Signs, force: f64, own: &AxisParameters) {
         let (v, a) = (signs.velocity(own), signs.acceleration(own));
         self.course = match self.kind {
             // The mean velocity over some steps is that of half of them ago.
-            Kind::Run => [signs.past[0], v + 0.5 * OVER as f64 * own.step * a, a],
-            Kind::Still | Kind::Stop => [signs.past[0], 0.0, 0.0],
+            Suspicion::Run => [signs.past[0], v + 0.5 * OVER as f64 * own.step * a, a],
+            Suspicion::Still | Suspicion::Stop => [signs.past[0], 0.0, 0.0],
         };
         (self.steps, self.force, self.driven) = (0, force, [0.0; 2]);
     }
 
     /// A step: the key is where `signs` has it, by the force `sent`.
-    pub(super) fn step(&mut self, signs: &Signs, sent: f64, own: &Traits) -> Answer {
+    pub(super) fn step(&mut self, signs: &Signs, sent: f64, own: &AxisParameters) -> Answer {
         if self.settles > 0 {
             self.settles -= 1;
             if self.settles == 0 {
@@ -133,7 +132,7 @@ impl Probe {
         self.steps += 1;
         self.moved |= !signs.is_still();
         let t = f64::from(self.steps) * own.step;
-        let push = if self.kind == Kind::Stop {
+        let push = if self.kind == Suspicion::Stop {
             // Until the force would push it into the stop, the key may be held there by the force.
             self.way * (self.way * sent).max(0.0)
         } else {
@@ -152,12 +151,12 @@ impl Probe {
         if told && off * driven > 0.0 && driven.abs() >= 0.3 * enough {
             return Answer::Right;
         }
-        let by_hand = self.kind == Kind::Run && off.abs() > PART.1 * driven.abs();
+        let by_hand = self.kind == Suspicion::Run && off.abs() > PART.1 * driven.abs();
         if told && off * driven < 0.0 && driven.abs() >= enough && !by_hand {
             return Answer::Wrong;
         }
         if t >= longest {
-            let shows = self.kind == Kind::Still && 2.0 * own.shows() <= self.most;
+            let shows = self.kind == Suspicion::Still && 2.0 * own.shows() <= self.most;
             let pushed = self.most_sent >= 0.75 * self.most;
             return if shows && pushed && !self.moved {
                 Answer::Frozen

@@ -1,7 +1,6 @@
 //! What the motion of a key shows by itself: what is evident, and what has to be probed.
 
-use super::probe::Kind;
-use super::{Built, Trip};
+use super::{AxisSpec, Trip};
 
 /// A device that says nothing of its mass is taken for a light fader [kg].
 const LIGHT: f64 = 0.05;
@@ -40,9 +39,20 @@ const RUNS: [(f64, f64); 2] = [(1.65, 0.1), (1.38, 0.8)];
 /// So is a key that is accelerated against the force by this part of it, above such a force [N].
 const DRIVEN: (f64, f64) = (0.4, 0.8);
 
+/// What the motion of a key may mean, and what a probe has to decide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Suspicion {
+    /// The position keeps its last bit under a force.
+    Still,
+    /// The key rests at a stop that the force pulls it away from.
+    Stop,
+    /// The key runs against the force, faster and faster.
+    Run,
+}
+
 /// What an axis is, with what follows from it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Traits {
+pub(super) struct AxisParameters {
     /// Of a step [s].
     pub(super) step: f64,
     pub(super) mass: f64,
@@ -55,8 +65,8 @@ pub(super) struct Traits {
     noise: f64,
 }
 
-impl Traits {
-    pub(super) fn new(built: Built, step: f64) -> Self {
+impl AxisParameters {
+    pub(super) fn new(built: AxisSpec, step: f64) -> Self {
         let [low, high] = built.range;
         let mass = built.inertia.filter(|m| *m > 0.0).unwrap_or(LIGHT);
         let over = OVER as f64 * step;
@@ -124,7 +134,7 @@ pub(super) struct Signs {
 
 impl Signs {
     /// A step: where the key is, and the force that took it there.
-    pub(super) fn add(&mut self, x: f64, sent: f64, own: &Traits) {
+    pub(super) fn add(&mut self, x: f64, sent: f64, own: &AxisParameters) {
         if self.n == 0 {
             (self.past, self.smooth) = ([x; PAST], sent);
         }
@@ -163,12 +173,12 @@ impl Signs {
     }
 
     /// The velocity over the last steps [m/s].
-    pub(super) fn velocity(&self, own: &Traits) -> f64 {
+    pub(super) fn velocity(&self, own: &AxisParameters) -> f64 {
         (self.past[0] - self.past[OVER]) / (OVER as f64 * own.step)
     }
 
     /// The acceleration over the last steps [m/s²].
-    pub(super) fn acceleration(&self, own: &Traits) -> f64 {
+    pub(super) fn acceleration(&self, own: &AxisParameters) -> f64 {
         let step = OVER as f64 * own.step;
         (self.past[0] - 2.0 * self.past[OVER] + self.past[2 * OVER]) / (step * step)
     }
@@ -185,7 +195,7 @@ impl Signs {
     }
 
     /// A movement that grows as its force does.
-    fn follow(&mut self, x: f64, sent: f64, own: &Traits) {
+    fn follow(&mut self, x: f64, sent: f64, own: &AxisParameters) {
         let (v, push) = (self.velocity(own), own.mass * self.acceleration(own));
         let run = match &mut self.run {
             Some(run) if run.way * v > own.slow => run,
@@ -220,13 +230,13 @@ impl Signs {
     }
 
     /// Which stop the key rests at while `force` pushes it further.
-    pub(super) fn pushed_out(&self, force: f64, own: &Traits) -> Option<f64> {
+    pub(super) fn pushed_out(&self, force: f64, own: &AxisParameters) -> Option<f64> {
         let long = self.dwell >= own.steps(DWELL[1]);
         (long && force * self.side >= STOP_FORCE).then_some(self.side)
     }
 
     /// A fault that needs no probe.
-    pub(super) fn evident(&self, sent: f64, own: &Traits) -> Option<Trip> {
+    pub(super) fn evident(&self, sent: f64, own: &AxisParameters) -> Option<Trip> {
         if self.pushed_out(sent, own).is_some() {
             return Some(Trip::AtStop);
         }
@@ -240,19 +250,19 @@ impl Signs {
         &self,
         sent: f64,
         confirmed: bool,
-        own: &Traits,
-    ) -> Option<(Kind, f64)> {
+        own: &AxisParameters,
+    ) -> Option<(Suspicion, f64)> {
         if self
             .run
             .is_some_and(|run| run.suspicious || (run.against && !confirmed))
         {
-            return Some((Kind::Run, -sent.signum()));
+            return Some((Suspicion::Run, -sent.signum()));
         }
         if self.dwell >= own.steps(DWELL[0]) && -sent * self.side >= STOP_FORCE {
-            return Some((Kind::Stop, self.side));
+            return Some((Suspicion::Stop, self.side));
         }
         let still =
             self.still >= own.steps(STILL) && sent.abs() >= STILL_FORCE.max(0.5 * own.shows());
-        (still && self.side == 0.0).then_some((Kind::Still, -sent.signum()))
+        (still && self.side == 0.0).then_some((Suspicion::Still, -sent.signum()))
     }
 }

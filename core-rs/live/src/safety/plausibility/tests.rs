@@ -1,13 +1,13 @@
 //! Faults of a board, each within its time and its way.
 
 use super::played::{Grip, HAND, Key, Play, Scene};
-use super::{Built, Plausibility, Trip};
+use super::{AxisSpec, Plausibility, Trip};
 
 const FINE: f64 = 1e-5;
 
 /// What a fault did.
 #[derive(Debug)]
-struct Harm {
+struct FaultOutcome {
     /// How long there was a force after it [ms].
     lasted: f64,
     /// How far the key went beyond where the scene or the hand alone would have taken it [mm].
@@ -16,7 +16,7 @@ struct Harm {
 }
 
 /// A fault at an instant of a play, beside the same without it, and without any force from then on.
-fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> Harm {
+fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> FaultOutcome {
     let play = || {
         let mut play = Play::new(Key::new(FINE, 20.0, Some(0.05)), scene);
         play.key().grip = grip;
@@ -39,7 +39,7 @@ fn harm(fault: fn(&mut Key), at: f64, grip: Option<Grip>, scene: Scene) -> Harm 
         travel = travel.max(x - a.max(b)).max(a.min(b) - x);
     }
     let why = faulty.trips.first().map(|trip| trip.1);
-    Harm {
+    FaultOutcome {
         lasted: 1e3 * lasted,
         travel: 1e3 * travel,
         why,
@@ -65,7 +65,7 @@ const SPRINGS: [(&str, Scene); 5] = [
 const INSTANTS: [f64; 3] = [3.0, 3.1, 3.25];
 
 /// The harm of a fault in every scene at every instant.
-fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, Harm)> {
+fn harms(fault: fn(&mut Key), grip: Option<Grip>) -> Vec<(&'static str, f64, FaultOutcome)> {
     let all = SPRINGS.iter().flat_map(|of| INSTANTS.map(|at| (of, at)));
     all.map(|(&(name, scene), at)| (name, at, harm(fault, at, grip, scene)))
         .collect()
@@ -218,7 +218,7 @@ fn figures() {
             for (
                 scene,
                 at,
-                Harm {
+                FaultOutcome {
                     lasted,
                     travel,
                     why,
@@ -236,7 +236,7 @@ fn figures() {
 /// A key keeps its place until it is probed; then the host is stopped: what follows is what the scene asks for.
 #[test]
 fn a_stall_ends_a_probe_and_every_suspicion() {
-    let built = Built {
+    let built = AxisSpec {
         range: [-0.05, 0.05],
         resolution: 1e-5,
         inertia: Some(0.05),

@@ -13,7 +13,8 @@
 //! under way can still do fits into the rest of the allowance. A force that brakes the key passes.
 
 use super::super::limits::Limits;
-use crate::device::{MAX_AXES, Spec};
+use crate::safety::contract::Spec;
+use crate::wire::MAX_AXES;
 
 /// Forces and positions that are remembered.
 const HISTORY: usize = 64;

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use super::{Bench, PERIOD, open};
-use crate::device::{Device, Gone, Sample, Spec};
 use crate::safety::clock::Clock;
+use crate::safety::contract::{Device, Gone, Sample, Spec};
 use crate::safety::{Guarded, Limits, SafeForce};
 
 /// A board of 20 N by a clock of its own: it lets go after 50 ms of silence.

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use super::sampled::{MASS, Sampled, Setup};
-use crate::device::{Device, Sample};
 use crate::safety::clock::Clock;
+use crate::safety::contract::{Device, Sample};
 use crate::safety::{Counts, Guarded, Limits};
 
 /// What the host computes from positions now and before, and the tick.

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use crate::device::{Device, Gone, Sample, Spec, Unit};
 use crate::safety::SafeForce;
+use crate::safety::contract::{Device, Gone, Sample, Spec, Unit};
 
 /// Moving mass, as the device tells it [kg].
 pub(super) const MASS: f64 = 0.05;

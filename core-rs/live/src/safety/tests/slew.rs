@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::{Bench, PERIOD};
-use crate::device::{Device, Gone, Sample, Spec};
+use crate::safety::contract::{Device, Gone, Sample, Spec};
 use crate::safety::{Guarded, Limits, SafeForce};
 
 /// Numbers drawn by xorshift64 (Marsaglia, 2003).

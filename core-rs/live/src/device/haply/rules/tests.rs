@@ -1,14 +1,14 @@
 use super::*;
 
-const ZERO: Due = Due::Send([0.0; 3]);
-const PUSH: Due = Due::Send([1.0, 0.0, 0.0]);
+const ZERO: Action = Action::Send([0.0; 3]);
+const PUSH: Action = Action::Send([1.0, 0.0, 0.0]);
 
 fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
 }
 
-fn order(number: u16, force: f64) -> Order {
-    Order {
+fn order(number: u16, force: f64) -> ForceCommand {
+    ForceCommand {
         number,
         force: [force, 0.0, 0.0],
     }
@@ -18,10 +18,10 @@ fn order(number: u16, force: f64) -> Order {
 fn pushing() -> (Rules, Instant) {
     let start = Instant::now();
     let mut rules = Rules::new(false, start);
-    assert_eq!(rules.due(start), Due::Nothing);
+    assert_eq!(rules.due(start), Action::Nothing);
     rules.order(order(1, 1.0), start);
     assert_eq!(rules.due(start), PUSH);
-    assert_eq!(rules.due(start), Due::Nothing);
+    assert_eq!(rules.due(start), Action::Nothing);
     assert_eq!(rules.state(start), (1, false));
     (rules, start)
 }
@@ -30,12 +30,12 @@ fn pushing() -> (Rules, Instant) {
 fn a_silent_host_lets_go_once() {
     let (mut rules, start) = pushing();
     assert!(rules.next(start) <= start + HOST_SILENT);
-    assert_eq!(rules.due(start + ms(49)), Due::Nothing);
+    assert_eq!(rules.due(start + ms(49)), Action::Nothing);
     assert_eq!(rules.due(start + ms(50)), ZERO);
-    assert_eq!(rules.due(start + ms(50)), Due::Nothing);
+    assert_eq!(rules.due(start + ms(50)), Action::Nothing);
     assert_eq!(rules.state(start + ms(51)), (1, true), "the host is told");
     for later in 51..5000 {
-        assert_eq!(rules.due(start + ms(later)), Due::Nothing, "{later}");
+        assert_eq!(rules.due(start + ms(later)), Action::Nothing, "{later}");
     }
     // It is back, and its forces with it.
     rules.order(order(2, 1.0), start + ms(5000));
@@ -55,12 +55,12 @@ fn a_silent_service_is_told_zero_without_a_reply_and_again_and_is_gone() {
                 zeros += 1;
                 first = first.or(Some(now));
             }
-            Due::Send(_) => assert_eq!(now, 0, "no force into silence"),
-            Due::Gone => {
+            Action::Send(_) => assert_eq!(now, 0, "no force into silence"),
+            Action::Gone => {
                 gone = Some(now);
                 break;
             }
-            Due::Nothing => assert!(rules.next(at) > at),
+            Action::Nothing => assert!(rules.next(at) > at),
         }
     }
     assert_eq!((first, gone), (Some(30), Some(2000)));
@@ -75,7 +75,11 @@ fn a_service_that_answers_again_is_pushed_again() {
     rules.order(order(3, 1.0), start + ms(30));
     assert_eq!(rules.due(start + ms(30)), ZERO);
     assert_eq!(rules.state(start + ms(31)), (2, true));
-    assert_eq!(rules.due(start + ms(31)), Due::Nothing, "that order is old");
+    assert_eq!(
+        rules.due(start + ms(31)),
+        Action::Nothing,
+        "that order is old"
+    );
     rules.order(order(4, 1.0), start + ms(32));
     assert_eq!(rules.due(start + ms(32)), PUSH);
 }
@@ -87,14 +91,14 @@ fn a_slow_service_gets_one_force_at_a_time_and_zero_at_once() {
     assert_eq!(rules.due(start), PUSH);
     for number in 3..10 {
         rules.order(order(number, 2.0), start + ms(5));
-        assert_eq!(rules.due(start + ms(5)), Due::Nothing);
+        assert_eq!(rules.due(start + ms(5)), Action::Nothing);
     }
     rules.order(order(10, 0.0), start + ms(6));
     assert_eq!(rules.due(start + ms(6)), ZERO, "it waits for no reply");
     rules.order(order(11, 0.0), start + ms(7));
-    assert_eq!(rules.due(start + ms(7)), Due::Nothing, "one is enough");
+    assert_eq!(rules.due(start + ms(7)), Action::Nothing, "one is enough");
     rules.order(order(12, 1.0), start + ms(8));
-    assert_eq!(rules.due(start + ms(8)), Due::Nothing);
+    assert_eq!(rules.due(start + ms(8)), Action::Nothing);
     assert_eq!(rules.state(start + ms(9)), (10, false));
     assert_eq!(rules.due(start + ms(9)), PUSH, "the newest");
     assert_eq!(rules.state(start + ms(10)), (12, false));
@@ -111,7 +115,7 @@ fn in_lockstep_every_order_is_a_command_and_no_other_is() {
         assert_eq!(rules.due(start), PUSH);
     }
     let hours = start + Duration::from_secs(7200);
-    assert_eq!(rules.due(hours), Due::Nothing);
+    assert_eq!(rules.due(hours), Action::Nothing);
     for number in 0..3 {
         assert_eq!(rules.state(hours), (number, false));
     }

@@ -5,9 +5,9 @@ use std::io;
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd};
 use std::time::Duration;
 
-use super::line::Heard;
+use super::LineEvent;
 
-pub(super) struct Terminal {
+pub(in crate::emulate) struct Terminal {
     fd: OwnedFd,
     path: String,
     connected: bool,
@@ -54,7 +54,7 @@ impl Terminal {
         &self.path
     }
 
-    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<Heard> {
+    pub(super) fn read(&mut self, into: &mut [u8], wait: Duration) -> io::Result<LineEvent> {
         let mut poll = libc::pollfd {
             fd: self.fd.as_raw_fd(),
             events: libc::POLLIN,
@@ -63,28 +63,28 @@ impl Terminal {
         wait_for(&mut poll, wait);
         if poll.revents & libc::POLLIN == 0 {
             if poll.revents & libc::POLLHUP == 0 {
-                return Ok(Heard::Nothing);
+                return Ok(LineEvent::Nothing);
             }
             if std::mem::take(&mut self.connected) {
-                return Ok(Heard::Gone);
+                return Ok(LineEvent::Disconnected);
             }
             // Nobody has opened it yet, which poll does not wait for.
             std::thread::sleep(wait.min(Duration::from_millis(1)));
-            return Ok(Heard::Nothing);
+            return Ok(LineEvent::Nothing);
         }
         // SAFETY: the descriptor is open and the slice valid.
         let got = unsafe { libc::read(self.fd.as_raw_fd(), into.as_mut_ptr().cast(), into.len()) };
         match usize::try_from(got) {
-            Ok(0) => Ok(Heard::Nothing),
+            Ok(0) => Ok(LineEvent::Nothing),
             Ok(n) => {
                 self.connected = true;
-                Ok(Heard::Bytes(n))
+                Ok(LineEvent::Bytes(n))
             }
             Err(_) => {
                 let error = io::Error::last_os_error();
                 match error.raw_os_error() {
-                    Some(libc::EIO) => Ok(Heard::Nothing),
-                    _ => super::line::quiet(error),
+                    Some(libc::EIO) => Ok(LineEvent::Nothing),
+                    _ => super::quiet(error),
                 }
             }
         }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::device::MAX_AXES;
+use crate::wire::MAX_AXES;
 
 #[test]
 fn firefader_forces_are_bytes() {
@@ -15,14 +15,14 @@ fn firefader_forces_are_bytes() {
     assert_eq!(firefader::request([f64::NAN, 0.0]), [0x7F, 0, 0]);
     assert_eq!(
         firefader::parse_request(&[0x7F, 64, 0xC0]),
-        Found::Whole([64.0 * 1.56 / 127.0, -64.0 * 1.56 / 127.0], 3)
+        Parsed::Packet([64.0 * 1.56 / 127.0, -64.0 * 1.56 / 127.0], 3)
     );
 }
 
 #[test]
 fn firefader_positions_are_bytes() {
     let bytes = [0xFF, 128, 0, 1, 2, 31, 30];
-    let Found::Whole(reply, 7) = firefader::parse_reply(&bytes) else {
+    let Parsed::Packet(reply, 7) = firefader::parse_reply(&bytes) else {
         panic!("{bytes:?}");
     };
     assert_eq!(reply.metres(0), 0.0);
@@ -103,7 +103,7 @@ fn frame_positions_are_tens_of_nanometres() {
     reply.position[0] = -0.001;
     let len = reply.write(&mut bytes);
     assert_eq!(bytes[9..13], (-100_000_i32).to_le_bytes());
-    let Found::Whole(back, whole) = frame::Reply::parse(&bytes[..len]) else {
+    let Parsed::Packet(back, whole) = frame::Reply::parse(&bytes[..len]) else {
         panic!("{bytes:?}");
     };
     assert_eq!(whole, len);
@@ -143,7 +143,7 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
     packets: &[(Vec<u8>, T)],
     noise: &[Vec<u8>],
     piece: usize,
-    parse: impl Fn(&[u8]) -> Found<T> + Copy,
+    parse: impl Fn(&[u8]) -> Parsed<T> + Copy,
 ) {
     let mut bytes = Vec::new();
     for (i, (packet, _)) in packets.iter().enumerate() {
@@ -175,7 +175,7 @@ proptest! {
                 assert!(reply.position.iter().all(|x| x.is_finite()));
             });
             frame_in.feed(piece, |bytes| frame::Request::parse(bytes, 2.0), |_| ());
-            who_in.feed(piece, frame::Who::parse, |_| ());
+            who_in.feed(piece, frame::DeviceInfo::parse, |_| ());
         }
         let text = String::from_utf8_lossy(&bytes);
         haply::parse_state(&text, None);
@@ -243,7 +243,7 @@ proptest! {
         prop_assert_eq!(len, 14);
         let bit = bit % (len * 8);
         bytes[bit / 8] ^= 1 << (bit % 8);
-        let whole = matches!(frame::Request::parse(&bytes[..len], 2.0), Found::Whole(..));
+        let whole = matches!(frame::Request::parse(&bytes[..len], 2.0), Parsed::Packet(..));
         prop_assert!(!whole);
     }
 
@@ -254,6 +254,6 @@ proptest! {
         request.force[axis] = if infinite { f64::INFINITY } else { f64::NAN };
         let mut bytes = [0; frame::LONGEST];
         let len = request.write(2.0, &mut bytes);
-        prop_assert_eq!(frame::Request::parse(&bytes[..len], 2.0), Found::Garbage(len));
+        prop_assert_eq!(frame::Request::parse(&bytes[..len], 2.0), Parsed::Garbage(len));
     }
 }

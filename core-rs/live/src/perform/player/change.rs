@@ -6,13 +6,13 @@
 use ergon_engine::mix::mixer::Mixer;
 use ergon_engine::simulation::{Carry, Simulation};
 
-use super::lead::Step;
-use super::player::Player;
-use super::scale::Bound;
-use super::status::What;
+use super::Player;
+use crate::perform::guidance::GuidanceStep;
+use crate::perform::scale::Bound;
+use crate::perform::status::EventKind;
 
 /// Changes that may wait at once.
-pub(super) const WAITING: usize = 64;
+pub(in crate::perform) const SCHEDULED_MAX: usize = 64;
 
 /// What is to change; what is not said stays.
 #[derive(Default)]
@@ -30,8 +30,8 @@ pub struct Change {
     /// Where hands stand in at each tick from that of the change on, hand by hand, where a guide leads it; without any it
     /// stays as it is.
     pub standins: Option<Vec<Vec<f64>>>,
-    /// How much of each hand's guide acts when, if it is a loose one; without steps as it does now.
-    pub leads: Option<Vec<Vec<Step>>>,
+    /// Steps of each hand's loose guidance; a hand without steps keeps its factors.
+    pub guidance_steps: Option<Vec<Vec<GuidanceStep>>>,
     /// How much of the scene's force each hand may get when; a hand without bounds gets as much as before.
     pub bounds: Option<Vec<Vec<Bound>>>,
     /// See [`Simulation::damp`].
@@ -39,19 +39,19 @@ pub struct Change {
 }
 
 /// A change on its way.
-pub(crate) struct Due {
-    pub(super) at: u64,
-    pub(super) ticket: u64,
-    pub(super) change: Change,
+pub(crate) struct ScheduledChange {
+    pub(in crate::perform) at: u64,
+    pub(in crate::perform) ticket: u64,
+    pub(in crate::perform) change: Change,
     /// Room for what the new simulation is heard by   (every · n_out)
-    pub(super) heard: Vec<f64>,
+    pub(in crate::perform) heard: Vec<f64>,
 }
 
 impl Player {
     /// A change came: it waits for its frame, behind those of the same frame.
-    pub(super) fn wait_for(&mut self, due: Box<Due>) {
-        if self.waiting.len() == WAITING {
-            self.tell(What::Late(due.ticket));
+    pub(super) fn wait_for(&mut self, due: Box<ScheduledChange>) {
+        if self.waiting.len() == SCHEDULED_MAX {
+            self.tell(EventKind::Late(due.ticket));
             self.give_back(due);
             return;
         }
@@ -66,9 +66,9 @@ impl Player {
             let done = due.at == self.frame && self.change(&mut due);
             let ticket = due.ticket;
             self.tell(if done {
-                What::Changed(ticket)
+                EventKind::Changed(ticket)
             } else {
-                What::Late(ticket)
+                EventKind::Late(ticket)
             });
             self.note(format_args!("{{\"change\":{ticket},\"done\":{done}}}"));
             self.give_back(due);
@@ -77,8 +77,8 @@ impl Player {
 
     /// False where the simulation is of another frame, takes over from another than plays, or has other outputs than are
     /// mixed: nothing is changed then.
-    fn change(&mut self, due: &mut Due) -> bool {
-        let Due { change, heard, .. } = due;
+    fn change(&mut self, due: &mut ScheduledChange) -> bool {
+        let ScheduledChange { change, heard, .. } = due;
         let stage = &mut self.stage;
         let simulation = change
             .simulation
@@ -113,8 +113,9 @@ impl Player {
             std::mem::swap(bars, &mut stage.bars);
         }
         if let Some(standins) = &mut change.standins {
-            let movers = self.movers.iter_mut().zip(&mut self.leads);
-            for ((hand, standin), (mover, lead)) in stage.hands.iter_mut().zip(standins).zip(movers)
+            let movers = self.movers.iter_mut().zip(&mut self.guidance);
+            for ((hand, standin), (mover, guidance)) in
+                stage.hands.iter_mut().zip(standins).zip(movers)
             {
                 if standin.is_empty() {
                     continue;
@@ -123,18 +124,17 @@ impl Player {
                 std::mem::swap(&mut hand.standin, standin);
                 hand.since = self.tick;
                 let now = hand.stands_at(self.tick);
-                lead.change(before, now);
+                guidance.change(before, now);
                 if !mover.real {
                     mover.change(false, now);
                 }
             }
         }
-        if let Some(leads) = &mut change.leads {
-            let guides = stage.hands.iter().map(|hand| hand.guide);
-            for ((lead, steps), guide) in self.leads.iter_mut().zip(leads).zip(guides) {
-                if guide.is_some_and(|guide| guide.loose) {
-                    std::mem::swap(&mut lead.steps, steps);
-                    lead.begin(self.tick);
+        if let Some(all) = &mut change.guidance_steps {
+            for (guidance, steps) in self.guidance.iter_mut().zip(all) {
+                if guidance.is_loose() {
+                    std::mem::swap(&mut guidance.steps, steps);
+                    guidance.begin(self.tick);
                 }
             }
         }
@@ -169,7 +169,7 @@ impl Player {
     }
 
     /// To be freed elsewhere; where nobody takes it back it is not freed at all.
-    fn give_back(&mut self, due: Box<Due>) {
+    fn give_back(&mut self, due: Box<ScheduledChange>) {
         if let Err(rtrb::PushError::Full(due)) = self.links.garbage.push(due) {
             std::mem::forget(due);
         }

@@ -5,8 +5,8 @@
 //! A force is an i16 of 1/32767 of the greatest, a position an i32 of 10 nm (or 10 nrad); with bit 7 of n set both
 //! are f64 in SI units. A request without axes asks who is there; its answer begins with `A5 5D`.
 
-use super::Found;
-use crate::device::MAX_AXES;
+use super::Parsed;
+use crate::wire::MAX_AXES;
 
 const SYNC: [u8; 2] = [0xA5, 0x5A];
 const SYNC_WHO: [u8; 2] = [0xA5, 0x5D];
@@ -70,9 +70,9 @@ pub struct Reply {
     pub position: [f64; MAX_AXES],
 }
 
-/// Who a device is. Numbers are those of [`Spec`](crate::device::Spec); not a number: unknown.
+/// What a device tells of itself. Numbers are those of [`Spec`](crate::safety::contract::Spec); NaN: unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Who {
+pub struct DeviceInfo {
     /// The request's number.
     pub seq: u16,
     /// How many axes.
@@ -136,7 +136,7 @@ impl Request {
     }
 
     /// A request at the beginning of some bytes.
-    pub fn parse(bytes: &[u8], full: f64) -> Found<Self> {
+    pub fn parse(bytes: &[u8], full: f64) -> Parsed<Self> {
         body(bytes, SYNC, 2, 1, [2, 8], |body, n, wide| {
             let mut force = [0.0; MAX_AXES];
             for (axis, force) in force[..n].iter_mut().enumerate() {
@@ -178,7 +178,7 @@ impl Reply {
     }
 
     /// A reply at the beginning of some bytes.
-    pub fn parse(bytes: &[u8]) -> Found<Self> {
+    pub fn parse(bytes: &[u8]) -> Parsed<Self> {
         body(bytes, SYNC, 6, 1, [4, 8], |body, n, wide| {
             let mut position = [0.0; MAX_AXES];
             for (axis, position) in position[..n].iter_mut().enumerate() {
@@ -201,7 +201,7 @@ impl Reply {
     }
 }
 
-impl Who {
+impl DeviceInfo {
     /// Write the bytes; returns how many.
     pub fn write(&self, bytes: &mut [u8; LONGEST]) -> usize {
         let mut frame = Frame { bytes, len: 0 };
@@ -215,7 +215,7 @@ impl Who {
     }
 
     /// Such an answer at the beginning of some bytes.
-    pub fn parse(bytes: &[u8]) -> Found<Self> {
+    pub fn parse(bytes: &[u8]) -> Parsed<Self> {
         body(bytes, SYNC_WHO, 2, 33, [0, 0], |body, n, _| {
             let mut numbers = [0.0; 8];
             for (i, number) in numbers.iter_mut().enumerate() {
@@ -240,34 +240,34 @@ fn body<T>(
     after: usize,
     size: [usize; 2],
     read: impl Fn(&[u8], usize, bool) -> Option<T>,
-) -> Found<T> {
+) -> Parsed<T> {
     match bytes {
         [first, second, ..] if [*first, *second] == sync => {}
-        [first] if *first == sync[0] => return Found::Short,
-        [] => return Found::Short,
+        [first] if *first == sync[0] => return Parsed::Incomplete,
+        [] => return Parsed::Incomplete,
         _ => {
             let next = bytes[1..].iter().position(|&byte| byte == sync[0]);
-            return Found::Garbage(next.map_or(bytes.len(), |next| next + 1));
+            return Parsed::Garbage(next.map_or(bytes.len(), |next| next + 1));
         }
     }
     let Some(&count) = bytes.get(2 + before) else {
-        return Found::Short;
+        return Parsed::Incomplete;
     };
     let (n, wide) = (usize::from(count & !WIDE), count & WIDE != 0);
     if n > MAX_AXES {
-        return Found::Garbage(2);
+        return Parsed::Garbage(2);
     }
     let end = 2 + before + 1 + n * size[usize::from(wide)] + after;
     let Some(sum) = bytes.get(end..end + 2) else {
-        return Found::Short;
+        return Parsed::Incomplete;
     };
     let inside = &bytes[2..end];
     if crc(inside).to_le_bytes() != sum {
         // Not all of it: a true frame may begin inside what was taken for one.
-        return Found::Garbage(2);
+        return Parsed::Garbage(2);
     }
-    read(inside, n, wide).map_or(Found::Garbage(end + 2), |frame| {
-        Found::Whole(frame, end + 2)
+    read(inside, n, wide).map_or(Parsed::Garbage(end + 2), |frame| {
+        Parsed::Packet(frame, end + 2)
     })
 }
 

@@ -57,21 +57,21 @@ pub struct Stats {
 
 impl Stats {
     /// A reply took so long.
-    pub(super) fn timed(&mut self, took: Duration) {
+    pub(crate) fn timed(&mut self, took: Duration) {
         self.round_trip.add(took);
     }
 }
 
 /// The device's clock beside ours.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Drift {
+pub(crate) struct Drift {
     first: Option<(Instant, u32)>,
     elapsed_us: u64,
 }
 
 impl Drift {
     /// Take a reading; returns the drift so far.
-    pub(super) fn add(&mut self, now: Instant, t_us: u32) -> Option<f64> {
+    pub(crate) fn add(&mut self, now: Instant, t_us: u32) -> Option<f64> {
         let Some((start, before)) = self.first else {
             self.first = Some((now, t_us));
             return None;
@@ -89,7 +89,7 @@ const SHARED: u32 = 32;
 
 /// When the latest requests were sent, by their number.
 #[derive(Clone, Debug)]
-pub(super) struct Sent {
+pub(crate) struct Sent {
     at: [Option<Instant>; 256],
     next: u16,
     /// Replies to requests that nobody here sent, less half of those to ours; none before the first of ours.
@@ -108,7 +108,7 @@ impl Default for Sent {
 
 impl Sent {
     /// The number of the request that is sent now.
-    pub(super) fn number(&mut self, now: Instant, stats: &mut Stats) -> u16 {
+    pub(crate) fn number(&mut self, now: Instant, stats: &mut Stats) -> u16 {
         let number = self.next;
         let slot = &mut self.at[usize::from(number % 256)];
         stats.lost += u64::from(slot.is_some());
@@ -119,7 +119,7 @@ impl Sent {
     }
 
     /// The reply to a request has come; says whether it is one of the latest and not one again.
-    pub(super) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
+    pub(crate) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
         let age = self.next.wrapping_sub(number);
         if age == 0 || age > 256 {
             self.strange = self.strange.map(|strange| strange.saturating_add(2));
@@ -135,7 +135,7 @@ impl Sent {
     }
 
     /// Whether the device answers somebody else as often as us.
-    pub(super) fn is_shared(&self) -> bool {
+    pub(crate) fn is_shared(&self) -> bool {
         self.strange.is_some_and(|strange| strange > SHARED)
     }
 }

@@ -3,7 +3,7 @@
 //! host → device `7F fA fB`, device → host `FF posA posB analog1 analog2 capA capB`. The first byte of each occurs
 //! nowhere else.
 
-use super::Found;
+use super::Parsed;
 
 /// Force of byte 127 [N], with 12 V.
 pub const FORCE_MAX: f64 = 1.56;
@@ -29,16 +29,16 @@ pub fn request(force: [f64; 2]) -> [u8; 3] {
 }
 
 /// The forces [N] of a packet.
-pub fn parse_request(bytes: &[u8]) -> Found<[f64; 2]> {
+pub fn parse_request(bytes: &[u8]) -> Parsed<[f64; 2]> {
     let force = |byte: u8| f64::from(byte.cast_signed()) * FORCE_LSB;
     match *bytes {
-        [] | [TO_DEVICE] => Found::Short,
+        [] | [TO_DEVICE] => Parsed::Incomplete,
         // A first byte where data stands: that packet was cut.
-        [TO_DEVICE, TO_DEVICE, ..] => Found::Garbage(1),
-        [TO_DEVICE, _] => Found::Short,
-        [TO_DEVICE, _, TO_DEVICE, ..] => Found::Garbage(2),
-        [TO_DEVICE, a, b, ..] => Found::Whole([force(a), force(b)], 3),
-        _ => Found::Garbage(1),
+        [TO_DEVICE, TO_DEVICE, ..] => Parsed::Garbage(1),
+        [TO_DEVICE, _] => Parsed::Incomplete,
+        [TO_DEVICE, _, TO_DEVICE, ..] => Parsed::Garbage(2),
+        [TO_DEVICE, a, b, ..] => Parsed::Packet([force(a), force(b)], 3),
+        _ => Parsed::Garbage(1),
     }
 }
 
@@ -74,20 +74,20 @@ pub fn position_byte(x: f64) -> u8 {
 }
 
 /// A reply.
-pub fn parse_reply(bytes: &[u8]) -> Found<Reply> {
+pub fn parse_reply(bytes: &[u8]) -> Parsed<Reply> {
     if bytes.first() != Some(&TO_HOST) {
         let next = bytes.iter().position(|&byte| byte == TO_HOST);
         return match (bytes.is_empty(), next) {
-            (true, _) => Found::Short,
-            (false, next) => Found::Garbage(next.unwrap_or(bytes.len())),
+            (true, _) => Parsed::Incomplete,
+            (false, next) => Parsed::Garbage(next.unwrap_or(bytes.len())),
         };
     }
     let data = &bytes[1..bytes.len().min(REPLY)];
     if let Some(cut) = data.iter().position(|&byte| byte == TO_HOST) {
-        return Found::Garbage(1 + cut);
+        return Parsed::Garbage(1 + cut);
     }
     match *data {
-        [a, b, c, d, e, f] => Found::Whole(
+        [a, b, c, d, e, f] => Parsed::Packet(
             Reply {
                 position: [a, b],
                 analog: [c, d],
@@ -95,6 +95,6 @@ pub fn parse_reply(bytes: &[u8]) -> Found<Reply> {
             },
             REPLY,
         ),
-        _ => Found::Short,
+        _ => Parsed::Incomplete,
     }
 }

@@ -4,13 +4,16 @@ pub mod firefader;
 pub mod frame;
 pub mod haply;
 
+/// Axes that one device has at most.
+pub const MAX_AXES: usize = 16;
+
 /// What stands at the beginning of some bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Found<T> {
+pub enum Parsed<T> {
     /// A whole packet, and how long it is.
-    Whole(T, usize),
+    Packet(T, usize),
     /// The beginning of one.
-    Short,
+    Incomplete,
     /// So many bytes (at least one) that belong to none.
     Garbage(usize),
 }
@@ -37,7 +40,7 @@ impl<const N: usize> Inbox<N> {
     pub(crate) fn feed<T>(
         &mut self,
         mut new: &[u8],
-        parse: impl Fn(&[u8]) -> Found<T>,
+        parse: impl Fn(&[u8]) -> Parsed<T>,
         mut each: impl FnMut(T),
     ) {
         while !new.is_empty() {
@@ -48,20 +51,20 @@ impl<const N: usize> Inbox<N> {
             let mut at = 0;
             while at < self.len {
                 match parse(&self.bytes[at..self.len]) {
-                    Found::Whole(packet, len) => {
+                    Parsed::Packet(packet, len) => {
                         each(packet);
                         at += len;
                     }
-                    Found::Garbage(len) => {
+                    Parsed::Garbage(len) => {
                         self.garbage += len as u64;
                         at += len;
                     }
                     // A packet that fills the room and is not whole is none.
-                    Found::Short if self.len - at == N => {
+                    Parsed::Incomplete if self.len - at == N => {
                         self.garbage += 1;
                         at += 1;
                     }
-                    Found::Short => break,
+                    Parsed::Incomplete => break,
                 }
             }
             self.bytes.copy_within(at..self.len, 0);

@@ -1,0 +1,129 @@
+//! One program of this machine at a time has a device: a lock on a file that is called after its address.
+//!
+//! Serial ports have such a lock themselves. A datagram may be sent by anybody, so a board in datagrams has its file in
+//! the user's run-time folder. The system lets go of the lock when the program ends, however it ends.
+
+use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::io::{ErrorKind, Read, Write};
+use std::net::SocketAddr;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+/// A device that this program has; it is another's once this is dropped.
+#[derive(Debug)]
+pub(super) struct DeviceLock {
+    _locked: Option<File>,
+}
+
+impl DeviceLock {
+    /// Take the board at an address. Where there is no folder for the file, nothing is known of others, and it is taken.
+    ///
+    /// # Errors
+    /// Who has it.
+    pub(super) fn take(address: SocketAddr) -> Result<Self, String> {
+        let folder = folder();
+        match &folder {
+            Some(folder) => Self::within(folder, address),
+            None => Ok(Self { _locked: None }),
+        }
+    }
+
+    fn within(folder: &Path, address: SocketAddr) -> Result<Self, String> {
+        let path = folder.join(format!(
+            "board-{}.lock",
+            address.to_string().replace([':', '[', ']', '%'], "_")
+        ));
+        let opened = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .custom_flags(libc::O_NOFOLLOW)
+            .open(&path);
+        let Ok(mut file) = opened else {
+            return Ok(Self { _locked: None });
+        };
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(lock(&file)),
+            Err(TryLockError::Error(_)) => return Ok(Self { _locked: None }),
+        }
+        let _ = file.set_len(0);
+        let _ = write!(file, "{}", std::process::id());
+        Ok(Self {
+            _locked: Some(file),
+        })
+    }
+}
+
+/// Why a board cannot be taken: who holds the lock, which writes its process number into the file.
+fn lock(file: &File) -> String {
+    let mut who = String::new();
+    let _ = file.take(64).read_to_string(&mut who);
+    match who.trim().parse::<u32>() {
+        Ok(process) if process == std::process::id() => {
+            "this program has the device open already".into()
+        }
+        Ok(process) => {
+            format!("process {process} has the device open; only one program at a time can use it")
+        }
+        Err(_) => "another program has the device open; only one at a time can use it".into(),
+    }
+}
+
+/// The user's run-time folder, made if it is missing; `None`: there is none that is the user's own.
+fn folder() -> Option<PathBuf> {
+    // SAFETY: geteuid has no arguments and cannot fail.
+    let user = unsafe { libc::geteuid() };
+    let folder = match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
+        Some(own) if own.is_dir() => own.join("ergon"),
+        _ => std::env::temp_dir().join(format!("ergon-{user}")),
+    };
+    match DirBuilder::new().mode(0o700).create(&folder) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => None,
+        _ => is_own_folder(&folder, user).then_some(folder),
+    }
+}
+
+/// Whether a path is a folder of this user, and no link: anybody may make one of that name in /tmp.
+fn is_own_folder(path: &Path, user: u32) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|found| found.is_dir() && found.uid() == user)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_has_one_owner_until_that_lets_go() {
+        let folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let [one, other] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
+        let first = DeviceLock::within(&folder, one).unwrap();
+        assert_eq!(
+            DeviceLock::within(&folder, one).unwrap_err(),
+            "this program has the device open already"
+        );
+        DeviceLock::within(&folder, other).unwrap();
+        drop(first);
+        DeviceLock::within(&folder, one).unwrap();
+        std::fs::remove_dir_all(&folder).unwrap();
+        DeviceLock::within(&folder, one).unwrap();
+    }
+
+    #[test]
+    fn a_folder_is_the_users_own_and_no_link() {
+        let base = std::env::temp_dir().join(format!("ergon-own-{}", std::process::id()));
+        std::fs::create_dir_all(&base).unwrap();
+        let (file, link) = (base.join("file"), base.join("link"));
+        std::fs::write(&file, "").unwrap();
+        std::os::unix::fs::symlink(&base, &link).unwrap();
+        let user = std::fs::metadata(&base).unwrap().uid();
+        assert!(is_own_folder(&base, user));
+        assert!(!is_own_folder(&base, user + 1));
+        assert!(!is_own_folder(&file, user));
+        assert!(!is_own_folder(&link, user));
+        std::fs::remove_dir_all(&base).unwrap();
+    }
+}

@@ -1,0 +1,80 @@
+//! What acts on a performance from any thread: flags that the physics thread reads in every tick.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use crate::realtime::Granted;
+use crate::{audio, stop};
+
+/// Flags that the physics thread and all others share.
+#[derive(Debug, Default)]
+pub(super) struct SharedFlags {
+    /// Nothing more is to be played.
+    pub(super) stop: AtomicBool,
+    /// Forces are zero, sound is silent.
+    pub(super) panic: AtomicBool,
+    /// Axes that tripped may push again; the physics thread takes the flag back.
+    pub(super) release: AtomicBool,
+    /// The last frame is out.
+    pub(super) done: AtomicBool,
+    /// What the system granted the physics thread: bit 0 memory locked, bit 2 set, from bit 8 on priority + 1; 0: not known.
+    granted: AtomicU64,
+}
+
+impl SharedFlags {
+    pub(super) fn set_granted(&self, granted: Granted) {
+        let priority = granted.fifo.map_or(0, |fifo| fifo as u64 + 1);
+        let value = 4 | priority << 8 | u64::from(granted.locked);
+        self.granted.store(value, Ordering::Release);
+    }
+
+    pub(super) fn granted(&self) -> Option<Granted> {
+        let value = self.granted.load(Ordering::Acquire);
+        (value != 0).then(|| Granted {
+            fifo: (value >> 8).checked_sub(1).map(|fifo| fifo as i32),
+            locked: value & 1 == 1,
+        })
+    }
+}
+
+/// What stops a performance from any thread, at once: it takes no lock and waits for nothing.
+#[derive(Clone)]
+pub struct Control {
+    flags: Arc<SharedFlags>,
+    sound: Arc<audio::Shared>,
+}
+
+impl Control {
+    pub(super) fn new(flags: Arc<SharedFlags>, sound: Arc<audio::Shared>) -> Self {
+        Self { flags, sound }
+    }
+
+    /// Silence within 5 ms and zero force at the next tick; nothing comes back until [`Control::release`].
+    pub fn panic(&self) {
+        self.flags.panic.store(true, Ordering::Release);
+        self.sound.panic();
+    }
+
+    /// Sound and force again, after a panic, after [`stop::Stop::Forces`] and after a key tripped.
+    pub fn release(&self) {
+        stop::release();
+        self.flags.panic.store(false, Ordering::Release);
+        self.flags.release.store(true, Ordering::Release);
+        self.sound.release();
+    }
+
+    /// Play nothing more: forces are zero, and what sounds ends in 5 ms.
+    pub fn stop(&self) {
+        self.flags.stop.store(true, Ordering::Release);
+        self.sound.panic();
+    }
+}
+
+/// Sets the flag `done` when it is dropped, also by a panic of the physics thread.
+pub(super) struct MarkDone(pub(super) Arc<SharedFlags>);
+
+impl Drop for MarkDone {
+    fn drop(&mut self) {
+        self.0.done.store(true, Ordering::Release);
+    }
+}

@@ -1,0 +1,294 @@
+//! Haptic guidance: a spring and a damper that pull a person's hand along a written part, faded in and out tick by tick.
+
+use crate::safety::unit;
+
+/// Time of a fade of the guidance, and of its crossfade to another path [s].
+const FADE: f64 = 0.2;
+
+/// Spring and damper between a hand and the position of the key in its part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Guidance {
+    /// [N/m]
+    pub k: f64,
+    /// [N·s/m]
+    pub z: f64,
+    /// Whether it starts at zero and follows [`GuidanceStep`]s; otherwise it acts fully all the time.
+    pub loose: bool,
+}
+
+/// Factors of a [`Guidance`], 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GuidanceShare {
+    /// Of its stiffness.
+    pub k: f64,
+    /// Of its viscosity.
+    pub z: f64,
+}
+
+/// The factors of a loose [`Guidance`] from a tick on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GuidanceStep {
+    /// In ticks after the change that brings it; once that is made, in ticks of the performance.
+    pub at: u64,
+    /// The factors that it fades to.
+    pub share: GuidanceShare,
+}
+
+impl Guidance {
+    /// The corners of the range of its factors: a force limit that holds at each of them is taken to hold between them.
+    pub(super) fn shares(this: Option<Self>) -> &'static [GuidanceShare] {
+        const NONE: GuidanceShare = GuidanceShare { k: 0.0, z: 0.0 };
+        const STIFF: GuidanceShare = GuidanceShare { k: 1.0, z: 0.0 };
+        const VISCOUS: GuidanceShare = GuidanceShare { k: 0.0, z: 1.0 };
+        const ALL: GuidanceShare = GuidanceShare { k: 1.0, z: 1.0 };
+        match this {
+            None => &[NONE],
+            Some(Self { loose: false, .. }) => &[ALL],
+            Some(_) => &[NONE, STIFF, VISCOUS, ALL],
+        }
+    }
+
+    /// The response of scene and guidance together, in ticks of `period` [s]; see
+    /// [`Hand::response`](super::Hand::response).
+    pub(super) fn total_response(
+        this: Option<Self>,
+        response: &[f64],
+        period: f64,
+        share: GuidanceShare,
+    ) -> Vec<f64> {
+        let mut total = response.to_vec();
+        if let (Some(guidance), [now, next, ..]) = (this, &mut total[..]) {
+            let z = share.z * guidance.z / period;
+            *now += share.k * guidance.k + z;
+            *next -= z;
+        }
+        total
+    }
+}
+
+impl GuidanceShare {
+    const ALL: Self = Self { k: 1.0, z: 1.0 };
+
+    fn clamped(self) -> Self {
+        Self {
+            k: unit(self.k),
+            z: unit(self.z),
+        }
+    }
+
+    fn interpolated(self, to: Self, part: f64) -> Self {
+        Self {
+            k: self.k + part * (to.k - self.k),
+            z: self.z + part * (to.z - self.z),
+        }
+    }
+}
+
+/// A guidance while it plays.
+#[derive(Clone, Debug)]
+pub(super) struct GuidanceState {
+    guidance: Option<Guidance>,
+    /// The factors now, and at both ends of the fade.
+    share: GuidanceShare,
+    from: GuidanceShare,
+    to: GuidanceShare,
+    /// Distance from the path of the part [m] at the beginning of the crossfade, and now.
+    offset: f64,
+    left: f64,
+    /// Progress of the fade, 0 to 1, and what a tick adds to it.
+    done: f64,
+    by: f64,
+    /// All steps; index of the next one.
+    pub(super) steps: Vec<GuidanceStep>,
+    next: usize,
+}
+
+impl GuidanceState {
+    /// In ticks of `period` [s].
+    pub(super) fn new(guidance: Option<Guidance>, period: f64) -> Self {
+        let share = match guidance {
+            Some(Guidance { loose: false, .. }) => GuidanceShare::ALL,
+            _ => GuidanceShare::default(),
+        };
+        Self {
+            guidance,
+            share,
+            from: share,
+            to: share,
+            offset: 0.0,
+            left: 0.0,
+            done: 1.0,
+            by: period / FADE,
+            steps: Vec::new(),
+            next: 0,
+        }
+    }
+
+    /// Whether it follows steps.
+    pub(super) fn is_loose(&self) -> bool {
+        self.guidance.is_some_and(|guidance| guidance.loose)
+    }
+
+    /// Start new `steps`, whose ticks count from `tick`.
+    pub(super) fn begin(&mut self, tick: u64) {
+        for step in &mut self.steps {
+            step.at = step.at.saturating_add(tick);
+        }
+        self.next = 0;
+    }
+
+    /// Crossfade from a path that was at `before` to one that is at `now` [m].
+    pub(super) fn change(&mut self, before: f64, now: f64) {
+        let is_free = self.share == GuidanceShare::default();
+        let left = if is_free {
+            0.0
+        } else {
+            self.left + before - now
+        };
+        self.glide(self.to, left);
+    }
+
+    fn glide(&mut self, to: GuidanceShare, left: f64) {
+        (self.from, self.to) = (self.share, to);
+        (self.offset, self.left) = (left, left);
+        self.done = 0.0;
+    }
+
+    /// Advance by a tick.
+    pub(super) fn tick(&mut self, tick: u64) {
+        while let Some(step) = self.steps.get(self.next).filter(|step| step.at <= tick) {
+            let to = step.share.clamped();
+            self.next += 1;
+            if to != self.to {
+                self.glide(to, self.left);
+            }
+        }
+        if self.done < 1.0 {
+            self.done = (self.done + self.by).min(1.0);
+            let part = smooth(self.done);
+            self.left = self.offset * (1.0 - part);
+            self.share = if self.done < 1.0 {
+                self.from.interpolated(self.to, part)
+            } else {
+                self.to
+            };
+        }
+    }
+
+    /// The force [N] on a hand at `x` [m] moving at `v` [m/s], whose part is at `part` [m].
+    pub(super) fn force(&self, part: f64, x: f64, v: f64) -> f64 {
+        let Some(guidance) = self.guidance else {
+            return 0.0;
+        };
+        let goal = part + self.left;
+        self.share.k * guidance.k * (goal - x) - self.share.z * guidance.z * v
+    }
+}
+
+/// From 0 to 1 with no jump of velocity or acceleration at either end: the quintic whose first two derivatives are zero there.
+pub(super) fn smooth(t: f64) -> f64 {
+    t * t * t * (10.0 + t * (6.0 * t - 15.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perform::Hand;
+
+    const PERIOD: f64 = 1e-3;
+    const HALF: GuidanceShare = GuidanceShare { k: 0.5, z: 0.25 };
+
+    fn hand(loose: bool) -> Hand {
+        Hand {
+            standin: vec![0.0, 5e-3],
+            reach: 1.0,
+            guidance: Some(Guidance {
+                k: 100.0,
+                z: 2.0,
+                loose,
+            }),
+            ..Hand::default()
+        }
+    }
+
+    #[test]
+    fn a_guide_pulls_towards_the_part_and_brakes() {
+        let hand = hand(false);
+        let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
+        for tick in [0, 9] {
+            guidance.tick(tick);
+            assert_eq!(guidance.force(hand.stands_at(9), 2e-3, 0.0), 100.0 * 3e-3);
+            assert_eq!(guidance.force(hand.stands_at(0), 0.0, 0.5), -1.0);
+        }
+    }
+
+    #[test]
+    fn a_loose_guide_comes_and_goes_by_its_steps() {
+        let hand = hand(true);
+        let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
+        let step = |at, share| GuidanceStep { at, share };
+        guidance.steps = vec![step(100, HALF), step(1_000, GuidanceShare::default())];
+        guidance.begin(50);
+        let (mut last, mut full) = (0.0, 0);
+        for tick in 50..2_000 {
+            guidance.tick(tick);
+            let force = guidance.force(hand.stands_at(tick), 0.0, 0.0);
+            // The steepest of a smooth way of 200 ticks.
+            assert!(f64::abs(force - last) < 0.25 * 1.9 / 200.0, "tick {tick}");
+            if !(150..1_250).contains(&tick) {
+                assert_eq!(force, 0.0, "tick {tick}");
+                assert_eq!(guidance.force(hand.stands_at(tick), 0.0, 1.0), 0.0);
+            }
+            if (350..1_050).contains(&tick) {
+                assert_eq!(force, 0.5 * 100.0 * 5e-3);
+                assert_eq!(guidance.force(hand.stands_at(tick), 5e-3, 1.0), -0.25 * 2.0);
+                full += 1;
+            }
+            last = force;
+        }
+        assert_eq!(full, 700);
+    }
+
+    #[test]
+    fn another_path_is_gone_over_to() {
+        let mut hand = hand(true);
+        let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
+        guidance.steps = vec![GuidanceStep { at: 0, share: HALF }];
+        guidance.begin(0);
+        let mut last = 0.0;
+        for tick in 0..1_000 {
+            if tick == 500 {
+                let before = hand.stands_at(tick);
+                hand.standin = vec![-10e-3];
+                guidance.change(before, hand.stands_at(tick));
+            }
+            guidance.tick(tick);
+            let force = guidance.force(hand.stands_at(tick), 0.0, 0.0);
+            assert!(f64::abs(force - last) < 0.75 * 1.9 / 200.0, "tick {tick}");
+            last = force;
+        }
+        assert_eq!(last, -0.5 * 100.0 * 10e-3);
+    }
+
+    #[test]
+    fn what_is_no_share_leads_nobody() {
+        let hand = hand(true);
+        let mut guidance = GuidanceState::new(hand.guidance, PERIOD);
+        let share = GuidanceShare {
+            k: f64::NAN,
+            z: -3.0,
+        };
+        guidance.steps = vec![GuidanceStep { at: 0, share }];
+        guidance.begin(0);
+        (0..500).for_each(|tick| guidance.tick(tick));
+        assert_eq!(guidance.force(hand.stands_at(500), 0.0, 1.0), 0.0);
+        let share = GuidanceShare { k: 7.0, z: 9.0 };
+        guidance.steps = vec![GuidanceStep { at: 0, share }];
+        guidance.begin(500);
+        (500..1_000).for_each(|tick| guidance.tick(tick));
+        assert_eq!(
+            guidance.force(hand.stands_at(1_000), 0.0, 0.0),
+            100.0 * 5e-3
+        );
+    }
+}

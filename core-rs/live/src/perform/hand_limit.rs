@@ -1,0 +1,77 @@
+//! The greatest stable force of a scene on the key under a real hand.
+
+use super::{Guidance, Hand, Keyboard};
+use crate::safety::margin::Answer;
+use crate::safety::stiffness;
+
+/// Mass [kg] and damping [N·s/m] of a device that does not tell its own: light, with little friction.
+const DEFAULT_KEY: (f64, f64) = (0.05, 0.3);
+/// A piece is not played where a hand may get less than this part of the scene's force.
+pub const SCALE_MIN: f64 = 0.02;
+
+/// How much of the scene's force a hand may get.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HandLimit {
+    /// Which hand.
+    pub hand: usize,
+    /// Factor of the force, 0 to 1.
+    pub scale: f64,
+    /// Greatest stiffness of scene and guidance [N/m].
+    pub stiffness: f64,
+    /// Greatest stable stiffness [N/m]: `scale` · `stiffness`.
+    pub limit: f64,
+}
+
+/// The key under a real hand: numbers of its device, and the hand's guidance.
+#[derive(Clone, Copy, Debug)]
+pub struct HandKey {
+    /// Which hand.
+    pub hand: usize,
+    key: stiffness::Key,
+    guidance: Option<Guidance>,
+}
+
+impl HandKey {
+    /// One for each hand on a keyboard.
+    pub(super) fn all(board: &Keyboard, hands: &[Hand]) -> Vec<Self> {
+        let (key, axes) = (board.key(), board.axes());
+        let of = |&(_, hand): &(usize, usize)| Self {
+            hand,
+            key,
+            guidance: hands[hand].guidance,
+        };
+        axes.iter().map(of).collect()
+    }
+
+    /// The limit for a scene with this response; see [`Hand::response`].
+    pub fn limit(&self, response: &[f64]) -> HandLimit {
+        let answer = Answer::new(response);
+        let (mut scale, mut stiffest) = (1.0_f64, 0.0_f64);
+        for &share in Guidance::shares(self.guidance) {
+            let (k, z) = self.guidance.map_or((0.0, 0.0), |guidance| {
+                (share.k * guidance.k, share.z * guidance.z)
+            });
+            scale = scale.min(stiffness::safe_scale(answer.gain_margin(self.key, k, z)));
+            let total = Guidance::total_response(self.guidance, response, self.key.period, share);
+            stiffest = stiffest.max(stiffness::stiffest(&total));
+        }
+        HandLimit {
+            hand: self.hand,
+            scale,
+            stiffness: stiffest,
+            limit: scale * stiffest,
+        }
+    }
+}
+
+/// The key of a device without hand or scene, in ticks of `period` [s].
+pub(super) fn key(spec: &crate::device::Spec, lockstep: bool, period: f64) -> stiffness::Key {
+    let own_delay = spec.loop_delay_s.map(|s| (s / period).ceil() as usize);
+    stiffness::Key {
+        mass: spec.inertia.unwrap_or(DEFAULT_KEY.0),
+        damping: spec.damping.filter(|b| *b > 0.0).unwrap_or(DEFAULT_KEY.1),
+        period,
+        // Outside lockstep the force of a tick is sent in the next one.
+        delay: own_delay.unwrap_or(0) + usize::from(!lockstep),
+    }
+}
