@@ -17,14 +17,14 @@ from ergon.repl.session import computing, deeds, files, looks
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
-    from ergon.repl.session.session import Session
+    from ergon.repl.session.core import SessionCore
 
 # Taps farther apart than this begin a new count [s]: slower than 20 bpm nobody taps.
 _TAPS_APART = 3.0
 _TAPS = 8  # the latest of them count
 
 
-def _play(session: Session, command: c.Play) -> Reply:
+def _play(session: SessionCore, command: c.Play) -> Reply:
     clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
     if command.start is None and clock.goes:
         raise NotTakenError("it plays already; `play from 1|1` begins again")
@@ -42,7 +42,7 @@ def _play(session: Session, command: c.Play) -> Reply:
     return Reply(True, f"ok from {where}")
 
 
-def _stop(session: Session, command: c.Stop) -> Reply:
+def _stop(session: SessionCore, command: c.Stop) -> Reply:
     if not session.commits.running.clock.goes:
         raise NotTakenError("it stands already; `play` goes on")
     when = c.NOW if command.when is None else command.when
@@ -50,12 +50,12 @@ def _stop(session: Session, command: c.Stop) -> Reply:
     return Reply(True, f"ok {where} the piece stands; `play` goes on from there")
 
 
-def _panic(session: Session, command: c.Panic) -> Reply:
+def _panic(session: SessionCore, command: c.Panic) -> Reply:
     session.stops.panic_in_turn()
     return Reply(True, "")
 
 
-def _release(session: Session, command: c.Release) -> Reply:
+def _release(session: SessionCore, command: c.Release) -> Reply:
     if not session.stops.is_stopped:
         raise NotTakenError("nothing was panicked")
     if not session.stops.may_release:
@@ -64,13 +64,13 @@ def _release(session: Session, command: c.Release) -> Reply:
     return Reply(True, "ok")
 
 
-def _quant(session: Session, command: c.Quant) -> Reply:
+def _quant(session: SessionCore, command: c.Quant) -> Reply:
     session.quant = None if isinstance(command.grid, c.Now) else command.grid
     session.quant_text = command.words["grid"].text
     return Reply(True, f"ok lines act on: {session.quant_text}")
 
 
-def _tap(session: Session, command: c.Tap) -> Reply:
+def _tap(session: SessionCore, command: c.Tap) -> Reply:
     now = time.monotonic()
     taps = session.taps
     if taps and now - taps[-1] > _TAPS_APART:
@@ -83,21 +83,21 @@ def _tap(session: Session, command: c.Tap) -> Reply:
     return session.take(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
 
-def _undo(session: Session, command: c.Undo) -> Reply:
+def _undo(session: SessionCore, command: c.Undo) -> Reply:
     return _back_to(session, session.at - 1, "undo", "there is nothing before this")
 
 
-def _redo(session: Session, command: c.Redo) -> Reply:
+def _redo(session: SessionCore, command: c.Redo) -> Reply:
     return _back_to(session, session.at + 1, "redo", "nothing was undone")
 
 
-def _back(session: Session, command: c.Back) -> Reply:
+def _back(session: SessionCore, command: c.Back) -> Reply:
     return _back_to(
         session, session.at - command.count, f"back {command.count}", "there are not so many"
     )
 
 
-def _back_to(session: Session, index: int, line: str, none: str) -> Reply:
+def _back_to(session: SessionCore, index: int, line: str, none: str) -> Reply:
     if not 0 <= index < len(session.versions):
         raise NotTakenError(f"{none}; `history` lists the versions")
     target, left = session.versions[index], session.versions[session.at]
@@ -113,7 +113,7 @@ def _back_to(session: Session, index: int, line: str, none: str) -> Reply:
     return Reply(True, f"ok {where} {said}")
 
 
-def _history(session: Session, command: c.History) -> Reply:
+def _history(session: SessionCore, command: c.History) -> Reply:
     rows = []
     for index, version in enumerate(session.versions):
         here = ">" if index == session.at else " "
@@ -121,26 +121,26 @@ def _history(session: Session, command: c.History) -> Reply:
     return Reply(True, "", lines=tuple(rows))
 
 
-def _help(session: Session, command: c.Help) -> Reply:
+def _help(session: SessionCore, command: c.Help) -> Reply:
     return Reply(True, "", lines=overview() if command.verb is None else about(command.verb))
 
 
-def _show(session: Session, command: c.Show) -> Reply:
+def _show(session: SessionCore, command: c.Show) -> Reply:
     return Reply(True, "", lines=tuple(looks.show(session.commits.head, command.name)))
 
 
-def _look(session: Session, command: c.Look) -> Reply:
+def _look(session: SessionCore, command: c.Look) -> Reply:
     with session.computing.within(computing.LINE):
         return Reply(True, "", lines=tuple(looks.drawn(session.commits.head, command.name)))
 
 
-def _scope_of(session: Session, command: c.Trace) -> Reply:
+def _scope_of(session: SessionCore, command: c.Trace) -> Reply:
     with session.computing.within(computing.LINE):
         lines = looks.scoped(session.commits.running, session.commits.engine.frame, command.name)
     return Reply(True, "", lines=tuple(lines))
 
 
-def _meters(session: Session, command: c.Meters) -> Reply:
+def _meters(session: SessionCore, command: c.Meters) -> Reply:
     peaks = session.commits.engine.look().peaks
     shown = [
         f"{channel:3}  {20 * math.log10(peak):6.1f} dB" if peak > 0 else f"{channel:3}  silent"
@@ -149,14 +149,14 @@ def _meters(session: Session, command: c.Meters) -> Reply:
     return Reply(True, "", lines=tuple(shown or ["no meters here"]))
 
 
-def _save(session: Session, command: c.Save) -> Reply:
+def _save(session: SessionCore, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
     if not written:
         return Reply(True, "ok nothing to write: the files say it already")
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
-def _record(session: Session, command: c.Record) -> Reply:
+def _record(session: SessionCore, command: c.Record) -> Reply:
     if session.captures.path is None or command.player not in session.commits.real:
         raise NotTakenError(f"{command.player}'s hand is not real here: --live puts one on its key")
     if is_shipped(Path(session.commits.head.texts.path)):
@@ -166,27 +166,27 @@ def _record(session: Session, command: c.Record) -> Reply:
     return Reply(True, f"ok {session.written(beat)} recording {command.player}; `record off` ends")
 
 
-def _record_off(session: Session, command: c.RecordOff) -> Reply:
+def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
     beat, _ = session.commits.place(command.when, session.quant)
     own = session.captures.end(session.commits.frame(beat))
     return Reply(True, f"ok {session.written(beat)} the end of {own.name}")
 
 
-def _keep(session: Session, command: c.Keep) -> Reply:
+def _keep(session: SessionCore, command: c.Keep) -> Reply:
     return Reply(True, f"ok wrote {', '.join(files.keep(session, command.length, command.name))}")
 
 
-def _py(session: Session, command: c.Py) -> Reply:
+def _py(session: SessionCore, command: c.Py) -> Reply:
     scope: dict[str, Any] = {"session": session, "math": math}
     value = eval(command.expression, {"__builtins__": __builtins__}, scope)
     return Reply(True, "" if value is None else repr(value)[:1000])  # the performer's own line
 
 
-def _quit(session: Session, command: c.Quit) -> Reply:
+def _quit(session: SessionCore, command: c.Quit) -> Reply:
     return Reply(True, "bye", leaves=True)
 
 
-ASIDES: Mapping[type[c.Command], Callable[[Session, Any], Reply]] = {
+ASIDES: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] = {
     c.Play: _play,
     c.Stop: _stop,
     c.Panic: _panic,

@@ -17,37 +17,12 @@ from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
-    from ergon.repl.session.session import Session
+    from ergon.repl.session.core import SessionCore
 
 _SUFFIXES = (".yaml", ".yml")
 
 
-class Watch:
-    """Whether the score, or a file that it uses, was saved by somebody else."""
-
-    def __init__(self, texts: Texts) -> None:
-        """From now on."""
-        self._files = [Path(name) for name in texts.load().files]
-        self._seen = self._stamps()
-
-    def has_changed(self) -> bool:
-        """Whether one was saved since the last look."""
-        now = self._stamps()
-        changed, self._seen = now != self._seen, now
-        return changed
-
-    def _stamps(self) -> list[int]:
-        return [_stamp(path) for path in self._files]
-
-
-def _stamp(path: Path) -> int:
-    try:
-        return path.stat().st_mtime_ns
-    except OSError:  # an editor puts a new file in its place
-        return 0
-
-
-def keep(session: Session, length: Length, name: str) -> list[str]:
+def keep(session: SessionCore, length: Length, name: str) -> list[str]:
     """Write the last bars as a score of their own beside this one; the files that were written."""
     version, now = session.commits.head, session.commits.now()
     tempo = version.piece.tempo_map
@@ -61,7 +36,7 @@ def keep(session: Session, length: Length, name: str) -> list[str]:
     return _write(session, kept, target)
 
 
-def save(session: Session, target: Path | None) -> list[str]:
+def save(session: SessionCore, target: Path | None) -> list[str]:
     """Write the score of the latest version, what goes on ended here; the files that were written.
 
     Without a target over its own file, and over those that it uses, where they were changed.
@@ -97,7 +72,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
     return None if is_own else folder / path.name
 
 
-def _write(session: Session, texts: Texts, target: Path | None) -> list[str]:
+def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:
     """Write texts over their files, or as another score; nothing at all where one is refused."""
     own, disk = Path(texts.path), session.disk
     changed = disk.changed(texts)

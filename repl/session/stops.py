@@ -3,23 +3,48 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
-from ergon.repl.language.commands import NOW
+from ergon.repl.language.commands import NOW, When
 from ergon.repl.session import deeds
 from ergon.repl.session.commits import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.session import Session
+    from ergon.repl.session.commits import Commits, Deed
+    from ergon.repl.session.computing import Computing
 
 PANIC = "panic: silent, no force; `release`, then `play`"
 LET_GO = "no force on any hand; `release` brings it back"
 
 
+class Stopped(Protocol):
+    """What a stop acts on: a session's lines, its engine, and its messages."""
+
+    commits: Commits
+    computing: Computing
+    lock: threading.RLock
+    number: int
+
+    def say(self, message: str) -> None:
+        """Tell something with the next messages."""
+
+    def queue(
+        self,
+        line: str,
+        deed: Deed,
+        when: When = None,
+        *,
+        goes: bool | None = None,
+        resets: bool = False,
+        is_limited: bool = True,
+    ) -> object:
+        """Let a line wait for its boundary."""
+
+
 class Stops:
     """The stops of a session. `panic` and `let_go` wait for no lock, so for no line at work."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Stopped) -> None:
         """Nothing is stopped."""
         self._session = session
         self._count = 0
