@@ -16,9 +16,9 @@ from test_repl_live import ok
 from ergon.live.boards import Board
 from ergon.live.perform import Order
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.live import Live
-from ergon.repl.session.recorded import Opening, opened
-from ergon.repl.session.replay import Again
+from ergon.repl.session.journal_content import SessionStart, read_journal
+from ergon.repl.session.live import LiveEngine
+from ergon.repl.session.replay import ReplayedSession
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -65,13 +65,13 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
         order = Order(audio="null", boards=[Board(key.url, ((0, "remi"),))])
         session = Session(
             version,
-            lambda stage: Live(stage, order),
+            lambda stage: LiveEngine(stage, order),
             margin=0.006,
             journal=journal,
             real={"remi": None},
         )
-        every = session.commits.engine.every
-        opening = Opening(texts, 0.0, version.desk, every, 1.0, 1.0, None)
+        every = session.commits.engine.tick_frames
+        opening = SessionStart(texts, 0.0, version.faders, every, 1.0, 1.0, None)
         journal.tell("session", **opening.fields())
         session.run()
         with closing(session):
@@ -81,7 +81,7 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
 def watched(session: Session, seconds: float) -> np.ndarray:
     """Beats into a bar, and where remi's key is there [m], (n, 2)."""
     engine, found = session.commits.engine, []
-    assert isinstance(engine, Live)
+    assert isinstance(engine, LiveEngine)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         status = engine.performance.status()
@@ -122,10 +122,10 @@ def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
         time.sleep(1.5)
         beat, x = watched(session, 2.0).T
         assert np.abs(x).max() < 0.3e-3
-    again = Again(opened(tmp_path / "session.jsonl"))
+    again = ReplayedSession(read_journal(tmp_path / "session.jsonl"))
     out = np.zeros((again.n_frames, again.n_channels))
     again.process(out)
-    assert again.running.version.leads == {}
+    assert again.running.version.guides == {}
     assert np.isfinite(out).all()
 
 

@@ -19,7 +19,7 @@ from servers import until
 from sockets import remote
 from terminals import CTRL_D, ENTER, Terminal
 
-from ergon.repl.wire import place
+from ergon.repl.wire import local_socket
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
 # What the session's score says, in so few characters that a reply can hold it.
@@ -51,7 +51,7 @@ class Stage:
 
     def engine(self) -> int:
         """The process that serves."""
-        with contextlib.closing(place.connect(self.socket)) as found:
+        with contextlib.closing(local_socket.connect(self.socket)) as found:
             told = found.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
             pid = struct.unpack("3i", told)[0]
         self._engines.add(pid)
@@ -62,7 +62,7 @@ class Stage:
         return [event for event in map(json.loads, lines) if event["event"] == name]
 
     def close(self) -> None:
-        with contextlib.suppress(place.PlaceError):
+        with contextlib.suppress(local_socket.SocketError):
             self.engine()
         for pid in self._engines:
             with contextlib.suppress(ProcessLookupError):

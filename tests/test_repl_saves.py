@@ -16,8 +16,8 @@ from test_journal_hostile import KEYS, SCORE
 
 from ergon.exchange import together
 from ergon.notation.text.files import installed
-from ergon.repl.session.engine import Steps
-from ergon.repl.session.recorded import opened
+from ergon.repl.session.engine import SteppedEngine
+from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import piece_of
@@ -44,11 +44,11 @@ def files(folder: Path) -> dict[str, str]:
 
 def gone_on(folder: Path) -> Session:
     """A session that goes on where the journal ends."""
-    replay = opened(folder / "session.jsonl", resumes=True)
+    replay = read_journal(folder / "session.jsonl", resumes=True)
     version, clock = resumed(replay)
     return Session(
         version,
-        lambda stage: Steps(stage, every=EVERY, highpass=None),
+        lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),
         margin=0.0,
         clock=clock,
         disk=replay.disk,

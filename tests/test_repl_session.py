@@ -13,7 +13,7 @@ import pytest
 from sessions import EVERY, Stepped
 
 from ergon.repl.language import commands as c
-from ergon.repl.session import deeds
+from ergon.repl.session import version_edits
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
@@ -160,7 +160,7 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
             count == 100
         ):  # as pyo3 brings one over: no Exception, so that nothing else would catch it
             with pytest.MonkeyPatch.context() as patch:
-                patch.setitem(deeds.DEEDS, c.Rest, _panicking)
+                patch.setitem(version_edits.VERSION_EDITS, c.Rest, _panicking)
                 assert "ergon itself" in hurt.type("rest ada").text
         reply = hurt.type(line)
         assert not reply.taken or not line.strip() or line.lstrip().startswith("#"), line
@@ -340,7 +340,7 @@ def test_lines_act_where_they_say(session):
 
 
 def test_every_tick_is_a_boundary(session):
-    assert session.engine.every == EVERY
+    assert session.engine.tick_frames == EVERY
     session.ok("play")
     session.run(0.1)
     session.ok("ada plays knock now")

@@ -22,11 +22,11 @@ from terminals import CTRL_C, ENTER, F12, Terminal
 from test_repl_plain import calls, script
 from test_repl_session import SCORE
 
-from ergon.repl.face import Face, stop_of
 from ergon.repl.language.parse import parse
 from ergon.repl.language.scope import names
-from ergon.repl.prompt.calm import Calm
-from ergon.repl.turns import Turns
+from ergon.repl.line_queue import LineQueue
+from ergon.repl.prompt.error_boundary import ErrorBoundary
+from ergon.repl.session_protocol import SessionProtocol, stop_of
 from ergon.repl.wire.remote import Remote
 
 SHARED = """\
@@ -222,7 +222,7 @@ class Told(Acted):
 
 def test_lines_before_a_stop_bring_nothing_back():
     face = Told()
-    turns: Turns[int] = Turns(face)
+    turns: LineQueue[int] = LineQueue(face)
     turns.enter("play", 1)
     turns.enter("pa  # at once", 2)
     turns.enter("release", 3)
@@ -294,7 +294,7 @@ def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str):
 
 
 def test_every_face_has_every_stop():
-    for face in (Calm, Remote, Acted):
+    for face in (ErrorBoundary, Remote, Acted):
         for name in ("panic", "let_go", "input_ends"):
             assert callable(getattr(face, name)), (face, name)
-    assert Face is not None
+    assert SessionProtocol is not None

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING
-from ergon.repl.language.verbs import FORMS, ways
+from ergon.repl.language.verbs import FORMS, forms_of
 
 # By the name of a function: what Python cannot call by the verb itself.
 CALLED = {"define": "=", "look": "?"}
@@ -27,14 +27,14 @@ def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str
     """
     said = {name.rstrip("_"): value for name, value in named.items()}
     said = {name: value for name, value in said.items() if value is not None and value is not False}
-    for form in ways(verb):
+    for form in forms_of(verb):
         # Only what ends in when can be said to.
         when = {name: said[name] for name in _WHEN if name in said and form.timed}
         rest = {name: value for name, value in said.items() if name not in when}
         words = _words(form, given, rest)
         if words is not None and len(when) <= 1:
             return " ".join([*words, *_options(when)])
-    raise TypeError("it is written: " + ", or: ".join(form.written for form in ways(verb)))
+    raise TypeError("it is written: " + ", or: ".join(form.written for form in forms_of(verb)))
 
 
 def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> list[str] | None:

@@ -10,9 +10,9 @@ from ergon.repl.language.grammar import Hints, command
 from ergon.repl.language.lines import MAX_LINE, Line, comment, goes_on, lines
 from ergon.repl.language.scope import Scope
 
-MOST = 200  # in a menu; who looks for one of more types a letter
+MAX_SUGGESTIONS = 200  # in a menu; who looks for one of more types a letter
 
-_APART = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
+_SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
 
 
 class Suggestion(NamedTuple):
@@ -29,7 +29,7 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     first = _beginning(head)
     if len(head) - first > MAX_LINE or _in_comment(head):
         return []
-    start = max((m.end() for m in _APART.finditer(head, first)), default=first)
+    start = max((m.end() for m in _SEPARATOR.finditer(head, first)), default=first)
     hints = Hints(head[start:])
     try:
         line = next(lines(head[first:start]), Line("", 0))
@@ -41,7 +41,7 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     for offer in hints.found:
         if offer.text.lower().startswith(typed) and offer.text != hints.typed:
             found.setdefault(offer.text, Suggestion(offer.text, start, offer.hint))
-    return list(found.values())[:MOST]
+    return list(found.values())[:MAX_SUGGESTIONS]
 
 
 def _beginning(head: str) -> int:

@@ -19,9 +19,9 @@ from ergon.repl.language.scope import Scope
 
 _LEADS = {"at": v.POSITION, "in": v.LENGTH}  # of when a line acts
 _WHENS = (
-    v.Offer("now", "at the next tick"),
-    v.Offer("at", "at a position or a mark"),
-    v.Offer("in", "so much later"),
+    v.Completion("now", "at the next tick"),
+    v.Completion("at", "at a position or a mark"),
+    v.Completion("in", "so much later"),
 )
 
 
@@ -30,7 +30,7 @@ class Hints:
     """What could stand where `typed` is being written."""
 
     typed: str
-    found: list[v.Offer] = field(default_factory=list)
+    found: list[v.Completion] = field(default_factory=list)
 
 
 def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
@@ -39,7 +39,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     With `hints` the line ends before a word that is being typed: what could stand there is told,
     and None is returned.
     """
-    words = _apart(split(line))
+    words = _separated(split(line))
     if hints is not None and len(words) < 2:
         _first_hints(words, scope, hints)
     if not words:
@@ -47,7 +47,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     verb, arguments = _verb(words, scope)
     after = words[-1].end
     refusals = []
-    for form in verbs.ways(verb):
+    for form in verbs.forms_of(verb):
         reading = _Reading(form, line, list(arguments), after, scope, hints)
         try:
             taken = reading.command()
@@ -62,7 +62,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
-def _apart(words: list[Word]) -> list[Word]:
+def _separated(words: list[Word]) -> list[Word]:
     """`knock=0@0` and `?lean` are written together, and are several words."""
     if not words:
         return words
@@ -91,12 +91,12 @@ def _verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     second = words[1].text if len(words) > 1 else ""
     if second == "=":
         return "=", [words[0], *words[2:]]
-    about_player = verbs.meant(second, verbs.SUBJECT_VERBS) if second else ()
+    about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
     sure = second in verbs.SUBJECT_VERBS and first not in verbs.VERBS
     if about_player and (is_player or sure):
         return about_player[0], [words[0], *words[2:]]
-    some = verbs.meant(first, verbs.VERBS)
+    some = verbs.verbs_matching(first, verbs.VERBS)
     if len(some) == 1 and not (is_player and first != some[0]):
         return some[0], words[1:]
     raise _no_verb(words, some, scope)
@@ -138,15 +138,15 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
     if not words:
         hints.found.extend(v.listed(scope.players))
         for verb in verbs.VERBS:
-            hints.found.append(v.Offer(verb, verbs.ways(verb)[0].effect))
+            hints.found.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
         hints.found.extend(v.listed(scope.gestures))
         return
     first = words[0].text
     if first in scope.players:
-        effects = ((verb, verbs.ways(verb)[0].effect) for verb in verbs.SUBJECT_VERBS)
-        hints.found.extend(v.Offer(*pair) for pair in effects)
+        effects = ((verb, verbs.forms_of(verb)[0].effect) for verb in verbs.SUBJECT_VERBS)
+        hints.found.extend(v.Completion(*pair) for pair in effects)
     elif first in scope.gestures:
-        hints.found.append(v.Offer("=", "defines it anew"))
+        hints.found.append(v.Completion("=", "defines it anew"))
 
 
 # --- its places ----------------------------------------------------------------------------------
@@ -318,13 +318,13 @@ class _Reading:
 
     def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
         if self.hints is not None and not self.dated:
-            spot = v.Spot(self.hints.typed, before, self.scope, self.given)
-            self.hints.found.extend(value.offers(spot))
+            context = v.CompletionContext(self.hints.typed, before, self.scope, self.given)
+            self.hints.found.extend(value.offers(context))
 
     def _offer_lead(self, slot: Slot) -> None:
         if self.hints is not None and not self.dated:
             self.hints.found.append(
-                v.Offer(slot.lead, slot.value.what if slot.value else self.form.effect)
+                v.Completion(slot.lead, slot.value.what if slot.value else self.form.effect)
             )
 
     def _end_hints(self, options: list[Slot]) -> None:
@@ -342,6 +342,6 @@ class _Reading:
         assert self.hints is not None
         assert option.value is not None
         typed = self.hints.typed[len(option.lead) :]
-        spot = v.Spot(typed, (), self.scope, self.given)
-        offers = option.value.offers(spot)
-        self.hints.found.extend(v.Offer(option.lead + text, hint) for text, hint in offers)
+        context = v.CompletionContext(typed, (), self.scope, self.given)
+        offers = option.value.offers(context)
+        self.hints.found.extend(v.Completion(option.lead + text, hint) for text, hint in offers)

@@ -6,8 +6,8 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from ergon.repl.language.playing import HINTS
-from ergon.repl.language.verbs import GROUPS, SHORTEST, ways
+from ergon.repl.language.playing import OPTION_HINTS
+from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
 from ergon.scores.gesture.words import OPTIONS
 
@@ -46,7 +46,7 @@ def overview() -> tuple[str, ...]:
 def about(verb: str) -> tuple[str, ...]:
     """One verb: how it is written, what it does, its words."""
     lines = []
-    for form in ways(verb):
+    for form in forms_of(verb):
         when = " [now | at WHERE | in LENGTH]" if form.timed else ""
         lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST[verb] != verb:
@@ -56,7 +56,7 @@ def about(verb: str) -> tuple[str, ...]:
 
 def _words(verb: str) -> tuple[tuple[str, str], ...]:
     if verb == "plays":
-        return tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in HINTS.items())
+        return tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
     if verb == "do":
         return tuple((example, "") for example in EXAMPLES.values())
     return NOTATION if verb == "=" else ()
@@ -71,7 +71,9 @@ def sheet() -> str:
         lines += _table(title, ("write", "effect", "example", "in short"), rows)
     lines += _table("when a line acts", ("at its end", "effect"), WHEN)
     lines += _table("notation", ("write", "meaning"), NOTATION)
-    options = ((f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in HINTS.items())
+    options = (
+        (f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in OPTION_HINTS.items()
+    )
     lines += _table("further words of plays", ("write", "meaning"), options)
     lines += _table("keys", ("key", "effect"), KEYS)
     return "\n".join(lines).rstrip() + "\n"

@@ -10,7 +10,7 @@ from ergon.repl.language import forms
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
-from ergon.repl.language.values import Offer, Value
+from ergon.repl.language.values import Completion, Value
 
 _OVER = Slot("over", v.LENGTH, "over", optional=True)
 _PLAYER = Slot("player", v.PLAYER)
@@ -18,8 +18,8 @@ _K = Slot("stiffness", v.STIFFNESS, "K=", optional=True)
 _Z = Slot("viscosity", v.DAMPING, "Z=", optional=True)
 VERB = Value(
     "a verb",
-    lambda text, *_: find(text),
-    lambda _: (Offer(form.verb, form.effect) for form in FORMS),
+    lambda text, *_: find_verb(text),
+    lambda _: (Completion(form.verb, form.effect) for form in FORMS),
 )
 
 
@@ -377,12 +377,12 @@ VERBS = tuple(
 NOT_BUILT = {"link": "sharing tempo with other machines (link) is not built yet"}
 
 
-def ways(verb: str) -> tuple[Form, ...]:
+def forms_of(verb: str) -> tuple[Form, ...]:
     """All ways to write a verb."""
     return tuple(form for form in FORMS if form.verb == verb)
 
 
-def meant(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
+def verbs_matching(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
     """The verbs that a word may be the beginning of; one where it is long enough for one."""
     if word in among:
         return (word,)
@@ -391,10 +391,10 @@ def meant(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
     return sure or begun
 
 
-def find(word: str) -> str:
+def find_verb(word: str) -> str:
     """The verb that is asked about. Raises TextError."""
     every = (*VERBS, *SUBJECT_VERBS, "=")
-    some = meant(word, every)
+    some = verbs_matching(word, every)
     if len(some) > 1:
         message = f"{quote(word)} may be {' or '.join(some)}"
         raise TextError(message, length=len(word))

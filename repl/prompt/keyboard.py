@@ -16,7 +16,7 @@ from prompt_toolkit.input import Input, create_input
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.keys import Keys
 
-from .words import F12
+from .output import F12
 
 TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
 _BEGIN, _END = "\x1b[200~", "\x1b[201~"
@@ -28,7 +28,7 @@ _KEY_OR_RUN = re.compile(
 _ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # where the cursor is
 
 
-class Deeds(Protocol):
+class KeyActions(Protocol):
     """What keys do."""
 
     def panic(self) -> None:
@@ -50,22 +50,22 @@ class Deeds(Protocol):
         """A paste of so many characters did not fit."""
 
 
-def bindings(deeds: Deeds) -> KeyBindings:
+def bindings(actions: KeyActions) -> KeyBindings:
     """Keys that mean something else here than in other prompts."""
     keys = KeyBindings()
     typing = has_focus(DEFAULT_BUFFER)
     empty = Condition(lambda: not get_app().current_buffer.text)
     full = Condition(lambda: len(get_app().current_buffer.text) >= TEXT_MAX)
 
-    def does(deed: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
-        return lambda event: deed()
+    def does(action: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
+        return lambda event: action()
 
-    keys.add("f12", eager=True)(does(deeds.panic))
-    keys.add("c-c", filter=typing)(does(deeds.clear))
-    keys.add("<sigint>")(does(deeds.clear))
-    keys.add("c-d", filter=typing & empty)(does(deeds.leave))
-    keys.add("enter", filter=typing)(does(deeds.enter))
-    keys.add("tab", filter=typing)(does(deeds.complete))
+    keys.add("f12", eager=True)(does(actions.panic))
+    keys.add("c-c", filter=typing)(does(actions.clear))
+    keys.add("<sigint>")(does(actions.clear))
+    keys.add("c-d", filter=typing & empty)(does(actions.leave))
+    keys.add("enter", filter=typing)(does(actions.enter))
+    keys.add("tab", filter=typing)(does(actions.complete))
     # Habits from elsewhere: suspend, freeze, go on. None of them may hold a performance.
     for key in ("c-z", "c-s", "c-q"):
         keys.add(key)(does(lambda: None))
@@ -77,7 +77,7 @@ def bindings(deeds: Deeds) -> KeyBindings:
         text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
         buffer = event.current_buffer
         if len(buffer.text) + len(text) > TEXT_MAX:
-            deeds.too_long(len(text))
+            actions.too_long(len(text))
         else:
             buffer.insert_text(text)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ergon.common.terminal import clean
-from ergon.repl.face import State
+from ergon.repl.session_protocol import State
 
 _BETWEEN = "  "
 _LEAST = 12  # characters that who plays what keeps

@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
-from ergon.repl.face import Face, Reply, State
+from ergon.common.errors import ErgonError
 from ergon.repl.language import building
-from ergon.repl.language.verbs import ways
+from ergon.repl.language.verbs import forms_of
+from ergon.repl.session_protocol import Reply, SessionProtocol, State
 
 
-class NotTaken(Exception):
+class NotTaken(ErgonError):
     """A line was refused, and nothing has changed; `reply` is what was said."""
 
     def __init__(self, reply: Reply) -> None:
@@ -20,19 +21,19 @@ class NotTaken(Exception):
         self.reply = reply
 
 
-class Typed:
+class SessionProxy:
     """A session to call: `s("ada plays knock every 1")` is `s.plays("ada", "knock", every=1)`.
 
     Every verb is a method; `NAME = NOTATION` is `define`, `? NAME` is `look`.
     """
 
-    def __init__(self, face: Face) -> None:
-        """Over a face; whoever has this closes it."""
-        self._face = face
+    def __init__(self, session: SessionProtocol) -> None:
+        """Wrap a session; whoever makes this closes it."""
+        self._session = session
 
     def __call__(self, line: str) -> Reply:
         """Do a line, or a block of lines as one version. Raises NotTaken."""
-        reply = self._face.submit(line)
+        reply = self._session.submit(line)
         if not reply.taken:
             raise NotTaken(reply)
         if reply.leaves:
@@ -50,7 +51,8 @@ class Typed:
 
         call.__name__ = call.__qualname__ = name
         call.__doc__ = "\n\n".join(
-            f"{form.written}: {form.effect}.\n\nAs a line: {form.example}" for form in ways(verb)
+            f"{form.written}: {form.effect}.\n\nAs a line: {form.example}"
+            for form in forms_of(verb)
         )
         return call
 
@@ -61,15 +63,15 @@ class Typed:
     @property
     def state(self) -> State:
         """Where it is and what is heard."""
-        return self._face.state()
+        return self._session.state()
 
     def messages(self) -> Sequence[str]:
         """What happened since the last call, a sentence each."""
-        return self._face.messages()
+        return self._session.messages()
 
     def close(self) -> None:
         """End it; of one in another process, leave it."""
-        self._face.close()
+        self._session.close()
 
     def __enter__(self) -> Self:
         """Itself."""
@@ -83,3 +85,6 @@ class Typed:
     ) -> None:
         """Close it."""
         self.close()
+
+
+Typed = SessionProxy  # the earlier name, for cli/notebook.py until it moves

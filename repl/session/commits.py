@@ -35,7 +35,7 @@ _AGAIN, _FORGET = 2.0, 0.8
 REFUSALS = (NotTakenError, StageError, EditError, EngineError, StoppedError)
 
 # A line: what it makes of the version before it, when it takes effect at a beat.
-Deed = Callable[[Version, float], Version]
+VersionEdit = Callable[[Version, float], Version]
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ class Waiting:
     """
 
     line: str
-    deed: Deed
+    edit: VersionEdit
     beat: float
     start: int
     goes: bool | None = None
@@ -94,7 +94,7 @@ class Commits:
     @property
     def lead(self) -> float:
         """By how much a version takes over before its beat [s]."""
-        return JOIN + self.engine.every / self.rate
+        return JOIN + self.engine.tick_frames / self.rate
 
     def soonest(self) -> int:
         """The first frame at which a change can still be made: a multiple of the tick."""
@@ -125,14 +125,14 @@ class Commits:
         else:
             beat = first if when is NOW or grid is None else boundary(tempo, first, grid)
         frames = (clock.seconds(tempo, beat) - lead) * self.rate
-        every = self.engine.every
+        every = self.engine.tick_frames
         return beat, max(start, math.floor(frames / every + SAME) * every)
 
     def frame(self, beat: float) -> int:
         """The first frame of the tick of a beat; of a piece that stands the soonest."""
         if not self.running.clock.goes:
             return self.soonest()
-        tempo, every = self.head.piece.tempo_map, self.engine.every
+        tempo, every = self.head.piece.tempo_map, self.engine.tick_frames
         return int(self.running.clock.seconds(tempo, beat) * self.rate) // every * every
 
     def _resolved(self, position: Position) -> float:
@@ -181,7 +181,7 @@ class Commits:
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
         before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None)
-        return one.deed(before, one.beat)
+        return one.edit(before, one.beat)
 
     def _made(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
         on, found = self.running, []
@@ -243,7 +243,7 @@ class Commits:
 
     def first(self, making: float) -> int:
         """The first tick that a change can reach, when it takes so long to make [s]."""
-        every = self.engine.every
+        every = self.engine.tick_frames
         ahead = self.margin + int(making * self.rate)
         return -(-max(self.engine.frame + ahead, self.running.start + 1) // every) * every
 
@@ -294,13 +294,13 @@ class Commits:
         return () if index is None else self.handed.pop(index)[1]
 
 
-def faders(running: Running) -> dict[int, float]:
+def fader_ratios(running: Running) -> dict[int, float]:
     """The ratio of each group of routes."""
-    desk = running.version.desk
-    return {group: desk.ratio(part) for group, part in enumerate(running.stage.listening.parts())}
+    faders = running.version.faders
+    return {group: faders.ratio(part) for group, part in enumerate(running.stage.listening.parts())}
 
 
 def _moved(before: Running, after: Running) -> dict[int, float]:
     """Groups of routes whose faders stand elsewhere than before; all of a new mixer."""
-    old = faders(before) if after.stage.network is before.stage.network else {}
-    return {group: to for group, to in faders(after).items() if to != old.get(group)}
+    old = fader_ratios(before) if after.stage.network is before.stage.network else {}
+    return {group: to for group, to in fader_ratios(after).items() if to != old.get(group)}

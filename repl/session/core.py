@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.live.display import feels
 from ergon.notation.clock.positions import Length
-from ergon.repl.face import Reply
 from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.scope import names
-from ergon.repl.session import computing, deeds
+from ergon.repl.session import computing, version_edits
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
-from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
+from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.disk import Disk
+from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.leads import Leads, allow
-from ergon.repl.session.recorded import said
+from ergon.repl.session.journal_content import said
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.stops import Stops
-from ergon.repl.session.version import NotTakenError, Past, Version
+from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.watch import Watch
+from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
@@ -64,17 +64,17 @@ class SessionCore:
         engine = make(running.stage)
         borne = engine.bearings(running.stage, running.start, (), ())
         running = replace(running, bearings=borne)
-        engine.faders(faders(running))
+        engine.set_faders(fader_ratios(running))
         self.journal = journal
         self.quant: Length | None = _BAR
         self.quant_text = "bar"
-        self.versions = [Past.of(version, "1|1")]
+        self.versions = [PastVersion.of(version, "1|1")]
         self.at = 0  # of versions: the last one that was not undone
         self.commits = Commits(
             engine, running, real or {}, int(margin * running.stage.rate), version
         )
         self.captures = Captures(hands)
-        self.leads = Leads(self.commits)
+        self.guidance = Guidance(self.commits)
         self.computing = computing.Computing()
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
@@ -106,9 +106,9 @@ class SessionCore:
             if isinstance(command, Guide):
                 allow(command, self.commits)
         when: When = next((c.when for c in commands if c.when is not None), None)
-        is_read = any(type(command) in deeds.READ for command in commands)
-        where, made = self.queue(text, deeds.together(commands), when, is_read=is_read)
-        said = [deeds.said(command, made) for command in commands] + self.felt(made)
+        is_read = any(type(command) in version_edits.READS_FILES for command in commands)
+        where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
+        said = [version_edits.summary(command, made) for command in commands] + self.felt(made)
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
 
     def felt(self, made: Running) -> list[str]:
@@ -120,7 +120,7 @@ class SessionCore:
     def queue(
         self,
         line: str,
-        deed: Deed,
+        edit: VersionEdit,
         when: When = None,
         *,
         goes: bool | None = None,
@@ -140,7 +140,7 @@ class SessionCore:
         number = self.number
 
         def numbered(version: Version, at: float) -> Version:
-            made = deed(version, at)
+            made = edit(version, at)
             return replace(made, number=number, line=line)
 
         enter = place if beat is None else beat
@@ -167,7 +167,7 @@ class SessionCore:
         )
         if restores is None:
             del self.versions[self.at + 1 :]
-            self.versions.append(Past.of(made.version, where))
+            self.versions.append(PastVersion.of(made.version, where))
             self.at += 1
         self._rescope()
         self.pump()
@@ -209,11 +209,11 @@ class SessionCore:
                 self._messages.append(trouble)
 
     def _hear(self) -> None:
-        for told in self.commits.engine.told():
+        for told in self.commits.engine.events():
             if told.sentence:
                 self._messages.append(f"{self._written(told.frame)} {told.sentence}")
             elif told.ticket is not None and told.is_late:
-                self.leads.late(told.ticket)
+                self.guidance.late(told.ticket)
                 self._late(self.commits.late(told.ticket))
             elif told.ticket is not None:
                 self._committed(self.commits.done(told.ticket), told.frame)
@@ -222,13 +222,13 @@ class SessionCore:
         """A take that has ended gets its file and its name."""
         folder = Path(self.commits.head.texts.path).parent
         try:
-            path = self.captures.write(own, folder, self.commits.engine.every)
+            path = self.captures.write(own, folder, self.commits.engine.tick_frames)
             file = path.relative_to(folder).as_posix()
 
-            def deed(version: Version, beat: float) -> Version:
-                return deeds.taken(version, own.name, file, own.player)
+            def edit(version: Version, beat: float) -> Version:
+                return version_edits.with_take(version, own.name, file, own.player)
 
-            self.queue(f"# take {own.name}", deed, NOW, is_read=True)
+            self.queue(f"# take {own.name}", edit, NOW, is_read=True)
         except (NotTakenError, *REFUSALS) as error:
             self._messages.append(str(error))
             return

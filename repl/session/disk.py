@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.text import document, edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.files import is_below, is_shipped, shipped
-from ergon.repl.session.named import name_of
+from ergon.repl.session.journal_names import journal_name
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits.texts import SECTIONS
 
@@ -50,7 +50,7 @@ class Disk:
     def said(self, texts: Texts) -> dict[str, str]:
         """As a journal says it, for a score: hashes by name."""
         folder = Path(texts.path).parent
-        found = {name_of(file, folder): known for file, known in self._known.items()}
+        found = {journal_name(file, folder): known for file, known in self._known.items()}
         return {name: known for name, known in found.items() if not name.startswith("..")}
 
     def claim(self, hashes: Mapping[str, str]) -> None:

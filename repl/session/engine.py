@@ -35,7 +35,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Led:
+class GuidedPath:
     """What leads a hand: `path` (n_ticks,) [m] is where to, tick by tick.
 
     `steps`: after how many ticks which shares of its guide's stiffness and viscosity act (0 to 1).
@@ -46,7 +46,7 @@ class Led:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class EngineStatus:
     """How it goes: load as a share of real time, late ticks, peaks of channels as ratios.
 
     `away` are players whose keys are gone.
@@ -60,7 +60,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class EngineEvent:
     """Something that happened: a change was done, or came too late; or a sentence to be read."""
 
     frame: int
@@ -73,7 +73,7 @@ class Engine(Protocol):
     """What a session plays on."""
 
     @property
-    def every(self) -> int:
+    def tick_frames(self) -> int:
         """Frames of a tick."""
 
     @property
@@ -88,16 +88,16 @@ class Engine(Protocol):
     def change(self, change: Change) -> int:
         """Ask for a change; its ticket."""
 
-    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
-        """Lead hands of players otherwise from frame `at` on; a ticket."""
+    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
+        """HandGuide hands of players otherwise from frame `at` on; a ticket."""
 
-    def faders(self, gains: Mapping[int, float]) -> None:
+    def set_faders(self, gains: Mapping[int, float]) -> None:
         """Where the faders of groups of routes stand at the beginning, as ratios."""
 
-    def told(self) -> Sequence[Told]:
+    def events(self) -> Sequence[EngineEvent]:
         """What happened since the last call."""
 
-    def look(self) -> Look:
+    def status(self) -> EngineStatus:
         """How it goes."""
 
     def panic(self) -> None:
@@ -113,22 +113,22 @@ class Engine(Protocol):
         """End."""
 
 
-class Steps:
+class SteppedEngine:
     """The engine by hand: frames are computed when they are asked for.
 
     What `render` makes of a journal, and what a live engine must be equal to.
     """
 
-    def __init__(self, stage: Stage, *, every: int, highpass: float | None) -> None:
+    def __init__(self, stage: Stage, *, tick_frames: int, highpass: float | None) -> None:
         """Begin with a stage at frame 0."""
-        self.every = every
+        self.tick_frames = tick_frames
         self.frame = 0
         self.n_channels = stage.n_channels
         self._simulation: _core.Simulation = stage.simulation
         self._highpass = highpass
         self._mixer = stage.mixer(highpass=highpass)
         self._coming: list[tuple[int, Change]] = []
-        self._told: list[Told] = []
+        self._events: list[EngineEvent] = []
         self._tickets = 0
 
     def bearings(
@@ -141,26 +141,26 @@ class Steps:
         """Ask for a change; one whose frame has passed is told to be late, and not done."""
         self._tickets += 1
         if change.at < self.frame:
-            self._told.append(Told(self.frame, self._tickets, is_late=True))
+            self._events.append(EngineEvent(self.frame, self._tickets, is_late=True))
         else:
             self._coming.append((self._tickets, change))
             self._coming.sort(key=lambda one: (one[1].at, one[0]))
         return self._tickets
 
-    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
+    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
         """No hand is real here."""
         self._tickets += 1
         return self._tickets
 
-    def faders(self, gains: Mapping[int, float]) -> None:
+    def set_faders(self, gains: Mapping[int, float]) -> None:
         """Where the faders of groups of routes stand at the beginning, as ratios."""
         for group, gain in gains.items():
             self._mixer.set_gain(group, gain)
 
-    def told(self) -> list[Told]:
+    def events(self) -> list[EngineEvent]:
         """What happened since the last call."""
-        told, self._told = self._told, []
-        return told
+        events, self._events = self._events, []
+        return events
 
     def process(self, n_frames: int) -> NDArray[np.float64]:
         """The next frames (n_frames, n_channels), before the gain and the limiter."""
@@ -183,7 +183,7 @@ class Steps:
         while self._coming and self._coming[0][1].at == self.frame:
             ticket, change = self._coming.pop(0)
             self._do(change)
-            self._told.append(Told(self.frame, ticket))
+            self._events.append(EngineEvent(self.frame, ticket))
 
     def _do(self, change: Change) -> None:
         new = change.stage.simulation
@@ -197,9 +197,9 @@ class Steps:
             self._mixer.set_gain(group, gain)
         new.damp(change.damp)
 
-    def look(self) -> Look:
+    def status(self) -> EngineStatus:
         """Nothing is late that is done by hand."""
-        return Look()
+        return EngineStatus()
 
     def panic(self) -> None:
         """Nothing sounds here that could hurt."""

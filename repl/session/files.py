@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ergon.exchange.safe import RefusedError
 from ergon.exchange.together import write_all
 from ergon.notation.text.files import is_shipped
-from ergon.repl.session import apart
+from ergon.repl.session import save_as
 from ergon.repl.session.disk import as_written, home
 from ergon.repl.session.version import NotTakenError, piece_of
 from ergon.scores.edits import keeping, parts
@@ -82,7 +82,7 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
             raise NotTakenError(f"{own} was never read here: `save NAME` writes a file beside it")
         score, files = own, {home(file, own.parent): text for file, text in changed.items()}
     else:
-        score, files = target, apart.files(texts, changed.keys() - {texts.path}, target)
+        score, files = target, save_as.files(texts, changed.keys() - {texts.path}, target)
     if not files:
         return []
     _proven(texts, changed, score, files)

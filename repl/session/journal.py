@@ -11,12 +11,14 @@ import contextlib
 import itertools
 import json
 import os
-import stat
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, NoReturn
+
+from ergon.common.errors import ErgonError
+from ergon.common.regular import NotRegularError, open_regular
 
 VERSION = 1
 MAX_BYTES = 1 << 28  # an hour of lines takes some hundred kilobytes
@@ -24,7 +26,7 @@ MAX_LINE = 1 << 25  # bytes; a score and all files that it uses are one line
 _LATEST = 1e12  # no number of a journal is larger
 
 
-class JournalError(Exception):
+class JournalError(ErgonError):
     """A journal cannot be written, or what is to be read is none: one sentence."""
 
 
@@ -160,21 +162,14 @@ def _is_ratio(value: object) -> bool:
 def read(path: Path) -> Iterator[Event]:
     """Events of a journal; a last line that was cut off is left out. Raises JournalError."""
     try:
-        with _opened(path) as file:
+        with open_regular(path) as file:
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise JournalError(f"{path} is larger than any session's journal")
             yield from _events(path, file)
+    except NotRegularError:
+        raise JournalError(f"{path} is not a regular file, so it is no journal") from None
     except OSError as error:
         raise JournalError(f"{path}: {error.strerror or error}") from None
-
-
-def _opened(path: Path) -> IO[bytes]:
-    """A regular file: what is a device or a pipe may never end."""
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    found = os.fstat(handle)
-    if stat.S_ISREG(found.st_mode) and found.st_size <= MAX_BYTES:
-        return open(handle, "rb")
-    os.close(handle)
-    why = "is larger than any session's journal" if stat.S_ISREG(found.st_mode) else "is no file"
-    raise JournalError(f"{path} {why}")
 
 
 def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:

@@ -10,7 +10,7 @@ from ergon.live.display import told as said
 from ergon.live.display import too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import Order, bars, every, perform
-from ergon.repl.session.engine import Change, Led, Look, Told
+from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -25,12 +25,12 @@ _BARS = 120.0  # [s] for which bars are told: a hand that comes back waits for t
 _PATIENCE = 2.0  # [s] that what is in the ring may take to be heard
 
 
-class Live:
+class LiveEngine:
     """A stage on a sound card and keys."""
 
     def __init__(self, stage: Stage, order: Order) -> None:
         """Begin to sound. Raises EngineError."""
-        self.every = every(stage)
+        self.tick_frames = every(stage)
         self._highpass = order.highpass
         self._n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
@@ -86,23 +86,23 @@ class Live:
         by_player = {one.player: one.bounds for one in bearings}
         return [list(by_player.get(player, ())) for player in self._players]
 
-    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
-        """Lead hands of players otherwise from a frame on; the ticket."""
+    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
+        """HandGuide hands of players otherwise from a frame on; the ticket."""
         import numpy as np
 
-        led = [leads.get(player, Led(np.zeros(0), ())) for player in self._players]
+        led = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
         return self._performance.change(
             at,
             standins=[one.path for one in led],
             leads=[one.steps for one in led],
         )
 
-    def faders(self, gains: Mapping[int, float]) -> None:
+    def set_faders(self, gains: Mapping[int, float]) -> None:
         """Where the faders of groups of routes stand at the beginning, as ratios."""
         for group, gain in gains.items():
             self._performance.part_gain(group, gain)
 
-    def look(self) -> Look:
+    def status(self) -> EngineStatus:
         """How it goes."""
         status = self._status()
         hands = zip(self._players, status.hands, strict=False)
@@ -110,21 +110,25 @@ class Live:
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
         peaks = status.peaks[: self._n_channels]
-        return Look(status.load, status.late, peaks, away, bool(self._real) and has_let_go())
+        return EngineStatus(
+            status.load, status.late, peaks, away, bool(self._real) and has_let_go()
+        )
 
-    def told(self) -> Sequence[Told]:
+    def events(self) -> Sequence[EngineEvent]:
         """What happened since the last call."""
         found = []
         for event in self._left if self._last else self._performance.events():
             frame, what, number = event
             if what in ("changed", "late"):
-                found.append(Told(frame, int(number), is_late=what == "late"))
+                found.append(EngineEvent(frame, int(number), is_late=what == "late"))
             elif sentence := said(event, self._players, self._boards):
-                found.append(Told(frame, sentence=sentence))
+                found.append(EngineEvent(frame, sentence=sentence))
         self._left = []
         if self._last is None:
             sound = self._performance.sound_events()
-            found += [Told(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]]
+            found += [
+                EngineEvent(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]
+            ]
             self._sound = len(sound)
         return found
 

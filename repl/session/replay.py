@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.language.scope import names
-from ergon.repl.session import deeds
+from ergon.repl.session import version_edits
 from ergon.repl.session.clock import Clock, started
-from ergon.repl.session.commits import REFUSALS, Commits, Deed, Waiting, faders
-from ergon.repl.session.engine import Steps
+from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
+from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal import Event
-from ergon.repl.session.recorded import Replay
+from ergon.repl.session.journal_content import JournalContent
 from ergon.repl.session.running import JOIN, Running, begin
-from ergon.repl.session.version import NotTakenError, Past, Version, piece_of
+from ergon.repl.session.version import NotTakenError, PastVersion, Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import MAX_SECONDS
 
@@ -41,22 +41,24 @@ def _done_again(event: Event) -> Iterator[None]:
         event.wrong(f"{what} cannot be played again: {error}")
 
 
-class Again:
+class ReplayedSession:
     """A session that is computed again; what `exchange.render` takes for a stage.
 
     Its simulation gives loudspeakers' frames, and its mixer leaves them as they are.
     """
 
-    def __init__(self, replay: Replay) -> None:
+    def __init__(self, replay: JournalContent) -> None:
         """From the beginning. Raises JournalError, NotTakenError, StageError."""
         opening = replay.opening
         with _done_again(replay.first):
             version = opening.version()
         running = begin(version, Clock(None, opening.at), {}, None)
-        self._engine = Steps(running.stage, every=opening.every, highpass=opening.highpass)
-        self._engine.faders(faders(running))
+        self._engine = SteppedEngine(
+            running.stage, tick_frames=opening.tick_frames, highpass=opening.highpass
+        )
+        self._engine.set_faders(fader_ratios(running))
         self._commits = Commits(self._engine, running, {}, 0, version)
-        self._versions = {0: Past.of(version)}
+        self._versions = {0: PastVersion.of(version)}
         self._coming = list(replay.commits)
         self._texts = replay.texts
         self._done = replay.first
@@ -67,7 +69,7 @@ class Again:
         self.n_channels = self.n_out = running.stage.n_channels
 
     @property
-    def simulation(self) -> Again:
+    def simulation(self) -> ReplayedSession:
         """What gives frames."""
         return self
 
@@ -108,20 +110,20 @@ class Again:
             with _done_again(event):
                 waiting = Waiting(
                     event.get("line", str),
-                    deed_of(event, self._versions, self._commits.head, self._texts),
+                    edit_of_line(event, self._versions, self._commits.head, self._texts),
                     beat,
                     frame,
                     goes if isinstance(goes, bool) else None,
                     bool(event.fields.get("resets")),
                     number=number,
                 )
-                self._versions[number] = Past.of(self._commits.take(waiting).version)
+                self._versions[number] = PastVersion.of(self._commits.take(waiting).version)
                 self._done = event
         with _done_again(self._done):
             self._commits.tick()
 
 
-def resumed(replay: Replay) -> tuple[Version, Clock]:
+def resumed(replay: JournalContent) -> tuple[Version, Clock]:
     """What was last, and the bar in which its piece stands then; nothing is computed.
 
     Raises JournalError, NotTakenError.
@@ -129,8 +131,8 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
     opening = replay.opening
     with _done_again(replay.first):
         version = opening.version()
-    versions, clock = {0: Past.of(version)}, Clock(None, opening.at)
-    rate, lead = version.piece.rate, JOIN + opening.every / version.piece.rate
+    versions, clock = {0: PastVersion.of(version)}, Clock(None, opening.at)
+    rate, lead = version.piece.rate, JOIN + opening.tick_frames / version.piece.rate
     done = {event.get("number", int) for _, _, event in replay.commits}
     waited = [
         (replay.n_frames, replay.late.get(number, event.get("beat", float)), event)
@@ -140,8 +142,8 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
     waited.sort(key=lambda line: line[1])  # as they would have come into effect
     for frame, beat, event in (*replay.commits, *waited):
         with _done_again(event):
-            version = deed_of(event, versions, version, replay.texts)(version, beat)
-            versions[event.get("number", int)] = Past.of(version)
+            version = edit_of_line(event, versions, version, replay.texts)(version, beat)
+            versions[event.get("number", int)] = PastVersion.of(version)
             tempo, goes = version.piece.tempo_map, event.fields.get("goes")
             if goes is True:
                 clock = started(tempo, beat, frame / rate + lead)
@@ -153,28 +155,32 @@ def resumed(replay: Replay) -> tuple[Version, Clock]:
         raise NotTakenError("it says that it lasted longer than a day")
     bar, _ = tempo.bar_beat(beat)
     # Hands that come back are free: nobody is pulled who has not asked for it.
-    return replace(version, number=0, line="", leads={}), Clock(None, tempo.bars.start(bar))
+    return replace(version, number=0, line="", guides={}), Clock(None, tempo.bars.start(bar))
 
 
-def deed_of(
-    event: Event, versions: Mapping[int, Past], on: Version, read: Mapping[int, Texts]
-) -> Deed:
+def edit_of_line(
+    event: Event, versions: Mapping[int, PastVersion], on: Version, read: Mapping[int, Texts]
+) -> VersionEdit:
     """What a line of a journal does: nothing but make a version. Raises NotTakenError."""
     if event.fields.get("resets"):
-        return deeds.hushed
+        return version_edits.hushed
     if (texts := read.get(event.number)) is not None:
         return lambda version, beat: replace(version, texts=texts, piece=piece_of(texts))
     restores = event.fields.get("restores")
     if isinstance(restores, int):
         target = versions.get(restores)
-        return deeds.same if target is None else target.restored
+        return version_edits.unchanged if target is None else target.restored
     try:
         commands = parse(event.get("line", str), names(on.piece))
     except Refusal as refusal:
         raise NotTakenError(refusal.message) from None
-    if any(type(one) in deeds.READ for one in commands):  # whoever renders it reads no other file
+    if any(
+        type(one) in version_edits.READS_FILES for one in commands
+    ):  # whoever renders it reads no other file
         raise NotTakenError("what was read then is missing")
-    return deeds.together([one for one in commands if type(one) in deeds.DEEDS])
+    return version_edits.combined(
+        [one for one in commands if type(one) in version_edits.VERSION_EDITS]
+    )
 
 
 class _Through:

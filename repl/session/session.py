@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.notation.text.edit import EditError
-from ergon.repl.face import Reply, State
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import tokens
 from ergon.repl.language.lines import is_whole
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
-from ergon.repl.session import asides, deeds
+from ergon.repl.session import session_commands, version_edits
 from ergon.repl.session.core import SessionCore
 from ergon.repl.session.version import NotTakenError
+from ergon.repl.session_protocol import Reply, State
 from ergon.scores.staging.stage import StageError
 
 if TYPE_CHECKING:
-    from ergon.repl.face import Suggestion
+    from ergon.repl.session_protocol import Suggestion
 
 _LOOK = 0.02  # [s] between two looks at the engine
 _WATCH = 15  # looks between two at the score's files
@@ -67,10 +67,14 @@ class Session(SessionCore):
         commands = parse(text, self._scope)
         if not commands:
             return Reply(True, "")
-        music = [command for command in commands if type(command) in deeds.DEEDS]
-        others = [command for command in commands if type(command) not in deeds.DEEDS]
+        music = [command for command in commands if type(command) in version_edits.VERSION_EDITS]
+        others = [
+            command for command in commands if type(command) not in version_edits.VERSION_EDITS
+        ]
         replies = [self.take(text, music)] if music else []
-        replies += [asides.ASIDES[type(command)](self, command) for command in others]
+        replies += [
+            session_commands.SESSION_COMMANDS[type(command)](self, command) for command in others
+        ]
         said = [reply.text for reply in replies if reply.text]
         lines = tuple(line for reply in replies for line in reply.lines)
         taken = all(reply.taken for reply in replies)
@@ -79,7 +83,7 @@ class Session(SessionCore):
     def state(self) -> State:
         """Where it is and what is heard."""
         running, engine = self.commits.running, self.commits.engine
-        frame, look = engine.frame, engine.look()
+        frame, look = engine.frame, engine.status()
         tempo = running.version.piece.tempo_map
         beat = running.beat(frame)
         bar, into = tempo.bar_beat(beat)
@@ -135,7 +139,7 @@ class Session(SessionCore):
         return is_whole(text)
 
     def run(self) -> None:
-        """Look after the engine in a thread of its own, until the session is closed."""
+        """EngineStatus after the engine in a thread of its own, until the session is closed."""
         self._thread = threading.Thread(target=self._look_on, name="ergon session", daemon=True)
         self._thread.start()
 
@@ -144,9 +148,9 @@ class Session(SessionCore):
         while not self._over.wait(_LOOK):
             try:
                 self.pump()
-                if (led := self.leads.due()) is not None:
+                if (paths := self.guidance.due()) is not None:
                     with self.lock:
-                        self.leads.hand(*led)
+                        self.guidance.hand(*paths)
                 if next(looks) % _WATCH == 0 and self.watch and self.watch.has_changed():
                     reply = self.submit("reload")
                     self._messages.append(reply.text if reply.taken else f"not taken: {reply.text}")

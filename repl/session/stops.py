@@ -6,11 +6,11 @@ import threading
 from typing import TYPE_CHECKING, Protocol
 
 from ergon.repl.language.commands import NOW, When
-from ergon.repl.session import deeds
+from ergon.repl.session import version_edits
 from ergon.repl.session.commits import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Commits, Deed
+    from ergon.repl.session.commits import Commits, VersionEdit
     from ergon.repl.session.computing import Computing
 
 PANIC = "panic: silent, no force; `release`, then `play`"
@@ -31,7 +31,7 @@ class Stopped(Protocol):
     def queue(
         self,
         line: str,
-        deed: Deed,
+        edit: VersionEdit,
         when: When = None,
         *,
         goes: bool | None = None,
@@ -67,7 +67,7 @@ class Stops:
     @property
     def let_go_is_on(self) -> bool:
         """Whether no force is sent, by `let_go` or by a signal."""
-        return self._session.commits.engine.look().let_go
+        return self._session.commits.engine.status().let_go
 
     @property
     def is_stopped(self) -> bool:
@@ -129,7 +129,9 @@ class Stops:
             commits.waiting.clear()
             commits.head = commits.running.version
             try:
-                session.queue("panic", deeds.hushed, NOW, goes=False, resets=True, is_limited=False)
+                session.queue(
+                    "panic", version_edits.hushed, NOW, goes=False, resets=True, is_limited=False
+                )
             except REFUSALS as error:
                 session.say(f"what played is not forgotten: {error}")
             self._hushed = session.number

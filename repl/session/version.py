@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from ergon.common.errors import ErgonError
+
 if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 GLIDE = 0.02
 
 
-class NotTakenError(Exception):
+class NotTakenError(ErgonError):
     """A line changes nothing: one sentence why, and the line to type instead."""
 
     def __init__(self, message: str, try_: str | None = None) -> None:
@@ -26,7 +28,7 @@ class NotTakenError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Desk:
+class Faders:
     """Faders of instruments: ratios, who is muted, and who alone is heard."""
 
     gains: Mapping[str, float] = field(default_factory=dict)
@@ -41,7 +43,7 @@ class Desk:
 
 
 @dataclass(frozen=True, slots=True)
-class Lead:
+class HandGuide:
     """Who leads a hand, by which shares (0 to 1) of the stiffness and viscosity of its guide."""
 
     by: str
@@ -53,25 +55,25 @@ class Lead:
 class Version:
     """What one accepted line (or block of lines) made of the version before it.
 
-    One that `cuts` lets nothing go on that was in flight; `damp` [s] is the T60 that it gives to
-    all that sounds; parameters that differ from those before glide for `glide` [s]; `leads` says by
-    player who leads a real hand; `read` is what the line read from the disk.
+    A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
+    that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
+    player who guides a real hand; `read` is what the line read from the disk.
     """
 
     number: int
     line: str
     texts: Texts
     piece: Piece
-    desk: Desk = Desk()
+    faders: Faders = Faders()
     cuts: bool = False
     damp: float | None = None
     glide: float = GLIDE
-    leads: Mapping[str, Lead] = field(default_factory=dict)
+    guides: Mapping[str, HandGuide] = field(default_factory=dict)
     read: Texts | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Past:
+class PastVersion:
     """What a version is made from again: a piece is a thousand times as large as its text.
 
     `where` is the beat on which it began, as written.
@@ -80,20 +82,23 @@ class Past:
     number: int
     line: str
     texts: Texts
-    desk: Desk
-    leads: Mapping[str, Lead]
+    faders: Faders
+    guides: Mapping[str, HandGuide]
     where: str = ""
 
     @classmethod
-    def of(cls, version: Version, where: str = "") -> Past:
+    def of(cls, version: Version, where: str = "") -> PastVersion:
         """A version that may come back."""
-        of = version
-        return cls(of.number, of.line, of.texts, of.desk, of.leads, where)
+        return cls(
+            version.number, version.line, version.texts, version.faders, version.guides, where
+        )
 
     def restored(self, version: Version, beat: float) -> Version:
         """As it was, in the place of another version."""
         piece = piece_of(self.texts)
-        return replace(version, texts=self.texts, piece=piece, desk=self.desk, leads=self.leads)
+        return replace(
+            version, texts=self.texts, piece=piece, faders=self.faders, guides=self.guides
+        )
 
 
 def piece_of(texts: Texts) -> Piece:

@@ -25,7 +25,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.repl.face import Reply, State
+from ergon.common.errors import ErgonError
+from ergon.repl.session_protocol import Reply, State
 
 VERSION = 1
 MAX_LINE = 2_000_000  # bytes; any text that a prompt takes fits in with room to spare
@@ -34,7 +35,7 @@ MAX_ID = 200  # characters; whole numbers are those that every JSON reader keeps
 _WHOLE = 1 << 53
 
 
-class ProtocolError(Exception):
+class ProtocolError(ErgonError):
     """What came is no line of this protocol: one sentence."""
 
 
@@ -54,11 +55,11 @@ REQUESTS: dict[str, dict[str, type]] = {
 }
 
 # Fields that may be left out, and what they are then.
-UNSAID: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
+OPTIONAL_FIELDS: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
 
 
 @dataclass(frozen=True, slots=True)
-class Offered:
+class RemoteSuggestion:
     """How a line may go on."""
 
     text: str
@@ -82,7 +83,7 @@ def decode(line: bytes) -> dict[str, Any]:
     return fields
 
 
-def number_of(fields: dict[str, Any]) -> int | str | None:
+def request_id(fields: dict[str, Any]) -> int | str | None:
     """The id of a request, as its answer repeats it. Raises ProtocolError."""
     number = fields.get("id")
     if number is None:
@@ -94,7 +95,7 @@ def number_of(fields: dict[str, Any]) -> int | str | None:
     raise ProtocolError(f"an id is a whole number, or a word of {MAX_ID} characters at most")
 
 
-def asked(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """What a request asks for, and its fields. Raises ProtocolError."""
     do = fields.get("do")
     wanted = REQUESTS.get(do) if isinstance(do, str) else None
@@ -108,7 +109,7 @@ def asked(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
         if isinstance(value, str) and len(value) > MAX_TEXT:
             raise ProtocolError(too_long(value))
         given[name] = value
-    for name, unsaid in UNSAID.get(do, {}).items():
+    for name, unsaid in OPTIONAL_FIELDS.get(do, {}).items():
         given[name] = fields.get(name, unsaid)
         if type(given[name]) is not bool:
             raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: bool")
@@ -120,7 +121,7 @@ def too_long(text: str) -> str:
     return f"this has {len(text):,} characters; {MAX_TEXT:,} are the most"
 
 
-def reply_out(reply: Reply) -> dict[str, Any]:
+def encode_reply(reply: Reply) -> dict[str, Any]:
     """A reply as JSON says it."""
     return {
         "taken": reply.taken,
@@ -131,7 +132,7 @@ def reply_out(reply: Reply) -> dict[str, Any]:
     }
 
 
-def reply_in(said: Any) -> Reply:
+def decode_reply(said: Any) -> Reply:
     """A reply that JSON says. Raises ProtocolError."""
     try:
         lines = tuple(map(str, said["lines"]))
@@ -144,7 +145,7 @@ def reply_in(said: Any) -> Reply:
 _NUMBERS = ("bar", "beat", "tempo", "load", "late")
 
 
-def state_out(state: State) -> dict[str, Any]:
+def encode_state(state: State) -> dict[str, Any]:
     """A state as JSON says it; silence, which no number of JSON is, as null."""
     return {
         **{name: getattr(state, name) for name in _NUMBERS},
@@ -157,7 +158,7 @@ def state_out(state: State) -> dict[str, Any]:
     }
 
 
-def state_in(said: Any) -> State:
+def decode_state(said: Any) -> State:
     """A state that JSON says. Raises ProtocolError."""
     try:
         return State(

@@ -10,20 +10,20 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
-from ergon.repl.face import Face, Reply
-from ergon.repl.turns import Turns
+from ergon.repl.line_queue import LineQueue
+from ergon.repl.session_protocol import Reply, SessionProtocol
 
-from . import place
+from . import local_socket
 from .protocol import (
     MAX_LINE,
     VERSION,
     ProtocolError,
-    asked,
     decode,
     encode,
-    number_of,
-    reply_out,
-    state_out,
+    encode_reply,
+    encode_state,
+    parse_request,
+    request_id,
 )
 
 MAX_PROMPTS = 16
@@ -35,7 +35,7 @@ _LAST = 1.0  # [s] in which the last line is to be read
 _TOLD = 200  # characters of a line that others are told
 
 
-class Prompt:
+class PromptConnection:
     """One that is connected."""
 
     def __init__(self, number: int, writer: asyncio.StreamWriter) -> None:
@@ -73,33 +73,37 @@ class Watch(Protocol):
         """Every force and sound where the program `ends`."""
 
 
-class Served:
+class SessionServer:
     """A session served; `about` is told to each prompt as it comes."""
 
     def __init__(
-        self, face: Face, door: place.Door, about: Mapping[str, str], watch: Watch | None = None
+        self,
+        session: SessionProtocol,
+        door: local_socket.ServerSocket,
+        about: Mapping[str, str],
+        watch: Watch | None = None,
     ) -> None:
-        """Over a face that nobody else submits lines to; `watch` for signals that end it."""
-        self._face = face
+        """Serve a session that nobody else submits lines to; `watch` for signals that end it."""
+        self._session = session
         self._watch = watch
         self._door = door
         self._about = dict(about)
-        self._prompts: dict[int, Prompt] = {}
+        self._prompts: dict[int, PromptConnection] = {}
         self._came = 0
-        self._turns: Turns[tuple[Prompt, Any, bool]] = Turns(face)
+        self._queue: LineQueue[tuple[PromptConnection, Any, bool]] = LineQueue(session)
         self._why = ""  # it ended
-        self._now: Prompt | None = None  # whose line is being done
+        self._now: PromptConnection | None = None  # whose line is being done
         self._over = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._does: Mapping[str, Callable[..., Any]] = {
-            "state": lambda prompt: state_out(self._face.state()),
+            "state": lambda prompt: encode_state(self._session.state()),
             "messages": _taken,
             "panic": lambda prompt: self._panic(prompt),
             "cancel": self._cancel,
             "let_go": lambda prompt: self._let_go(),
             "complete": self._complete,
-            "tokens": lambda prompt, line: [list(one) for one in self._face.tokens(line)],
-            "is_whole": lambda prompt, text: bool(self._face.is_whole(text)),
+            "tokens": lambda prompt, line: [list(one) for one in self._session.tokens(line)],
+            "is_whole": lambda prompt, text: bool(self._session.is_whole(text)),
             "leave": lambda prompt: True,
             "end": lambda prompt: self._ends(f"ended by prompt {prompt.number}"),
         }
@@ -109,7 +113,7 @@ class Served:
         try:
             asyncio.run(self._run())
         finally:
-            self._face.close()
+            self._session.close()
             self._door.close()
 
     def end(self, why: str) -> None:
@@ -139,7 +143,7 @@ class Served:
             for prompt in self._prompts.values():
                 prompt.send(ended=self._why)
             await asyncio.gather(*(prompt.close() for prompt in self._prompts.values()))
-            self._turns.end()
+            self._queue.end()
 
     def _ends(self, why: str) -> bool:
         self._why = self._why or why
@@ -154,11 +158,11 @@ class Served:
 
     def _messages(self) -> list[str]:
         try:
-            return list(self._face.messages())
+            return list(self._session.messages())
         except Exception as error:
             return [f"internal error: {type(error).__name__}: {error}"]
 
-    def _tell(self, message: str, but: Prompt | None = None) -> None:
+    def _tell(self, message: str, but: PromptConnection | None = None) -> None:
         for prompt in self._prompts.values():
             if prompt is not but:
                 prompt.messages.append(message)
@@ -167,7 +171,7 @@ class Served:
 
     async def _met(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._came += 1
-        prompt = Prompt(self._came, writer)
+        prompt = PromptConnection(self._came, writer)
         try:
             if why := self._unwelcome(writer):
                 prompt.send(error=why)
@@ -185,13 +189,13 @@ class Served:
                 await prompt.close()
 
     def _unwelcome(self, writer: asyncio.StreamWriter) -> str:
-        if not place.is_ours(writer.get_extra_info("socket")):
+        if not local_socket.is_same_user(writer.get_extra_info("socket")):
             return "this session is another user's"
         if len(self._prompts) >= MAX_PROMPTS:
             return f"{MAX_PROMPTS} prompts are connected, and no more can be"
         return ""
 
-    async def _serve(self, prompt: Prompt, reader: asyncio.StreamReader) -> None:
+    async def _serve(self, prompt: PromptConnection, reader: asyncio.StreamReader) -> None:
         while True:
             try:
                 line = await reader.readline()
@@ -203,13 +207,13 @@ class Served:
             if self._answer(prompt, line) == "leave":
                 return
 
-    def _answer(self, prompt: Prompt, line: bytes) -> str:
+    def _answer(self, prompt: PromptConnection, line: bytes) -> str:
         """Do what a line asks for; what that was."""
         number = None
         try:
             fields = decode(line)
-            number = number_of(fields)
-            do, given = asked(fields)
+            number = request_id(fields)
+            do, given = parse_request(fields)
             if do == "submit":
                 self._wait(prompt, number, **given)
             else:
@@ -221,37 +225,37 @@ class Served:
             prompt.send(id=number, error=f"internal error: {type(error).__name__}: {error}")
         return ""
 
-    def _complete(self, prompt: Prompt, line: str, cursor: int) -> list[list[Any]]:
+    def _complete(self, prompt: PromptConnection, line: str, cursor: int) -> list[list[Any]]:
         cursor = max(0, min(cursor, len(line)))
-        return [[one.text, one.start, one.hint] for one in self._face.complete(line, cursor)]
+        return [[one.text, one.start, one.hint] for one in self._session.complete(line, cursor)]
 
     def _let_go(self) -> bool:
-        self._turns.let_go()
+        self._queue.let_go()
         return True
 
-    def _panic(self, prompt: Prompt) -> bool:
-        self._turns.panic()
+    def _panic(self, prompt: PromptConnection) -> bool:
+        self._queue.panic()
         self._tell(f"panic, by prompt {prompt.number}", but=prompt)
         return True
 
-    def _cancel(self, prompt: Prompt) -> bool:
+    def _cancel(self, prompt: PromptConnection) -> bool:
         """Of the prompt whose line it is: nobody drops another's."""
-        return self._now is prompt and self._face.cancel()
+        return self._now is prompt and self._session.cancel()
 
     # --- lines ------------------------------------------------------------------------------------
 
-    def _wait(self, prompt: Prompt, number: Any, text: str, releases: bool) -> None:
+    def _wait(self, prompt: PromptConnection, number: Any, text: str, releases: bool) -> None:
         if prompt.waiting >= _LINES:
             raise ProtocolError(f"{_LINES} of your lines wait already")
         prompt.waiting += 1
-        self._turns.enter(text, (prompt, number, releases))
+        self._queue.enter(text, (prompt, number, releases))
 
     def _work(self) -> None:
         """A thread of its own: a line may take a while, and everything else goes on."""
-        while (turn := self._turns.next()) is not None:
-            (prompt, number, releases), text = turn.who, turn.text
+        while (queued := self._queue.next()) is not None:
+            (prompt, number, releases), text = queued.who, queued.text
             self._now = prompt
-            reply = self._submitted(text, releases and turn.releases)
+            reply = self._submitted(text, releases and queued.releases)
             self._now = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
@@ -261,13 +265,15 @@ class Served:
 
     def _submitted(self, text: str, releases: bool) -> Reply:
         try:
-            return self._face.submit(text, releases=releases)
-        except BaseException as error:  # a face raises nothing; if one does, the others go on
+            return self._session.submit(text, releases=releases)
+        except (
+            BaseException
+        ) as error:  # a session raises nothing; if it does, the other prompts go on
             return Reply(False, f"internal error: {type(error).__name__}: {error}")
 
-    def _done(self, prompt: Prompt, number: Any, text: str, reply: Reply) -> None:
+    def _done(self, prompt: PromptConnection, number: Any, text: str, reply: Reply) -> None:
         prompt.waiting -= 1
-        prompt.send(id=number, **{"is": reply_out(reply)})
+        prompt.send(id=number, **{"is": encode_reply(reply)})
         if text.strip():
             became = f"{'' if reply.taken else 'not taken: '}{reply.text}"
             line = " / ".join(text.split("\n"))
@@ -277,7 +283,7 @@ class Served:
             self._ends(f"prompt {prompt.number}: {text.strip()[:_TOLD]}")
 
 
-def _taken(prompt: Prompt) -> list[str]:
+def _taken(prompt: PromptConnection) -> list[str]:
     taken = list(prompt.messages)
     prompt.messages.clear()
     return taken

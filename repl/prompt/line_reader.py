@@ -11,22 +11,22 @@ import sys
 import threading
 from typing import TextIO
 
-from ergon.repl.turns import Turns
+from ergon.repl.line_queue import LineQueue
 
-from .words import F12, typed
+from .output import F12, typed
 
 _CHUNK = 1 << 16  # bytes
 
 
-class Ahead:
+class LineReader:
     """A thread that reads lines and enters them.
 
     Of a file, which is there as a whole, it reads one line ahead; of what somebody is typing, all.
     """
 
-    def __init__(self, source: TextIO, turns: Turns[None]) -> None:
+    def __init__(self, source: TextIO, queue: LineQueue[None]) -> None:
         """Over an open text file; nothing else may read from it any more."""
-        self._turns = turns
+        self._queue = queue
         self._fd = source.fileno()
         decoder = codecs.getincrementaldecoder(source.encoding or "utf-8")("replace")
         self._decoder = io.IncrementalNewlineDecoder(decoder, translate=True)
@@ -42,7 +42,7 @@ class Ahead:
         self._thread.start()
 
     def taken(self) -> None:
-        """A line's turn has come."""
+        """A line's queued has come."""
         if self._room is not None:
             self._room.release()
 
@@ -70,7 +70,7 @@ class Ahead:
         if self._part:
             self._enter(self._part)
         if self._has_room():
-            self._turns.end()
+            self._queue.end()
 
     def _bytes(self) -> bytes:
         """What is there, or comes next; nothing at the end."""
@@ -88,7 +88,7 @@ class Ahead:
 
     def _enter(self, line: str) -> None:
         if self._has_room():
-            self._turns.enter(typed(self._heard(line)), None)
+            self._queue.enter(typed(self._heard(line)), None)
 
     def _has_room(self) -> bool:
         """Wait until a line may be read; False when none may be any more."""
@@ -100,5 +100,5 @@ class Ahead:
         """The text without F12, which is a panic at once."""
         if F12 not in text:
             return text
-        self._turns.panic()
+        self._queue.panic()
         return text.replace(F12, "")

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
-from ergon.repl.face import Reply
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
-from ergon.repl.session import computing, deeds, files, looks
+from ergon.repl.session import computing, files, inspection, version_edits
 from ergon.repl.session.version import NotTakenError
+from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
     from ergon.repl.session.core import SessionCore
@@ -38,7 +38,9 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
             beat = tempo.resolve(command.start)
         except TextError as error:
             raise NotTakenError(error.message) from None
-    where, _ = session.queue("play", deeds.same, c.NOW, goes=True, beat=beat, restores=-1)
+    where, _ = session.queue(
+        "play", version_edits.unchanged, c.NOW, goes=True, beat=beat, restores=-1
+    )
     return Reply(True, f"ok from {where}")
 
 
@@ -46,7 +48,7 @@ def _stop(session: SessionCore, command: c.Stop) -> Reply:
     if not session.commits.running.clock.goes:
         raise NotTakenError("it stands already; `play` goes on")
     when = c.NOW if command.when is None else command.when
-    where, _ = session.queue("stop", deeds.same, when, goes=False, restores=-1)
+    where, _ = session.queue("stop", version_edits.unchanged, when, goes=False, restores=-1)
     return Reply(True, f"ok {where} the piece stands; `play` goes on from there")
 
 
@@ -126,22 +128,24 @@ def _help(session: SessionCore, command: c.Help) -> Reply:
 
 
 def _show(session: SessionCore, command: c.Show) -> Reply:
-    return Reply(True, "", lines=tuple(looks.show(session.commits.head, command.name)))
+    return Reply(True, "", lines=tuple(inspection.show(session.commits.head, command.name)))
 
 
 def _look(session: SessionCore, command: c.Look) -> Reply:
     with session.computing.within(computing.LINE):
-        return Reply(True, "", lines=tuple(looks.drawn(session.commits.head, command.name)))
+        return Reply(True, "", lines=tuple(inspection.drawn(session.commits.head, command.name)))
 
 
-def _scope_of(session: SessionCore, command: c.Trace) -> Reply:
+def _scope(session: SessionCore, command: c.Trace) -> Reply:
     with session.computing.within(computing.LINE):
-        lines = looks.scoped(session.commits.running, session.commits.engine.frame, command.name)
+        lines = inspection.scoped(
+            session.commits.running, session.commits.engine.frame, command.name
+        )
     return Reply(True, "", lines=tuple(lines))
 
 
 def _meters(session: SessionCore, command: c.Meters) -> Reply:
-    peaks = session.commits.engine.look().peaks
+    peaks = session.commits.engine.status().peaks
     shown = [
         f"{channel:3}  {20 * math.log10(peak):6.1f} dB" if peak > 0 else f"{channel:3}  silent"
         for channel, peak in enumerate(peaks, 1)
@@ -186,7 +190,7 @@ def _quit(session: SessionCore, command: c.Quit) -> Reply:
     return Reply(True, "bye", leaves=True)
 
 
-ASIDES: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] = {
+SESSION_COMMANDS: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] = {
     c.Play: _play,
     c.Stop: _stop,
     c.Panic: _panic,
@@ -200,7 +204,7 @@ ASIDES: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] = {
     c.Help: _help,
     c.Show: _show,
     c.Look: _look,
-    c.Trace: _scope_of,
+    c.Trace: _scope,
     c.Meters: _meters,
     c.Save: _save,
     c.Record: _record,

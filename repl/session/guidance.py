@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from ergon._core import EngineError
 from ergon.live.perform import GUIDE
-from ergon.repl.session.engine import Led
-from ergon.repl.session.version import Lead, NotTakenError
+from ergon.repl.session.engine import GuidedPath
+from ergon.repl.session.version import HandGuide, NotTakenError
 from ergon.scores.staging.live import leading
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ _MAKING = 0.1
 _FORGET = 0.8
 
 
-def lead_of(command: Guide) -> Lead:
+def guide_of(command: Guide) -> HandGuide:
     """What a line asks for, as shares of what every key is known to bear. Raises NotTakenError."""
     assert command.by is not None
     stiffest, thickest = GUIDE
@@ -40,7 +40,7 @@ def lead_of(command: Guide) -> Lead:
     viscosity = share * thickest if command.viscosity is None else command.viscosity
     if viscosity > thickest:
         raise NotTakenError(f"a hand is led through {thickest:g}Ns/m at most")
-    return Lead(command.by, share, viscosity / thickest)
+    return HandGuide(command.by, share, viscosity / thickest)
 
 
 def allow(command: Guide, commits: Commits) -> None:
@@ -51,74 +51,81 @@ def allow(command: Guide, commits: Commits) -> None:
     if by is None:
         return
     if by in commits.real:
-        raise NotTakenError(f"{by}'s hand is real: a written part leads")
-    if player in commits.engine.look().away:
+        raise NotTakenError(f"{by}'s hand is real: a written part guides")
+    if player in commits.engine.status().away:
         raise NotTakenError(f"{player}'s key is not there: it can be led when it is back")
 
 
 @dataclass(slots=True)
-class Leads:
+class Guidance:
     """Keeps the engine told of where the hands of the version that plays are led."""
 
     commits: Commits
-    _on: Running | None = None  # what the paths are of
-    _again: int = 0  # the frame at which they are made again
-    _led: frozenset[str] = frozenset()
+    _running: Running | None = None  # what the paths are of
+    _remake_at: int = 0  # the frame at which they are made again
+    _guided: frozenset[str] = frozenset()
     _ticket: int | None = None
-    _took: float = field(default=_MAKING)
+    _seconds: float = field(default=_MAKING)
 
-    def due(self) -> tuple[int, Mapping[str, Led]] | None:
+    def due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
         """From which frame on which hands are led otherwise than before; None: as before."""
         running, commits = self.commits.running, self.commits
         players = running.version.piece.players
-        leads = {
-            player: lead
-            for player, lead in running.version.leads.items()
-            if player in commits.real and {player, lead.by} <= players.keys()
+        guides = {
+            player: guide
+            for player, guide in running.version.guides.items()
+            if player in commits.real and {player, guide.by} <= players.keys()
         }
-        is_over = bool(leads) and commits.engine.frame >= self._again
-        if running is self._on and not is_over:
+        is_over = bool(guides) and commits.engine.frame >= self._remake_at
+        if running is self._running and not is_over:
             return None
-        self._on = running
-        if not leads and not self._led:
+        self._running = running
+        if not guides and not self._guided:
             return None
         began = time.perf_counter()
-        at, rate, every = commits.first(2.0 * self._took), commits.rate, commits.engine.every
+        at, rate, every = (
+            commits.first(2.0 * self._seconds),
+            commits.rate,
+            commits.engine.tick_frames,
+        )
         ticks = range(at // every, at // every + int(_PATH * rate) // every)
-        made = dict(self._let_go(leads))
+        made = dict(self._released(guides))
         made |= {
-            player: _led(running, player, lead, ticks, every) for player, lead in leads.items()
+            player: _guided_path(running, player, guide, ticks, every)
+            for player, guide in guides.items()
         }
-        self._again = at + int(_PATH / 2 * rate)
-        self._led = frozenset(leads)
-        self._took = max(time.perf_counter() - began, _FORGET * self._took)
+        self._remake_at = at + int(_PATH / 2 * rate)
+        self._guided = frozenset(guides)
+        self._seconds = max(time.perf_counter() - began, _FORGET * self._seconds)
         return at, made
 
-    def _let_go(self, leads: Mapping[str, Lead]) -> Iterator[tuple[str, Led]]:
+    def _released(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
         import numpy as np
 
-        for player in self._led - leads.keys():
-            yield player, Led(np.zeros(1), ((0, 0.0, 0.0),))
+        for player in self._guided - guides.keys():
+            yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),))
 
-    def hand(self, at: int, made: Mapping[str, Led]) -> None:
+    def hand(self, at: int, made: Mapping[str, GuidedPath]) -> None:
         """Tell the engine; where it hears too much at once it is told again."""
         try:
-            self._ticket = self.commits.engine.lead(at, made)
+            self._ticket = self.commits.engine.guide(at, made)
         except EngineError:
-            self._on = None
+            self._running = None
 
     def late(self, ticket: int) -> None:
         """A ticket came too late: what it was for is made again."""
         if ticket == self._ticket:
-            self._on = None
+            self._running = None
 
 
-def _led(running: Running, player: str, lead: Lead, ticks: range, every: int) -> Led:
+def _guided_path(
+    running: Running, player: str, guide: HandGuide, ticks: range, every: int
+) -> GuidedPath:
     """Where a player is led in the next ticks: no farther than its own key goes."""
     import numpy as np
 
     piece, period = running.version.piece, every / running.stage.rate
-    path, plays = leading(piece, lead.by, running.spans, every, ticks)
+    path, plays = leading(piece, guide.by, running.spans, every, ticks)
     travel = piece.keys[piece.players[player].key].travel
     if travel is not None:
         np.clip(path, *travel, out=path)
@@ -127,12 +134,12 @@ def _led(running: Running, player: str, lead: Lead, ticks: range, every: int) ->
         (round((start - _BEFORE - begins) / period), round((stop - begins) / period))
         for start, stop in _joined(plays)
     ]
-    shares = lead.stiffness, lead.viscosity
+    shares = guide.stiffness, guide.viscosity
     # Where no other path comes in time it ends.
     steps = [(0, 0.0, 0.0), *_steps(spans, shares), (len(path), 0.0, 0.0)]
     first = sum(at <= 0 for at, *_ in steps) - 1
     now = (0, *steps[first][1:])
-    return Led(path, (now, *(step for step in steps[first + 1 :] if step[0] <= len(path))))
+    return GuidedPath(path, (now, *(step for step in steps[first + 1 :] if step[0] <= len(path))))
 
 
 def _joined(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -12,26 +12,28 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import IO, Any
 
-from . import place
+from ergon.common.errors import ErgonError
+
+from . import local_socket
 from .protocol import MAX_LINE, VERSION, ProtocolError, decode, encode
 
 _PATIENCE = 5  # [s] for the greeting, and for a session that reads nothing
 
 
-class GoneError(Exception):
+class ConnectionLostError(ErgonError):
     """The connection has ended before the answer came."""
 
 
-class Refused(Exception):
+class Refused(ErgonError):
     """The session answered that it will not: one sentence."""
 
 
-class Link:
+class Connection:
     """A connection; `gone` once it has ended, `ended` says why the session did, if it did."""
 
     def __init__(self, path: Path) -> None:
-        """Connect. Raises NobodyError, PlaceError, ProtocolError."""
-        self._socket = place.connect(path)
+        """Connect. Raises NoSessionError, SocketError, ProtocolError."""
+        self._socket = local_socket.connect(path)
         self._file: IO[bytes] = self._socket.makefile("rb")
         self._numbers = itertools.count(1)
         self._waiting: dict[int, Future[Any]] = {}
@@ -67,12 +69,12 @@ class Link:
         return about
 
     def ask(self, do: str, **fields: Any) -> Future[Any]:
-        """Send a request; its answer, or GoneError or Refused."""
+        """Send a request; its answer, or ConnectionLostError or Refused."""
         answer: Future[Any] = Future()
         number = next(self._numbers)
         with self._lock:
             if self.gone:
-                answer.set_exception(GoneError())
+                answer.set_exception(ConnectionLostError())
                 return answer
             self._waiting[number] = answer
         try:
@@ -118,4 +120,4 @@ class Link:
             self.gone = True
             left, self._waiting = self._waiting, {}
         for answer in left.values():
-            answer.set_exception(GoneError())
+            answer.set_exception(ConnectionLostError())

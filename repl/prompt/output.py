@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from ergon.common.terminal import clean
-from ergon.repl.face import Reply
+from ergon.repl.session_protocol import Reply
 
 INDENT = " " * 6  # replies stand out from what was typed
 F12 = "\x1b[24~"  # as xterm, the Linux console and those after them send it

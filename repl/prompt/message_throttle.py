@@ -10,7 +10,7 @@ SECOND = 1.0
 HELD = 100  # different ones that wait; more than ten seconds of them nobody reads
 
 
-class Folded:
+class MessageThrottle:
     """Takes messages as they come and gives lines when they are due."""
 
     def __init__(self) -> None:

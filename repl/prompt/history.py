@@ -12,7 +12,7 @@ from prompt_toolkit.history import FileHistory
 LINE_MAX = 10_000  # characters; a longer one is a paste that nobody looks for again
 
 
-class Past(FileHistory):
+class LineHistory(FileHistory):
     """Lines kept in a file, if that can be; where it cannot, they are kept for this session."""
 
     def __init__(self, path: Path) -> None:

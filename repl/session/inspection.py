@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.document import Mapping
 from ergon.notation.text.spelling import nearest
-from ergon.repl.session.deeds import rehearsed
 from ergon.repl.session.version import NotTakenError
+from ergon.repl.session.version_edits import rehearsed
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import Running

@@ -10,8 +10,8 @@ from pathlib import Path
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.journal import Event, JournalError, read
-from ergon.repl.session.named import NameRefused, file_of, name_of, score_of
-from ergon.repl.session.version import Desk, Version, piece_of
+from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
+from ergon.repl.session.version import Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 
 _EVERY_MAX = 1 << 16  # frames of a tick
@@ -24,32 +24,32 @@ _HASH = 64  # digits
 
 
 @dataclass(frozen=True, slots=True)
-class Opening:
+class SessionStart:
     """How a session began: its score, the beat where it stood, the faders, and how it was heard
     (`gain` and `limit` are ratios)."""
 
     texts: Texts
     at: float
-    desk: Desk
-    every: int
+    faders: Faders
+    tick_frames: int
     gain: float
     limit: float
     highpass: float | None
 
     def version(self) -> Version:
         """What it began with. Raises NotTakenError."""
-        return Version(0, "", self.texts, piece_of(self.texts), self.desk)
+        return Version(0, "", self.texts, piece_of(self.texts), self.faders)
 
     def fields(self) -> dict[str, object]:
         """As a journal says it."""
         return {
             **said(self.texts),
             "at": self.at,
-            "gains": dict(self.desk.gains),
-            "muted": sorted(self.desk.muted),
-            "solo": sorted(self.desk.solo),
-            "master": self.desk.master,
-            "every": self.every,
+            "gains": dict(self.faders.gains),
+            "muted": sorted(self.faders.muted),
+            "solo": sorted(self.faders.solo),
+            "master": self.faders.master,
+            "every": self.tick_frames,
             "gain": self.gain,
             "limit": self.limit,
             "highpass": self.highpass,
@@ -59,19 +59,19 @@ class Opening:
 def said(texts: Texts) -> dict[str, object]:
     """Texts as a journal says them, with every file that they use: those may be edited later."""
     folder = Path(texts.path).parent
-    overlay = {name_of(file, folder): text for file, text in texts.complete().overlay.items()}
+    overlay = {journal_name(file, folder): text for file, text in texts.complete().overlay.items()}
     return {"score": texts.path, "text": texts.text, "overlay": overlay}
 
 
 @dataclass(slots=True)
-class Replay:
+class JournalContent:
     """What a journal says: how it began, and what came into effect when.
 
     `texts` are those that lines read, by the line of the journal; `disk` is what was known last of
     files on the disk.
     """
 
-    opening: Opening
+    opening: SessionStart
     first: Event
     disk: Disk
     lines: dict[int, Event] = field(default_factory=dict)
@@ -87,9 +87,9 @@ class Replay:
         yield from self.texts.values()
 
 
-def opened(
+def read_journal(
     path: Path, score: str | None = None, *, resumes: bool = False, trust: bool = False
-) -> Replay:
+) -> JournalContent:
     """Read a journal. Raises JournalError.
 
     A `score` that is named takes the place of the one that the journal names. One that is named by
@@ -102,7 +102,7 @@ def opened(
         raise JournalError(f"{path}: this is no journal of a session")
     where = _Where(path, first.get("score", str), score, resumes, trust)
     texts = where.texts(first)
-    opening = Opening(
+    opening = SessionStart(
         texts,
         _beat(first, "at", 0.0),
         _desk(first),
@@ -113,7 +113,7 @@ def opened(
         if first.fields.get("highpass") is None
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
     )
-    replay = Replay(opening, first, Disk.of(texts))
+    replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.claim(where.hashes(first))
     for event in events:
         _heard(replay, event, where)
@@ -137,8 +137,8 @@ class _Where:
         if name == self.named and self.score is not None:
             return Path(self.score)
         try:
-            found = score_of(name, self.journal)
-        except NameRefused as error:
+            found = score_named(name, self.journal)
+        except JournalNameError as error:
             event.wrong(str(error))
         if found is not None:
             return found
@@ -151,10 +151,10 @@ class _Where:
         path = self.path(event)
         try:
             overlay = {
-                file_of(name, path.parent): text
+                file_named(name, path.parent): text
                 for name, text in event.mapping("overlay", str).items()
             }
-        except NameRefused as error:
+        except JournalNameError as error:
             event.wrong(str(error))
         bounds = Bounds.around(path.parent, trust=self.trust)
         return Texts(str(path), event.get("text", str), overlay, sealed=True, bounds=bounds)
@@ -165,8 +165,8 @@ class _Where:
         if "disk" in event.fields:
             folder = self.path(event).parent
             for name, known in event.mapping("disk", str).items():
-                with contextlib.suppress(NameRefused):  # it is not written, then
-                    found[file_of(name, folder)] = known[:_HASH]
+                with contextlib.suppress(JournalNameError):  # it is not written, then
+                    found[file_named(name, folder)] = known[:_HASH]
         return found
 
 
@@ -174,13 +174,13 @@ def _beat(event: Event, name: str, default: float | None = None) -> float:
     return float(event.number_of(name, float, 0.0, _BEAT_MAX, default))
 
 
-def _desk(event: Event) -> Desk:
+def _desk(event: Event) -> Faders:
     muted, solo = event.words("muted"), event.words("solo")
     master = event.number_of("master", float, 0.0, _RATIO_MAX, 1.0)
-    return Desk(event.mapping("gains", float), muted, solo, master)
+    return Faders(event.mapping("gains", float), muted, solo, master)
 
 
-def _heard(replay: Replay, event: Event, where: _Where) -> None:
+def _heard(replay: JournalContent, event: Event, where: _Where) -> None:
     if event.name in ("line", "commit", "late", "dropped"):
         number = event.number_of("number", int, 0, _NUMBER_MAX)
     if event.name == "line":
