@@ -236,7 +236,9 @@ def test_a_session_goes_on_where_its_journal_lies(piece):
             + "}\n"
         )
         if refused:
-            with pytest.raises(JournalError, match="its score is elsewhere: name it"):
+            with pytest.raises(
+                JournalError, match=("its score is outside this folder and the journal's: name it")
+            ):
                 read_journal(Path("s.jsonl"), resumes=True)
             named = read_journal(Path("s.jsonl"), str(score), resumes=True)
             assert resumed(named)[0].texts.path == str(score)

@@ -107,11 +107,11 @@ def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.Monke
         read_journal(large)
     with large.open("wb") as file:  # a hundred megabytes in one line, which are not kept
         file.truncate(100_000_000)
-    with pytest.raises(JournalError, match="line 1: this is no journal"):
+    with pytest.raises(JournalError, match="line 1: this is not a session's journal"):
         read_journal(large)
     deep = tmp_path / "deep.jsonl"
     deep.write_text("[" * 1_000_000 + "\n")
-    with pytest.raises(JournalError, match="line 1: this is no journal"):
+    with pytest.raises(JournalError, match="line 1: this is not a session's journal"):
         read_journal(deep)
 
 

@@ -23,18 +23,18 @@ def test_the_place_is_its_owners_alone(short_folder: Path):
     door = local_socket.ServerSocket(found)
     try:
         assert stat.S_IMODE(found.stat().st_mode) == 0o600
-        with pytest.raises(local_socket.SocketError, match=f"{found} already"):
+        with pytest.raises(local_socket.SocketError, match=f"at {found}"):
             local_socket.ServerSocket(found)
     finally:
         door.close()
     assert list(found.parent.iterdir()) == []
     found.parent.chmod(0o755)
-    with pytest.raises(local_socket.SocketError, match="not yours alone"):
+    with pytest.raises(local_socket.SocketError, match="you alone may open"):
         local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
     found.parent.rmdir()
     (short_folder / "elsewhere").mkdir(mode=0o700)
     found.parent.symlink_to(short_folder / "elsewhere")
-    with pytest.raises(local_socket.SocketError, match="not yours alone"):
+    with pytest.raises(local_socket.SocketError, match="you alone may open"):
         local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
 
 
@@ -55,7 +55,7 @@ def test_what_a_killed_process_left_is_taken_over_and_a_file_is_not(short_folder
     with serving(short_folder / "s"):
         pass
     (short_folder / "s").write_text("mine")
-    with pytest.raises(local_socket.SocketError, match="no socket"):
+    with pytest.raises(local_socket.SocketError, match="not a socket"):
         local_socket.ServerSocket(short_folder / "s")
     assert (short_folder / "s").read_text() == "mine"
     with pytest.raises(local_socket.SocketError, match="too long"):
@@ -69,7 +69,7 @@ def test_another_user_is_not_let_in(short_folder: Path, monkeypatch: pytest.Monk
             stranger.connect(str(short_folder / "s"))
             with stranger.makefile("rb") as said:
                 told = json.loads(said.readline())
-        assert told == {"error": "this session is another user's"}
+        assert told == {"error": "this session belongs to another user"}
         with pytest.raises(local_socket.SocketError, match="another user"):
             remote(short_folder / "s")
         monkeypatch.undo()
@@ -100,4 +100,4 @@ print(s.makefile().readline())
             text=True,
             check=True,
         )
-    assert json.loads(done.stdout) == {"error": "this session is another user's"}
+    assert json.loads(done.stdout) == {"error": "this session belongs to another user"}

@@ -127,14 +127,14 @@ def test_kill_the_engine_and_resume(at_home: Stage):
             until(lambda: looks.state().bar >= 3, "bar 3")
             text, bar = looks.submit(_TEXT).text, looks.state().bar
         os.kill(at_home.engine(), signal.SIGKILL)
-        one.sees("the session went away")
+        one.sees("the session no longer answers")
         one.type("ada plays knock" + ENTER)
         one.sees("not taken")
         resume = ("--resume", "session.jsonl", "--audio", "null")
         with at_home.prompt(*resume) as two:
             two.sees(" >")
             at_home.engine()
-            one.sees("the session is back")
+            one.sees("the session answers again")
             with contextlib.closing(remote(at_home.socket)) as looks:
                 assert looks.submit(_TEXT).text == text
                 assert looks.state().tempo == 90
@@ -152,7 +152,7 @@ def test_why_an_engine_does_not_start(at_home: Stage):
         (("bad.yaml",), 1, "400h"),
         (("score.yaml", "--audio", "nonsense"), 3, "nonsense"),
         ((), 2, "no session is served"),
-        (("--resume", "bad.yaml"), 2, "no journal"),
+        (("--resume", "bad.yaml"), 2, "not a session's journal"),
     ):
         done = subprocess.run(
             at_home.command(*words), cwd=at_home.folder, capture_output=True, text=True, timeout=60
@@ -195,7 +195,7 @@ def test_the_place_need_not_be_said(at_home: Stage):
     assert "ergon repl score.yaml --socket" in wrong.stderr
     begun = script("play\n", "score.yaml", "--audio", "null", "--gain", "0dB", "--socket")
     assert "ok from 1|1" in begun.stdout
-    assert "`ergon repl --socket` comes back to it" in begun.stdout
+    assert "`ergon repl --socket` connects to it again" in begun.stdout
     at_home.engine()
     joined = script("show\nquit\n", "--socket")
     assert "joined the session" in joined.stderr

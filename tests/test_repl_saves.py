@@ -63,7 +63,7 @@ def says_the_same(session: Session, path: Path) -> None:
 
 
 def test_a_save_writes_what_was_changed_and_nothing_else(at: Stepped, tmp_path: Path) -> None:
-    assert at.ok("save").text == "ok nothing to write: the files say it already"
+    assert at.ok("save").text == "ok nothing to write: the files already hold this version"
     stamp = (tmp_path / "score.yaml").stat().st_mtime_ns
     at.ok("set k1.M 500g")
     assert at.ok("save").text == f"ok wrote {tmp_path / 'keys.yaml'}"
@@ -158,7 +158,7 @@ def test_a_score_that_ships_is_saved_where_we_are(
         text=True,
         timeout=120,
     )
-    assert "never written" in done.stdout
+    assert "never changed" in done.stdout
     assert "ok wrote mine.yaml" in done.stdout
     assert (shipped.read_bytes(), sorted(os.listdir(shipped.parent))) == before
     assert load("mine.yaml").piece is not None
@@ -187,7 +187,7 @@ def test_a_refusal_has_written_nothing(at: Stepped, tmp_path: Path, there: str) 
     before = files(tmp_path)
     reply = at.type("save live")
     assert not reply.taken
-    assert "is there already" in reply.text
+    assert "already exists" in reply.text
     assert files(tmp_path) == before
 
 

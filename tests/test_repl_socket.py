@@ -216,10 +216,10 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
             until(heard_it, words)
 
         vanish.set()
-        hears("went away")
+        hears("no longer answers")
         thread.join(PATIENCE)
         assert prompt.submit("ada") == Reply(
-            False, f"no session answers at {path}; it is looked for"
+            False, f"no session answers at {path}; ergon tries to connect again"
         )
         assert prompt.state().bar == 7
         assert list(prompt.tokens("ada")) == list(prompt.complete("ada", 1)) == []
@@ -227,7 +227,7 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
         prompt.panic()
         hears("silent")
         with serving(path) as face:
-            hears("is back")
+            hears("answers again")
             assert prompt.submit("ada").taken
             assert face.lines == ["ada"]
             prompt.close()

@@ -61,7 +61,7 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "show ada": lambda s: s.show("ada"),
     "scope ada": lambda s: s.scope("ada"),
     "help plays": lambda s: s.help("plays"),
-    "py piece.seed": lambda s: s.py("piece.seed"),
+    "py session.state().tempo": lambda s: s.py("session.state().tempo"),
     "quit": lambda s: s.quit(),
 }
 MORE: dict[str, Callable[[SessionProxy], Reply]] = {
@@ -132,7 +132,7 @@ def test_what_is_refused_is_raised():
 )
 def test_a_call_that_is_no_line_types_nothing(wrong: Callable[[SessionProxy], Reply]):
     face = Told()
-    with pytest.raises(TypeError, match="it is written: "):
+    with pytest.raises(TypeError, match="write it as "):
         wrong(SessionProxy(face))
     assert face.lines == []
 

@@ -168,7 +168,7 @@ def test_an_idle_terminal_clears_a_line_by_ctrl_c_and_goes_on_pushing(tmp_path: 
         at.child.kill(signal.SIGINT)
         at.until(lambda: at.cursor_line.endswith(" >"), "an empty prompt")
         at.type("help" + ENTER)
-        at.sees("hands lift, the session ends")
+        at.sees("all hands lift, and the session ends")
         until(lambda: at.look(0) and pushes(board), "a force")
 
 
@@ -247,7 +247,7 @@ def test_a_line_that_a_panic_overtook_does_not_end_it(tmp_path: Path):
     played = Stepped(SCORE, tmp_path)
     session = played.session
     session.panic()
-    for line, why in (("release", "a stop came"), ("play", "a panic came")):
+    for line, why in (("release", "a stop was entered"), ("play", "a panic was entered")):
         reply = session.submit(line, releases=False)
         assert not reply.taken
         assert reply.text.startswith(why)

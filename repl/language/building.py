@@ -34,7 +34,7 @@ def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str
         words = _words(form, given, rest)
         if words is not None and len(when) <= 1:
             return " ".join([*words, *_options(when)])
-    raise TypeError("it is written: " + ", or: ".join(form.written for form in forms_of(verb)))
+    raise TypeError("write it as " + ", or: ".join(form.written for form in forms_of(verb)))
 
 
 def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> list[str] | None:
@@ -86,5 +86,5 @@ def _options(named: Mapping[str, object]) -> list[str]:
 def _text(value: object) -> str:
     text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
     if "\n" in text:
-        raise ValueError("a value has one line")
+        raise ValueError("a value must be on one line")
     return text

@@ -108,23 +108,22 @@ def _no_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextErro
         second = words[1] if len(words) > 1 else None
         example = f"{first} plays {next(iter(scope.gestures), 'knock')}"
         if second is None:
-            return TextError(f"{first} plays or does what? {example}", offset=words[0].end)
+            return TextError(f"what does {first} play? write {example}", offset=words[0].end)
         near = nearest(second.text, verbs.SUBJECT_VERBS)
         message = f"unknown verb {quote(second.text)}"
         return TextError(
-            message if near else f"{message}; a player plays or does: {example}",
+            message if near else f"{message}; after a player write plays or do: {example}",
             offset=second.start,
             length=len(second.text),
             suggestion=near,
         )
     if some:
-        message = f"{quote(first)} may be {' or '.join(some)}"
-        return TextError(message, offset=place, length=len(first))
+        return verbs.ambiguous(first, some, place)
     if first in verbs.NOT_BUILT:
         return TextError(verbs.NOT_BUILT[first], offset=place, length=len(first))
     played = first in scope.gestures or first in scope.takes
     if played and (player := next(iter(scope.players), None)):
-        message = f"{quote(first)} is what a player plays"
+        message = f"{quote(first)} is not a verb; a player plays it"
         said = f"{player} plays {first}"
         return TextError(message, offset=place, length=len(first), suggestion=said)
     known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
@@ -211,7 +210,7 @@ class _Reading:
         elif last.text in _LEADS:
             self._offer(_LEADS[last.text])
             what = _LEADS[last.text].what
-            raise TextError(f"'{last.text}' wants {what}", offset=last.start, length=len(last.text))
+            raise TextError(f"'{last.text}' needs {what}", offset=last.start, length=len(last.text))
 
     def _place(self, slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
         """Read a place that has its order; False where it is being typed."""
@@ -275,7 +274,7 @@ class _Reading:
             if not self.words:
                 self._offer(option.value)
             what = option.value.what
-            raise TextError(f"'{option.lead}' wants {what}", offset=self.after)
+            raise TextError(f"'{option.lead}' needs {what}", offset=self.after)
         self._take(option, self.words.pop(0))
 
     def _take(self, slot: Slot, word: Word) -> None:

@@ -14,21 +14,21 @@ from ergon.scores.gesture.words import OPTIONS
 WHEN = (
     ("", "at the next boundary of `quant`: the next bar, unless it was set"),
     ("now", "at the next tick"),
-    ("at C, at 9|1, at B+2", "at a mark, a bar and beat, a mark and beats"),
-    ("in 2, in 1bar", "so many beats or bars later"),
+    ("at C, at 9|1, at B+2", "at a mark, at a bar and beat, some beats after a mark"),
+    ("in 2, in 1bar", "this many beats or bars later"),
 )
 NOTATION = (
     ("6mm@1/8", "a point: 6 mm at an eighth of a beat; bare numbers are mm and beats"),
     ("6@+1/8", "an eighth after the point before"),
-    ("smooth, line, hold, throw", "the way into the points that follow; smooth unless said"),
-    ("( … )*4", "four times, each from the end of the one before"),
+    ("smooth, line, hold, throw", "the curve to the points that follow; smooth if none is written"),
+    ("( … )*4", "four times, each after the end of the one before"),
 )
 KEYS = (
     ("F12", "panic"),
-    ("Tab", "takes what is suggested, or completes"),
-    ("Ctrl-C", "clears the line, or drops the one that is computed; the sound goes on"),
-    ("Ctrl-D", "on an empty line: hands lift, and out"),
-    ("`\\` at the end", "the line goes on in the next one"),
+    ("Tab", "takes the line that was suggested, or completes the word"),
+    ("Ctrl-C", "clears the line, or cancels the one that is being computed; the sound goes on"),
+    ("Ctrl-D", "on an empty line: all hands lift, and the session ends"),
+    ("`\\` at the end", "continues the line in the next one"),
     ("#", "begins a comment"),
 )
 
@@ -39,7 +39,7 @@ def overview() -> tuple[str, ...]:
     for title, some in GROUPS.items():
         lines.append(f"{title}:")
         lines += [f"  {form.example:<39} {form.effect}" for form in some]
-    lines.append("any line may end in now, at C or in 2; `help VERB` says more")
+    lines.append("a line may end in now, at C or in 2; `help VERB` explains one verb")
     return tuple(lines)
 
 

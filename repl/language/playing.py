@@ -18,7 +18,7 @@ from ergon.scores.reading.manner import manner
 from ergon.scores.reading.part import PLAY, SHAPES
 
 # Options that are no business of a line: a key says its rate in the score.
-_ELSEWHERE = {"rate": "gestures are struck at the audio rate; leave out 'rate'"}
+_ELSEWHERE = {"rate": "'rate' belongs to the score: leave it out here"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
         said["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
     at: Position | None = options.pop("at", None)
     if at is not None and when is not None:
-        message = "it is said twice when this begins"
+        message = "this line says twice when it begins: keep one"
         raise TextError(message, offset=said["at"].start, length=len(said["at"].text))
     if at is not None:
         said["when"] = said.pop("at")

@@ -86,16 +86,18 @@ def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
     message = f"{quote(text)} is not {what}"
     if near is None:
         some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
-        message += f"; there is {some}" if known else "; there is none"
+        message += f"; there are only {some}" if known else "; the score has none"
     return TextError(message, length=len(text), suggestion=near)
 
 
 def _new_name(text: str) -> str:
     if not NAME.fullmatch(text) or len(text) > MAX_NAME:
-        message = f"{quote(text)} is not a name: letters, digits, '-' and '_', first a letter"
+        message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(text))
     if text in RESERVED:
-        raise TextError(f"{quote(text)} is a word of these lines, not a name", length=len(text))
+        raise TextError(
+            f"{quote(text)} is a word of the language and cannot be a name", length=len(text)
+        )
     return text
 
 
@@ -107,7 +109,7 @@ def _free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         stem, count = (numbered[1], int(numbered[2]) + 1) if numbered else (text, 2)
         while f"{stem}-{count}" in taken:
             count += 1
-        message = f"{quote(text)} is taken"
+        message = f"the name {quote(text)} is in use"
         raise TextError(message, length=len(text), suggestion=f"{stem}-{count}")
     return text
 
@@ -116,7 +118,7 @@ def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text in scope.gestures:
         return text
     if text in scope.takes:
-        raise TextError(f"{quote(text)} is a take; a gesture has another name", length=len(text))
+        raise TextError(f"{quote(text)} is a take: give the gesture another name", length=len(text))
     return _new_name(text)
 
 
@@ -125,7 +127,9 @@ def _another(value: Value, field: str) -> Value:
 
     def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
         if text == given[field]:
-            raise TextError(f"{quote(text)} twice; there have to be two", length=len(text))
+            raise TextError(
+                f"{quote(text)} is named twice: name two different ones", length=len(text)
+            )
         return value.read(text, scope, given)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
@@ -214,7 +218,9 @@ _LENGTH_UNITS = ("bar", "beats", "s", "ms")
 def _length(text: str, *_: Any) -> Length:
     length = parse_length(text)
     if not (length.bars or length.beats or length.seconds):
-        raise TextError(f"{quote(text)} is no time at all", length=len(text))
+        raise TextError(
+            f"the length {quote(text)} is zero: write one such as 1bar", length=len(text)
+        )
     return length
 
 
@@ -237,7 +243,7 @@ def _grid(text: str, *_: Any) -> Now | Length:
         raise unknown(text, "a boundary", (*_GRIDS, "2bar"))
     grid = _length(text)
     if grid.seconds:
-        message = "a boundary lies on beats or bars, not on seconds"
+        message = "a boundary lies on beats or bars, not on seconds: write one such as 2bar"
         raise TextError(message, length=len(text), suggestion="bar")
     return grid
 
@@ -381,7 +387,7 @@ DO = Value(
 def _file(text: str, *_: Any) -> str:
     word = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
     if '"' in word:
-        raise TextError("this quote is not closed", offset=text.index('"'))
+        raise TextError("the quotation mark is not closed", offset=text.index('"'))
     return str(k.PATH.parse(word))
 
 

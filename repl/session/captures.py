@@ -45,16 +45,16 @@ class Captures:
     def begin(self, player: str, name: str, start: int) -> None:
         """A take begins at a frame. Raises NotTakenError."""
         if self.now is not None:
-            raise NotTakenError(f"{self.now.name} is being recorded", "record off")
+            raise NotTakenError(f"the take {self.now.name} is still being recorded", "record off")
         self.now = Capture(player, name, start)
 
     def end(self, stop: int) -> Capture:
         """It ends at a frame. Raises NotTakenError."""
         if self.now is None:
-            raise NotTakenError("nothing is being recorded")
+            raise NotTakenError("no take is being recorded; `record PLAYER as NAME` begins one")
         if stop <= self.now.start:
             self.now = None
-            raise NotTakenError("it had not begun: nothing is kept")
+            raise NotTakenError("the take ended before it began: nothing was recorded")
         self.now.stop = stop
         return self.now
 
@@ -76,9 +76,9 @@ class Captures:
         try:
             found = _core.read_recording(self.path, (own.start // every, own.stop // every))
             if not is_below(target, folder):
-                raise RefusedError(f"{target} leads out of the folder of the score")
+                raise RefusedError(f"{target} is outside the folder of the score")
             with writing(target, binary=True) as file:
                 file.write(found.to_bytes())
         except (RefusedError, _core.EngineError, OSError) as error:
-            raise NotTakenError(f"{own.name} is not kept: {error}") from None
+            raise NotTakenError(f"the take {own.name} was not written: {error}") from None
         return target

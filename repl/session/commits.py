@@ -119,7 +119,9 @@ class Commits:
             beat = self._resolved(when)
             if beat < first - SAME:
                 here = tempo.written(self.now())
-                raise NotTakenError(f"{when.text or tempo.written(beat)} is past: it is {here}")
+                raise NotTakenError(
+                    f"{when.text or tempo.written(beat)} is past: the piece is at {here}"
+                )
         elif isinstance(when, Length):
             beat = max(first, tempo.after(self.now(), when))
         else:

@@ -42,7 +42,10 @@ class Computing:
         """Why a line that was stopped is not taken."""
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
-        said = f"this line needs more than {self.seconds:g} s; nothing has changed"
+        said = f"this line takes more than {self.seconds:g} s to compute; nothing has changed"
         if self.seconds != LINE:
             return said
-        return f"{said} (ask for less, or write it into the score: `reload` has {FILES:g} s)"
+        return (
+            f"{said} (make it smaller, or write it into the score and type "
+            f"`reload`, which has {FILES:g} s)"
+        )

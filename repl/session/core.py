@@ -201,7 +201,7 @@ class SessionCore:
             self._late(self.commits.tick())
             while self.commits.lost:
                 one, why = self.commits.lost.pop(0)
-                self._messages.append(f"'{one.line}' is lost: {why}")
+                self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
                 self._tell("dropped", number=one.number)
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
@@ -241,7 +241,9 @@ class SessionCore:
             if one.number:
                 self._tell("late", number=one.number, beat=one.beat)
             if one.line and not one.is_now:
-                self._messages.append(f"'{one.line}' came too late; it waits for the next bar")
+                self._messages.append(
+                    f"'{one.line}' was not ready in time; it takes effect at the next bar"
+                )
 
     def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
         if not self.commits.waiting:  # what a line was made on may have been another version

@@ -70,25 +70,31 @@ class Disk:
         """Raise NotTakenError where the session of a score may not write a file."""
         path = Path(file)
         if is_shipped(path):
-            raise NotTakenError(f"{file} ships with ergon and is never written: `save NAME`")
+            raise NotTakenError(
+                f"{file} ships with ergon and is never changed; `save NAME` writes a copy"
+            )
         # A score that is a link is written where it leads; all else lies below the score's folder.
         if path != score and not is_below(path, score.parent):
             raise NotTakenError(f"{file} is outside the folder of the score, {score.parent}")
         if not os.path.lexists(file):
             if file in self._known:
-                raise NotTakenError(f"{file} is not there any more; `save NAME` writes another")
+                raise NotTakenError(
+                    f"{file} was deleted since it was read; `save NAME` writes another file"
+                )
             return
         known = self._known.get(file)
         if known is None:
-            raise NotTakenError(f"{file} is there already and was not written by this session")
+            raise NotTakenError(
+                f"{file} already exists, and this session did not write it: choose another name"
+            )
         found = on_disk(path)
         if found is None or of_text(found) != known:
             raise NotTakenError(
                 f"{file} was changed on the disk since it was read: "
-                "`save NAME` writes another file, `reload` takes what is there"
+                "`save NAME` writes another file, `reload` reads the changed one"
             )
         if not is_score(found):
-            raise NotTakenError(f"{file} is no score of ergon and is not replaced")
+            raise NotTakenError(f"{file} is not a score, so `save` does not replace it")
 
 
 def of_text(text: str) -> str:

@@ -32,7 +32,9 @@ def keep(session: SessionCore, length: Length, name: str) -> list[str]:
     piece_of(kept)
     target = _target(kept, Path(name))
     if target is None:
-        raise NotTakenError(f"{name} is the score itself: give what is kept another name")
+        raise NotTakenError(
+            f"{name} is this score's own name: choose another name for the bars that are kept"
+        )
     return _write(session, kept, target)
 
 
@@ -66,7 +68,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
     if not is_inside:
         raise NotTakenError(
-            f"the files that it uses are named from {folder.resolve()}: save it there",
+            f"save the score in {folder.resolve()}: it names the files that it uses from there",
             f"save {path.name}",
         )
     return None if is_own else folder / path.name
@@ -79,7 +81,9 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
     files: Mapping[str, str]
     if target is None:
         if texts.path not in disk.hashes():
-            raise NotTakenError(f"{own} was never read here: `save NAME` writes a file beside it")
+            raise NotTakenError(
+                f"this session has not read {own}: `save NAME` writes a file beside it"
+            )
         score, files = own, {home(file, own.parent): text for file, text in changed.items()}
     else:
         score, files = target, save_as.files(texts, changed.keys() - {texts.path}, target)
@@ -108,5 +112,6 @@ def _proven(
     if there is None or there.digest() != piece_of(texts).digest():
         names = ", ".join(sorted(Path(file).name for file in changed))
         raise NotTakenError(
-            f"{names}: what was changed cannot stand beside {score.name}; `save` writes it in place"
+            f"{score.name} would not read the changes to {names}; `save` "
+            "without a name writes them in place"
         )

@@ -35,11 +35,15 @@ def guide_of(command: Guide) -> HandGuide:
     stiffest, thickest = GUIDE
     stiffness = stiffest if command.stiffness is None else command.stiffness
     if stiffness > stiffest:
-        raise NotTakenError(f"a hand is led by {stiffest:g}N/m at most: it can hold against that")
+        raise NotTakenError(
+            f"K={stiffness:g}N/m is too stiff to guide a hand: {stiffest:g}N/m at most"
+        )
     share = stiffness / stiffest
     viscosity = share * thickest if command.viscosity is None else command.viscosity
     if viscosity > thickest:
-        raise NotTakenError(f"a hand is led through {thickest:g}Ns/m at most")
+        raise NotTakenError(
+            f"Z={viscosity:g}Ns/m is too viscous to guide a hand: {thickest:g}Ns/m at most"
+        )
     return HandGuide(command.by, share, viscosity / thickest)
 
 
@@ -47,13 +51,17 @@ def allow(command: Guide, commits: Commits) -> None:
     """Refuse a lead of or by who is not there. Raises NotTakenError."""
     player, by = command.player, command.by
     if player not in commits.real:
-        raise NotTakenError(f"{player}'s hand is not real here: --live puts one on its key")
+        raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
     if by is None:
         return
     if by in commits.real:
-        raise NotTakenError(f"{by}'s hand is real: a written part guides")
+        raise NotTakenError(
+            f"{by} is a real hand and cannot guide: name a player with a written part"
+        )
     if player in commits.engine.status().away:
-        raise NotTakenError(f"{player}'s key is not there: it can be led when it is back")
+        raise NotTakenError(
+            f"the device of {player}'s key is gone: type the line again when it is back"
+        )
 
 
 @dataclass(slots=True)

@@ -32,7 +32,7 @@ def drawn(version: Version, name: str) -> list[str]:
     if name not in piece.gestures and name not in piece.takes:
         return show(version, name)
     if not piece.keys:
-        raise NotTakenError("this score has no key to play on")
+        raise NotTakenError("a gesture is drawn on a key, and this score has none")
     alone = rehearsed(piece, name)[0]
     first = alone.gestures[0]
     start, stop = max(0.0, first.start - _ROOM), first.stop
@@ -49,7 +49,7 @@ def scoped(running: Running, frame: int, name: str) -> list[str]:
     """The gesture that a player plays now, drawn."""
     playing = dict(running.in_flight(frame))
     if name not in playing:
-        raise NotTakenError(f"{name} plays nothing now")
+        raise NotTakenError(f"{name} is playing no gesture now; `show` lists the players")
     return drawn(running.version, playing[name])
 
 
@@ -88,5 +88,5 @@ def _defined(texts: Texts, name: str) -> list[str]:
                 return [f"{number:5} {document.line(number)}" for number in numbers]
     close = nearest(name, known)
     raise NotTakenError(
-        f"'{name}' is not written in this score", None if close is None else f"show {close}"
+        f"'{name}' is not defined in this score", None if close is None else f"show {close}"
     )

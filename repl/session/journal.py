@@ -64,7 +64,10 @@ class Journal:
         """Append an event; where that fails the music goes on, and `trouble` says so once."""
         line = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=True)
         if len(line) >= MAX_LINE:
-            self._trouble = f"the journal lacks a line: a '{event}' of {len(line):,} bytes"
+            self._trouble = (
+                "the journal lacks an event that is too long for it: "
+                f"'{event}', {len(line):,} bytes"
+            )
             return
         try:
             self._file.write(line + "\n")
@@ -116,20 +119,22 @@ class Event:
         """A field of a kind. Raises JournalError where it is another, or missing."""
         value = self.fields.get(name, default)
         if value is None:
-            self.wrong(f"{name} is missing")
+            self.wrong(f"the field '{name}' is missing")
         if kind is float and type(value) is int and abs(value) <= _LATEST:
             value = float(value)
         if type(value) is not kind:
-            self.wrong(f"{name} is not what a journal says there")
+            self.wrong(f"the field '{name}' has the wrong type or value")
         if kind is str and not _is_text(value):
-            self.wrong(f"{name} is no text in Unicode")
+            self.wrong(f"the field '{name}' is not valid Unicode text")
         return value
 
     def number_of(self, name: str, kind: type, low: float, high: float, default: Any = None) -> Any:
         """A number within bounds. Raises JournalError."""
         value = self.get(name, kind, default)
         if not low <= value <= high:  # NaN neither
-            self.wrong(f"{name} is {str(value)[:20]}, which is not from {low:g} to {high:g}")
+            self.wrong(
+                f"the field '{name}' is {str(value)[:20]}; it must be from {low:g} to {high:g}"
+            )
         return value
 
     def mapping(self, name: str, kind: type, most: int = 10_000) -> dict[str, Any]:
@@ -137,14 +142,14 @@ class Event:
         found: dict[str, Any] = self.get(name, dict, {})
         fits = _is_text if kind is str else _is_ratio
         if len(found) > most or not all(_is_text(word) and fits(x) for word, x in found.items()):
-            self.wrong(f"{name} is not what a journal says there")
+            self.wrong(f"the field '{name}' has the wrong type or value")
         return {word: kind(x) for word, x in found.items()}
 
     def words(self, name: str) -> frozenset[str]:
         """A set of names; empty where none is given. Raises JournalError."""
         found: list[Any] = self.get(name, list, [])
         if not all(map(_is_text, found)):
-            self.wrong(f"{name} is not what a journal says there")
+            self.wrong(f"the field '{name}' has the wrong type or value")
         return frozenset(found)
 
 
@@ -188,7 +193,7 @@ def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:
                 return
             fields = None
         if not isinstance(fields, dict) or fields.get("v") != VERSION:
-            raise JournalError(f"{path}, line {number}: this is no journal of a session")
+            raise JournalError(f"{path}, line {number}: this is not a session's journal")
         name = fields.get("event")
         yield Event(str(path), number, name if isinstance(name, str) else "", fields)
 

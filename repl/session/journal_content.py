@@ -99,7 +99,7 @@ def read_journal(
     events = read(path)
     first = next(events, None)
     if first is None or first.name != "session":
-        raise JournalError(f"{path}: this is no journal of a session")
+        raise JournalError(f"{path}: this is not a session's journal")
     where = _Where(path, first.get("score", str), score, resumes, trust)
     texts = where.texts(first)
     opening = SessionStart(
@@ -143,7 +143,10 @@ class _Where:
         if found is not None:
             return found
         if self.resumes and name == self.named:
-            event.wrong(f"its score is elsewhere: name it, `ergon repl {name} --resume FILE`")
+            event.wrong(
+                "its score is outside this folder and the journal's: name it, "
+                f"`ergon repl {name} --resume FILE`"
+            )
         return self.journal.parent / Path(name).name
 
     def texts(self, event: Event) -> Texts:
@@ -192,7 +195,7 @@ def _heard(replay: JournalContent, event: Event, where: _Where) -> None:
             replay.disk.saw(texts)
     elif event.name == "commit":
         if number not in replay.lines:
-            event.wrong(f"no line has the number {number}")
+            event.wrong(f"the journal has no line with the number {number}")
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":

@@ -32,11 +32,11 @@ def file_named(name: str, folder: Path) -> str:
     if name.startswith(LIBRARY):
         path = installed(_plain(name.removeprefix(LIBRARY)))
         if path.suffix != ".yaml" or not is_shipped(path):
-            raise JournalNameError(f"{_shown(name)} is no file of the library")
+            raise JournalNameError(f"{_shown(name)} is not a file of the library")
         return str(path)
     path = folder / _plain(name)
     if not is_below(path, folder):
-        raise JournalNameError(f"{_shown(name)} leads out of the folder of the score")
+        raise JournalNameError(f"{_shown(name)} is outside the folder of the score")
     return str(path)
 
 
@@ -60,18 +60,18 @@ def _plain(name: str) -> str:
     _possible(name)
     windows, posix = PureWindowsPath(name), PurePosixPath(name)
     if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
-        raise JournalNameError(f"{_shown(name)} is not named from the folder of the score")
+        raise JournalNameError(f"{_shown(name)} is not relative to the folder of the score")
     if ".." in (*windows.parts, *posix.parts):
-        raise JournalNameError(f"{_shown(name)} leads out of the folder of the score")
+        raise JournalNameError(f"{_shown(name)} is outside the folder of the score")
     return str(posix)
 
 
 def _possible(name: str) -> None:
     """Whether a file may have such a name at all."""
     if not name or _CONTROL.search(name):
-        raise JournalNameError(f"{_shown(name)} is no name of a file")
+        raise JournalNameError(f"{_shown(name)} is not a valid file name")
     if len(name) > _MOST or any(len(part.encode()) > _MOST_PART for part in name.split("/")):
-        raise JournalNameError(f"{_shown(name)} is too long for the name of a file")
+        raise JournalNameError(f"{_shown(name)} is too long for a file name")
 
 
 def _shown(name: str) -> str:

@@ -38,7 +38,7 @@ def _done_again(event: Event) -> Iterator[None]:
         yield
     except (*REFUSALS, *_BROKEN) as error:
         what = ascii(event.get("line", str)[:80]) if event.name == "line" else "its score"
-        event.wrong(f"{what} cannot be played again: {error}")
+        event.wrong(f"{what} cannot be replayed: {error}")
 
 
 class ReplayedSession:
@@ -65,7 +65,7 @@ class ReplayedSession:
         self.rate = running.stage.rate
         self.n_frames = replay.n_frames
         if replay.n_frames > MAX_SECONDS * self.rate:
-            raise NotTakenError("it says that it lasted longer than a day")
+            raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
 
     @property
@@ -152,7 +152,7 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock]:
     tempo = version.piece.tempo_map
     beat = clock.beat(tempo, replay.n_frames / rate)
     if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):
-        raise NotTakenError("it says that it lasted longer than a day")
+        raise NotTakenError("the journal claims that the session lasted longer than a day")
     bar, _ = tempo.bar_beat(beat)
     # Hands that come back are free: nobody is pulled who has not asked for it.
     return replace(version, number=0, line="", guides={}), Clock(None, tempo.bars.start(bar))
@@ -177,7 +177,7 @@ def edit_of_line(
     if any(
         type(one) in version_edits.READS_FILES for one in commands
     ):  # whoever renders it reads no other file
-        raise NotTakenError("what was read then is missing")
+        raise NotTakenError("the journal lacks the texts that this line read from files")
     return version_edits.combined(
         [one for one in commands if type(one) in version_edits.VERSION_EDITS]
     )

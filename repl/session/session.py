@@ -56,14 +56,14 @@ class Session(SessionCore):
             except (EditError, _core.EngineError) as error:
                 reply = _not_taken(str(error))
             except BaseException as error:  # pyo3's panics are no Exceptions, nor is SystemExit
-                reply = _not_taken(f"{type(error).__name__} in ergon itself; nothing has changed")
+                reply = _not_taken(f"internal error: {type(error).__name__}; nothing has changed")
             frame = self.commits.engine.frame  # as far as whoever resumes knows that it went
             self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame)
             return reply
 
     def _submitted(self, text: str) -> Reply:
         if _HALF.search(text):  # no journal could be read again
-            raise NotTakenError("there is half of a character in this line (a lone surrogate)")
+            raise NotTakenError("this line contains half of a character (a lone surrogate)")
         commands = parse(text, self._scope)
         if not commands:
             return Reply(True, "")

@@ -27,11 +27,13 @@ _TAPS = 8  # the latest of them count
 def _play(session: SessionCore, command: c.Play) -> Reply:
     clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
     if command.start is None and clock.goes:
-        raise NotTakenError("it plays already; `play from 1|1` begins again")
+        raise NotTakenError(
+            "the piece is already running; `play from 1|1` starts it from the beginning"
+        )
     if session.stops.is_stopped and session.stops.may_release:
         session.release()
     if session.stops.panicked:
-        raise NotTakenError("a panic came after this line; `release`, then `play`")
+        raise NotTakenError("a panic was entered after this line: type `release`, then `play`")
     beat = clock.at
     if command.start is not None:
         try:
@@ -46,10 +48,10 @@ def _play(session: SessionCore, command: c.Play) -> Reply:
 
 def _stop(session: SessionCore, command: c.Stop) -> Reply:
     if not session.commits.running.clock.goes:
-        raise NotTakenError("it stands already; `play` goes on")
+        raise NotTakenError("the piece is already stopped; `play` continues it")
     when = c.NOW if command.when is None else command.when
     where, _ = session.queue("stop", version_edits.unchanged, when, goes=False, restores=-1)
-    return Reply(True, f"ok {where} the piece stands; `play` goes on from there")
+    return Reply(True, f"ok {where} the piece stops; `play` continues from there")
 
 
 def _panic(session: SessionCore, command: c.Panic) -> Reply:
@@ -59,9 +61,9 @@ def _panic(session: SessionCore, command: c.Panic) -> Reply:
 
 def _release(session: SessionCore, command: c.Release) -> Reply:
     if not session.stops.is_stopped:
-        raise NotTakenError("nothing was panicked")
+        raise NotTakenError("no panic is active, and no force is off")
     if not session.stops.may_release:
-        raise NotTakenError("a stop came after this line")
+        raise NotTakenError("a stop was entered after this line: type `release` again")
     session.release()
     return Reply(True, "ok")
 
@@ -80,22 +82,25 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
     taps.append(now)
     del taps[:-_TAPS]
     if len(taps) < 3:
-        return Reply(True, f"tap {len(taps)}: {3 - len(taps)} more")
+        return Reply(True, f"tap {len(taps)}: {3 - len(taps)} more set the tempo")
     bpm = round(60.0 * (len(taps) - 1) / (taps[-1] - taps[0]), 1)
     return session.take(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
 
 def _undo(session: SessionCore, command: c.Undo) -> Reply:
-    return _back_to(session, session.at - 1, "undo", "there is nothing before this")
+    return _back_to(session, session.at - 1, "undo", "this is the first version")
 
 
 def _redo(session: SessionCore, command: c.Redo) -> Reply:
-    return _back_to(session, session.at + 1, "redo", "nothing was undone")
+    return _back_to(session, session.at + 1, "redo", "no version was undone")
 
 
 def _back(session: SessionCore, command: c.Back) -> Reply:
     return _back_to(
-        session, session.at - command.count, f"back {command.count}", "there are not so many"
+        session,
+        session.at - command.count,
+        f"back {command.count}",
+        "there are fewer versions than that",
     )
 
 
@@ -107,7 +112,7 @@ def _back_to(session: SessionCore, index: int, line: str, none: str) -> Reply:
     if waits is not None and index == session.at - 1:
         session.drop(waits)
         session.at = index
-        return Reply(True, f"ok '{left.line}' is taken back before it began")
+        return Reply(True, f"ok '{left.line}' is cancelled before it took effect")
 
     where, made = session.queue(line, target.restored, restores=target.number)
     session.at = index
@@ -150,30 +155,37 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
         f"{channel:3}  {20 * math.log10(peak):6.1f} dB" if peak > 0 else f"{channel:3}  silent"
         for channel, peak in enumerate(peaks, 1)
     ]
-    return Reply(True, "", lines=tuple(shown or ["no meters here"]))
+    return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
 
 
 def _save(session: SessionCore, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
     if not written:
-        return Reply(True, "ok nothing to write: the files say it already")
+        return Reply(True, "ok nothing to write: the files already hold this version")
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 
 def _record(session: SessionCore, command: c.Record) -> Reply:
     if session.captures.path is None or command.player not in session.commits.real:
-        raise NotTakenError(f"{command.player}'s hand is not real here: --live puts one on its key")
+        raise NotTakenError(
+            f"no real hand plays {command.player}: start ergon with --live {command.player}=DEVICE"
+        )
     if is_shipped(Path(session.commits.head.texts.path)):
-        raise NotTakenError("the score ships with ergon, and takes are written beside it: copy it")
+        raise NotTakenError(
+            "a take is written beside its score, and this score ships with ergon: "
+            "`save NAME`, then `load NAME.yaml`"
+        )
     beat, _ = session.commits.place(command.when, session.quant)
     session.captures.begin(command.player, command.take, session.commits.frame(beat))
-    return Reply(True, f"ok {session.written(beat)} recording {command.player}; `record off` ends")
+    return Reply(
+        True, f"ok {session.written(beat)} recording {command.player}; `record off` ends the take"
+    )
 
 
 def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
     beat, _ = session.commits.place(command.when, session.quant)
     own = session.captures.end(session.commits.frame(beat))
-    return Reply(True, f"ok {session.written(beat)} the end of {own.name}")
+    return Reply(True, f"ok {session.written(beat)} take {own.name} ends")
 
 
 def _keep(session: SessionCore, command: c.Keep) -> Reply:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits, VersionEdit
     from ergon.repl.session.computing import Computing
 
-PANIC = "panic: silent, no force; `release`, then `play`"
-LET_GO = "no force on any hand; `release` brings it back"
+PANIC = "panic: no sound, no force; `release` ends the panic, then `play` starts the piece"
+LET_GO = "forces on all hands are off; `release` switches them on"
 
 
 class Stopped(Protocol):
@@ -133,5 +133,5 @@ class Stops:
                     "panic", version_edits.hushed, NOW, goes=False, resets=True, is_limited=False
                 )
             except REFUSALS as error:
-                session.say(f"what played is not forgotten: {error}")
+                session.say(f"the piece could not be reset after the panic: {error}")
             self._hushed = session.number

@@ -97,7 +97,10 @@ def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
     by = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
     length = 60.0 / bpm + by
     if not 30.0 / bpm <= length <= 120.0 / bpm:
-        raise NotTakenError("a nudge is at most half a beat; `tempo` changes more")
+        raise NotTakenError(
+            "this nudge is too large: it may make one beat half or twice "
+            "as long; `tempo` changes more"
+        )
     texts = times.change(version.texts, version.piece, beat, f"{60.0 / length:.12g}")
     return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
 
@@ -193,7 +196,9 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
         for end in _ends(module.fields.get("between"), key)
     )
     if not touched:
-        raise NotTakenError(f"{name}'s key {key} touches no instrument")
+        raise NotTakenError(
+            f"{name} plays the key {key}, which touches no instrument: name an instrument"
+        )
     return touched
 
 
@@ -239,7 +244,7 @@ def _guide(command: c.Guide) -> VersionEdit:
         if guide is not None:
             guides[command.player] = guide
         elif guides.pop(command.player, None) is None:
-            raise NotTakenError(f"nobody leads {command.player}")
+            raise NotTakenError(f"{command.player}'s hand is not guided")
         return replace(version, guides=guides)
 
     return edit
@@ -314,7 +319,11 @@ def summary(command: c.Command, made: Running) -> str:
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, c.Guide):
         by = command.by
-        return f"{command.player}: free" if by is None else f"{command.player}: led by {by}"
+        return (
+            f"{command.player}: no longer guided"
+            if by is None
+            else f"{command.player}: guided by {by}"
+        )
     return ""
 
 

@@ -55,7 +55,7 @@ class Connection:
         try:
             line = self._file.readline(MAX_LINE)
         except OSError:
-            raise ProtocolError("what is there does not answer") from None
+            raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
         limit = struct.pack("ll", _PATIENCE, 0)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
@@ -64,7 +64,8 @@ class Connection:
             raise ProtocolError(str(about["error"]))
         if about.get("ergon") != VERSION:
             raise ProtocolError(
-                f"it speaks version {about.get('ergon')} of the protocol, this is version {VERSION}"
+                f"the session speaks version {about.get('ergon')} of the "
+                f"protocol, this prompt version {VERSION}"
             )
         return about
 

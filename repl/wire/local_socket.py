@@ -42,7 +42,10 @@ def default(environment: Mapping[str, str] = os.environ) -> Path:
         raise SocketError(f"{folder}: {error.strerror}") from None
     # Anybody may make a folder of that name under /tmp before us.
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
-        raise SocketError(f"{folder} is not yours alone (chmod 700); --socket PATH names another")
+        raise SocketError(
+            f"{folder} must be a folder that you alone may open (chmod 700); "
+            "--socket PATH names another place"
+        )
     return folder / _NAME
 
 
@@ -86,7 +89,7 @@ class ServerSocket:
         except FileNotFoundError:
             return
         if not stat.S_ISSOCK(found.st_mode):
-            raise SocketError(f"{self.path} is there already and is no socket")
+            raise SocketError(f"{self.path} already exists and is not a socket")
         self.path.unlink()
 
 
@@ -106,7 +109,9 @@ def _locked(path: Path) -> int:
             pass
         except OSError:
             os.close(lock)
-            raise SocketError(f"a session is served at {path.with_suffix('')} already") from None
+            raise SocketError(
+                f"another session is already served at {path.with_suffix('')}"
+            ) from None
         os.close(lock)  # its owner removed it meanwhile
 
 
@@ -122,7 +127,7 @@ def connect(path: Path) -> socket.socket:
         raise SocketError(f"{path}: {error.strerror or error}") from None
     if not is_same_user(found):
         found.close()
-        raise SocketError(f"{path} is served by another user")
+        raise SocketError(f"the session at {path} belongs to another user")
     return found
 
 

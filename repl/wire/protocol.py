@@ -77,9 +77,9 @@ def decode(line: bytes) -> dict[str, Any]:
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError):
-        raise ProtocolError("this is no line of JSON") from None
+        raise ProtocolError("this line is not JSON") from None
     if not isinstance(fields, dict):
-        raise ProtocolError("a line is an object: {...}")
+        raise ProtocolError("a line must be a JSON object: {...}")
     return fields
 
 
@@ -92,7 +92,7 @@ def request_id(fields: dict[str, Any]) -> int | str | None:
         return number
     if isinstance(number, str) and len(number) <= MAX_ID:
         return number
-    raise ProtocolError(f"an id is a whole number, or a word of {MAX_ID} characters at most")
+    raise ProtocolError(f"an id must be a whole number, or a word of {MAX_ID} characters at most")
 
 
 def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -100,25 +100,25 @@ def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     do = fields.get("do")
     wanted = REQUESTS.get(do) if isinstance(do, str) else None
     if not isinstance(do, str) or wanted is None:
-        raise ProtocolError(f"nothing is done by this; {', '.join(REQUESTS)} are")
+        raise ProtocolError(f"unknown request; known are {', '.join(REQUESTS)}")
     given = {}
     for name, kind in wanted.items():
         value = fields.get(name)
         if type(value) is not kind:  # true is no number here
-            raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: {kind.__name__}")
+            raise ProtocolError(f"the field '{name}' of '{do}' must be of type {kind.__name__}")
         if isinstance(value, str) and len(value) > MAX_TEXT:
             raise ProtocolError(too_long(value))
         given[name] = value
     for name, unsaid in OPTIONAL_FIELDS.get(do, {}).items():
         given[name] = fields.get(name, unsaid)
         if type(given[name]) is not bool:
-            raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: bool")
+            raise ProtocolError(f"the field '{name}' of '{do}' must be of type bool")
     return do, given
 
 
 def too_long(text: str) -> str:
     """Why a text is refused."""
-    return f"this has {len(text):,} characters; {MAX_TEXT:,} are the most"
+    return f"this text has {len(text):,} characters; {MAX_TEXT:,} are the most"
 
 
 def encode_reply(reply: Reply) -> dict[str, Any]:
@@ -139,7 +139,7 @@ def decode_reply(said: Any) -> Reply:
         try_ = None if said["try"] is None else str(said["try"])
         return Reply(bool(said["taken"]), str(said["text"]), try_, lines, bool(said["leaves"]))
     except (KeyError, TypeError):
-        raise ProtocolError("this is no reply") from None
+        raise ProtocolError("the session's answer is not a reply") from None
 
 
 _NUMBERS = ("bar", "beat", "tempo", "load", "late")
@@ -175,4 +175,4 @@ def decode_state(said: Any) -> State:
             let_go=bool(said.get("let_go")),
         )
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
-        raise ProtocolError("this is no state") from None
+        raise ProtocolError("the session's answer is not a state") from None

@@ -52,7 +52,7 @@ class Remote:
             self._state = decode_state(self._connection.ask("state").result(_LONG))
         except (ConnectionLostError, Refused, TimeoutError) as error:
             self._connection.close()
-            raise ProtocolError("what is there does not answer") from error
+            raise ProtocolError("the process at the socket does not answer") from error
         self._thread = threading.Thread(target=self._look_on, name="ergon remote", daemon=True)
         self._thread.start()
 
@@ -65,7 +65,7 @@ class Remote:
         if self._ended:
             return Reply(False, "the session has ended", leaves=True)
         if self._connection.gone:
-            return Reply(False, f"no session answers at {self._path}; it is looked for")
+            return Reply(False, f"no session answers at {self._path}; ergon tries to connect again")
         try:
             reply = decode_reply(
                 self._connection.ask("submit", text=text, releases=releases).result()
@@ -76,7 +76,10 @@ class Remote:
         except ConnectionLostError:
             if self._connection.ended:
                 return Reply(False, "the session has ended", leaves=True)
-            return Reply(False, "the session went away; whether the line was taken is not known")
+            return Reply(
+                False,
+                "the connection broke before the answer came; the line may have been taken or not",
+            )
         except (Refused, ProtocolError) as error:
             return Reply(False, str(error))
 
@@ -94,7 +97,7 @@ class Remote:
     def panic(self) -> None:
         """Silence at once."""
         if self._connection.gone:
-            self._told.append("panic: no session answers; one that was killed is silent")
+            self._told.append("panic: no session answers; a session that was killed is silent")
         else:
             self._connection.ask("panic")
 
@@ -120,7 +123,7 @@ class Remote:
         self._over.set()
         self._thread.join()
         if not self._ended and self._quickly(False, "leave"):
-            self._told.append(f"the music goes on; `{self._command}` comes back to it")
+            self._told.append(f"the music goes on; `{self._command}` connects to it again")
         self._connection.close()
 
     def end(self) -> None:
@@ -182,15 +185,15 @@ class Remote:
         if not self._away:
             self._away = True
             journal = self.about.get("journal", "JOURNAL")
-            how = f"`{self._command} --resume {journal}` elsewhere brings it back"
-            self._told.append(f"the session went away; {how}")
+            how = f"`{self._command} --resume {journal}` in another terminal restores it"
+            self._told.append(f"the session no longer answers; {how}")
         try:
             connection = Connection(self._path)
         except (SocketError, ProtocolError):
             return
         self._connection, self.about = connection, connection.about
         self._away = self._slow = False
-        self._told.append("the session is back")
+        self._told.append("the session answers again")
 
 
 class _PendingAnswer:

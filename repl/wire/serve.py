@@ -190,9 +190,9 @@ class SessionServer:
 
     def _unwelcome(self, writer: asyncio.StreamWriter) -> str:
         if not local_socket.is_same_user(writer.get_extra_info("socket")):
-            return "this session is another user's"
+            return "this session belongs to another user"
         if len(self._prompts) >= MAX_PROMPTS:
-            return f"{MAX_PROMPTS} prompts are connected, and no more can be"
+            return f"{MAX_PROMPTS} prompts are connected, which is the maximum"
         return ""
 
     async def _serve(self, prompt: PromptConnection, reader: asyncio.StreamReader) -> None:
@@ -246,7 +246,7 @@ class SessionServer:
 
     def _wait(self, prompt: PromptConnection, number: Any, text: str, releases: bool) -> None:
         if prompt.waiting >= _LINES:
-            raise ProtocolError(f"{_LINES} of your lines wait already")
+            raise ProtocolError(f"{_LINES} lines of this prompt are waiting already")
         prompt.waiting += 1
         self._queue.enter(text, (prompt, number, releases))
 

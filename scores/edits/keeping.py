@@ -37,7 +37,7 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         kept, is_in = window.strikes(kept, strikes)
         found = found or is_in
     if not found:
-        raise EditError(f"nothing begins from {written(piece, start)} to {written(piece, stop)}")
+        raise EditError(f"no gesture begins from {written(piece, start)} to {written(piece, stop)}")
     kept = window.duet(kept)
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
@@ -55,7 +55,7 @@ def bring(texts: Texts, piece: Piece, kept: Piece, said: Texts, at: float) -> Te
                 until = at + kept.tempo_map.resolve(line.play.until)
                 entry = entry.said(until=written(piece, until))
             if player not in piece.players:
-                raise EditError(f"no player is called {player} here")
+                raise EditError(f"this score has no player {player}")
             texts = entries.add(texts, player, entry)
     return texts
 

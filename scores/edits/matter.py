@@ -99,7 +99,7 @@ def gain(texts: Texts, name: str | None, level: str) -> Texts:
     """The gain of an instrument's routes, or of all channels (None). Raises EditError."""
     if name is None:
         if _node(texts, ("mix",), texts.path) is None:
-            raise EditError("the score has no mix, whose gain this would be")
+            raise EditError("the score has no mix, so it has no master gain")
         return texts.put(("mix", "master", "gain"), level)
     found = False
     for number, route in enumerate(items(texts, "mix", "route")):
@@ -125,7 +125,7 @@ def _spot(texts: Texts, target: str) -> tuple[_Spot, str]:
                 continue
             values, _ = uses.resolved(section, entry)
             if values is None:
-                raise EditError(f"{quote(part)} cannot be read where it is written")
+                raise EditError(f"the definition of {quote(part)} has mistakes")
             module, name = ".".join(words[count:-1]), words[-1]
             said, kind = _fields(values, module, target)
             is_ca = section == "instruments" and values["units"] == "ca"
@@ -133,9 +133,12 @@ def _spot(texts: Texts, target: str) -> tuple[_Spot, str]:
             known = KINDS[kind].table if kind else KEY
             if name not in known.by_name and name not in said.free:
                 fields = ", ".join([*known.by_name, *said.free])
-                raise EditError(f"{quote(target)}: there is no {quote(name)}, but {fields}")
+                raise EditError(
+                    f"{quote(target)}: the field {quote(name)} does not "
+                    f"exist; the fields are {fields}"
+                )
             return spot, name
-    raise EditError(f"{quote(target)} leads to no field of a key or an instrument")
+    raise EditError(f"{quote(target)} is not a field of a key or an instrument")
 
 
 def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
@@ -145,11 +148,14 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
         body = (values["modules"] or {}).get(module)
         if not isinstance(body, Values):
             known = ", ".join(values["modules"] or {})
-            raise EditError(f"{quote(target)}: no module {quote(module)} is there, but {known}")
+            raise EditError(
+                f"{quote(target)}: the module {quote(module)} does not "
+                f"exist; the modules are {known}"
+            )
         kind, said = body.kind, body
     elif values.written("modules"):
         known = ", ".join(values["modules"] or {})
-        raise EditError(f"{quote(target)}: say which of its modules: {known}")
+        raise EditError(f"{quote(target)}: name one of its modules: {known}")
     inner = said.given.get(kind) if kind else said
     assert isinstance(inner, Values)
     return inner, kind
@@ -178,7 +184,7 @@ def _changes(spot: _Spot, piece: Piece, target: str, name: str, value: str) -> C
         return {**changes, name: scaled}
     amount = now.get(name)
     if not isinstance(amount, float):
-        raise EditError(f"{quote(target)} has no value yet; give it one")
+        raise EditError(f"{quote(target)} has no value that could be multiplied: set a value first")
     return {**changes, name: _text(amount * factor, name, spot)}
 
 
@@ -205,7 +211,7 @@ def _tuned(now: Mapping[str, object], target: str) -> dict[str, float]:
     sigma = z / (2.0 * mass)
     square = k / mass - sigma * sigma
     if square <= 0.0:
-        raise EditError(f"{quote(target)}: it creeps and has no frequency; set K and Z")
+        raise EditError(f"{quote(target)}: it is overdamped and has no frequency; set K and Z")
     return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": _LN_1000 / sigma if sigma else 0.0}
 
 

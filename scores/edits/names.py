@@ -19,10 +19,10 @@ def define(texts: Texts, name: str, notation: str) -> Texts:
     said = edit.quoted(notation)
     if entry is None:
         if "." in name:
-            raise EditError(f"no file brings in a gesture {name}")
+            raise EditError(f"no file that the score uses defines a gesture {name}")
         return texts.put(("gestures", name), said)
     if not isinstance(entry.values, Values):
-        raise EditError(f"{name} cannot be read where it is written")
+        raise EditError(f"the definition of {name} has mistakes")
     node, file = entry.values.node, entry.values.node.document.file
     path = ("gestures", entry.values.context.name)
     if isinstance(node, Scalar) and not node.is_empty:

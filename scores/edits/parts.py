@@ -100,7 +100,7 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
 
 def _known(piece: Piece, player: str) -> str:
     if player not in piece.players:
-        raise EditError(f"no player is called {quote(player)}")
+        raise EditError(f"this score has no player {quote(player)}")
     return player
 
 
