@@ -126,7 +126,7 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
         journal.path.unlink(missing_ok=True)  # nothing has begun
         raise
     began = opening(session.commits.engine.tick_frames).fields()
-    journal.tell("session", **began, disk=session.disk.said(version.texts))
+    journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
     gc.freeze()

@@ -1,4 +1,4 @@
-"""Lines between Enter and their turn. What stops the music waits for no turn."""
+"""The queue of entered lines; `panic` and `quit` act before their turn."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ class LineQueue(Generic[Who]):
     def __init__(self, session: SessionProtocol) -> None:
         """Feed a session; the queue is empty."""
         self._session = session
-        self._stops = 0  # that were entered
-        self._seen = ""  # the line that was looked at last
+        self._stops = 0  # stops that were entered
+        self._seen = ""  # the line that `stop_now` saw last
         self._waiting: SimpleQueue[tuple[Who, str, int] | str | None] = SimpleQueue()
 
     def enter(self, text: str, who: Who) -> None:
-        """Let a line wait; if it is a stop, do that now, unless it was seen before."""
+        """Queue a line; a stop acts now, unless `stop_now` has seen the line."""
         if text != self._seen:
             self.stop_now(text)
         self._seen = ""
         self._waiting.put((who, text, self._stops))
 
     def stop_now(self, text: str) -> None:
-        """Do now what a line stops that is going to be entered."""
+        """Act on a stop in a line that is about to be entered."""
         self._seen = text
         match stop_of(text):
             case "panic":
@@ -50,19 +50,19 @@ class LineQueue(Generic[Who]):
                 self.let_go()
 
     def panic(self) -> None:
-        """Silence and no force now, and again after the lines that wait."""
+        """End sound and force now, and again after the waiting lines."""
         self._stops += 1
         self._session.panic()
         if not self._waiting.empty():
             self._waiting.put("panic")
 
     def let_go(self) -> None:
-        """No force now, and none by the lines that wait."""
+        """End forces now; waiting lines release none."""
         self._stops += 1
         self._session.let_go()
 
     def end(self) -> None:
-        """No line follows."""
+        """End the queue: no line follows."""
         self._stops += 1
         self._session.input_ends()
         self._waiting.put(None)
@@ -70,7 +70,7 @@ class LineQueue(Generic[Who]):
     def next(self) -> QueuedLine[Who] | None:
         """Wait for the next line; None at the end."""
         while (one := self._waiting.get()) is not None:
-            if isinstance(one, str):  # what lines before it began ends as well
+            if isinstance(one, str):  # a panic also ends what lines before it began
                 self._session.panic()
                 continue
             who, text, stops = one

@@ -1,4 +1,4 @@
-"""What a session shows to whoever types: one line in, one reply out."""
+"""What a prompt sees of a session, in this process or another."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What became of a line; one that was not taken has changed nothing.
+    """The answer to a line; a line that was not taken has changed nothing.
 
     `text` is what was done (`ok 3|1 knock: 3 points`) or, in one line, why not. `try_` is the whole
     line to type instead. `lines` are a drawing, help or a list, shown as they are. A reply that
@@ -48,7 +48,7 @@ class State:
 
 
 class Suggestion(Protocol):
-    """How a line may go on: `text` takes the place of what stands from `start` to the cursor."""
+    """A completion: `text` replaces what stands from column `start` to the cursor."""
 
     @property
     def text(self) -> str:
@@ -64,7 +64,7 @@ class Suggestion(Protocol):
 
 
 class SessionProtocol(Protocol):
-    """A session, seen from the keyboard.
+    """A session as a prompt sees it.
 
     `submit` is called a line at a time; the others meanwhile, from another thread, so often that
     they may take no time.
@@ -78,10 +78,10 @@ class SessionProtocol(Protocol):
         """
 
     def state(self) -> State:
-        """Where it is and what is heard."""
+        """Position, tempo, what plays, load and level."""
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call, a sentence each."""
+        """Messages since the last call, one sentence each."""
 
     def panic(self) -> None:
         """Silence and no force, at once, also while a line is at work."""
@@ -90,26 +90,26 @@ class SessionProtocol(Protocol):
         """No force on any hand, at once, until `release`; the sound goes on."""
 
     def input_ends(self) -> None:
-        """Nobody can enter a stop here any more: where the session ends with this, let go."""
+        """Note that no line follows; a session that ends with its prompt ends all forces."""
 
     def cancel(self) -> bool:
-        """Drop the line that is being computed; whether there is one. From any thread."""
+        """Cancel the line that is being computed, from any thread; False where none is."""
 
     def close(self) -> None:
-        """Hush, and let go of everything; the last call."""
+        """End the session; the last call."""
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
-        """How a line may go on at a column."""
+        """Completions of a line at a column."""
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
-        """What a line's words are, for colours: (start, end, kind)."""
+        """The kinds of a line's words, for colours: (start, end, kind)."""
 
     def is_whole(self, text: str) -> bool:
-        """Whether Enter ends it; a line that ends in a backslash goes on."""
+        """Whether Enter ends the text; a line that ends in a backslash goes on."""
 
 
-# By the first word, or its beginning as far as the language knows it. A name that is defined is no
-# stop; whatever else stands behind the word, zero force is the answer to a doubt.
+# The first word or its short form decides. `panic = …` defines a gesture; anything else behind
+# the word is taken as a stop, because zero force is the safe reading.
 _STOP = re.compile(r"[ \t]*(?:(?P<panic>pa|pan|pani|panic)|(?P<quit>qui|quit))(?![^\s#])(?!\s*=)")
 
 

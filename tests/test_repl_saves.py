@@ -114,7 +114,7 @@ def test_a_session_that_went_on_twice_still_knows_its_files(at: Stepped, tmp_pat
     at.close()
     for _ in range(2):
         with closing(gone_on(tmp_path)) as session:
-            said = session.disk.said(session.commits.head.texts)
+            said = session.disk.hashes_by_name(session.commits.head.texts)
         events = [json.loads(line) for line in at.journal.read_text().splitlines()]
         texts = session.commits.head.texts
         overlay = {Path(name).name: text for name, text in texts.overlay.items()}

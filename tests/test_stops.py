@@ -23,7 +23,7 @@ from test_repl_plain import calls, script
 from test_repl_session import SCORE
 
 from ergon.repl.language.parse import parse
-from ergon.repl.language.scope import names
+from ergon.repl.language.scope import scope_of
 from ergon.repl.line_queue import LineQueue
 from ergon.repl.prompt.error_boundary import ErrorBoundary
 from ergon.repl.session_protocol import SessionProtocol, stop_of
@@ -279,7 +279,7 @@ def test_a_panic_is_one_version_however_often_it_is_asked(tmp_path: Path):
 def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str):
     """What the prompt takes for a stop, the language does."""
     played = Stepped(SCORE, tmp_path)
-    scope = names(played.session.commits.head.piece)
+    scope = scope_of(played.session.commits.head.piece)
     played.close()
     try:
         commands = {type(one).__name__.lower() for one in parse(line, scope)}

@@ -9,7 +9,7 @@ from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING
 from ergon.repl.language.verbs import FORMS, forms_of
 
-# By the name of a function: what Python cannot call by the verb itself.
+# Functions for verbs that are no Python names.
 CALLED = {"define": "=", "look": "?"}
 FUNCTIONS = {
     **{form.verb: form.verb for form in FORMS if form.verb not in CALLED.values()},
@@ -28,7 +28,7 @@ def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str
     said = {name.rstrip("_"): value for name, value in named.items()}
     said = {name: value for name, value in said.items() if value is not None and value is not False}
     for form in forms_of(verb):
-        # Only what ends in when can be said to.
+        # A time is accepted only by verbs that take one.
         when = {name: said[name] for name in _WHEN if name in said and form.timed}
         rest = {name: value for name, value in said.items() if name not in when}
         words = _words(form, given, rest)
@@ -46,7 +46,7 @@ def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> 
             if name in rest and number not in bound:
                 bound[number] = rest.pop(name)
     open_ = [number for number in range(len(form.slots)) if number not in bound]
-    # Of places that may be left open so many are filled as there are values to spare.
+    # Optional places are filled from the left with the values to spare.
     spare = len(given) - sum(not form.slots[number].optional for number in open_)
     values = iter(given)
     for number in open_:

@@ -1,4 +1,4 @@
-"""What could be typed next, with a line about each: only what would be taken."""
+"""Completion: words that would be accepted next, each with a hint."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ergon.repl.language.grammar import Hints, command
 from ergon.repl.language.lines import MAX_LINE, Line, comment, goes_on, lines
 from ergon.repl.language.scope import Scope
 
-MAX_SUGGESTIONS = 200  # in a menu; who looks for one of more types a letter
+MAX_SUGGESTIONS = 200  # in a menu; with more, another letter narrows them
 
 _SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
 
 
 class Suggestion(NamedTuple):
-    """What takes the place of the characters from `start` to the cursor, and a line about it."""
+    """A completion: it replaces the characters from `start` to the cursor."""
 
     text: str
     start: int
@@ -24,7 +24,7 @@ class Suggestion(NamedTuple):
 
 
 def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
-    """What the word before the cursor may become. Raises nothing."""
+    """Completions of the word before the cursor. Raises nothing."""
     head = text[:cursor]
     first = _beginning(head)
     if len(head) - first > MAX_LINE or _in_comment(head):
@@ -35,7 +35,7 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
         line = next(lines(head[first:start]), Line("", 0))
         command(line, scope, hints)
     except TextError:
-        pass  # what was found before the mistake is offered
+        pass  # offer what was found before the mistake
     typed = hints.typed.lower()
     found: dict[str, Suggestion] = {}
     for offer in hints.found:

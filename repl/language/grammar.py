@@ -27,7 +27,7 @@ _WHENS = (
 
 @dataclass(slots=True)
 class Hints:
-    """What could stand where `typed` is being written."""
+    """Completions found for the word that begins with `typed`."""
 
     typed: str
     found: list[v.Completion] = field(default_factory=list)
@@ -58,7 +58,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
                 return taken
     if hints is not None:
         return None
-    # The form that fits furthest is the one that was meant.
+    # The form that fits furthest is probably the intended one.
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
@@ -152,7 +152,7 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
 
 
 class _Reading:
-    """A walk through the places of one form."""
+    """Reads the words of a line by the places of one form."""
 
     def __init__(
         self,
@@ -174,7 +174,7 @@ class _Reading:
         }
         self.said: dict[str, Word] = {}
         self.when: When = None
-        self.dated = False  # whether the words say when: nothing is offered after that
+        self.dated = False  # whether the words include a time; nothing is offered after it
 
     def command(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
@@ -300,7 +300,7 @@ class _Reading:
             return
         word = self.words[0]
         if not self.form.timed and word.text == "now" and len(self.words) == 1:
-            return  # as it does anyway
+            return  # the verb acts at once anyway
         raise self._unexpected(word, [option.lead for option in options])
 
     def _unexpected(self, word: Word, leads: list[str]) -> TextError:

@@ -17,13 +17,13 @@ from ergon.scores.gesture.transforms import ARITY, Transform
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.part import PLAY, SHAPES
 
-# Options that are no business of a line: a key says its rate in the score.
+# Options that a line may not set: the rate of a gesture belongs to the score.
 _ELSEWHERE = {"rate": "'rate' belongs to the score: leave it out here"}
 
 
 @dataclass(frozen=True, slots=True)
 class ParsedPlay:
-    """What is played and how; `written` says where each word stands, from the first one's start."""
+    """What is played and how; `written` has the place of each word, relative to the first."""
 
     what: str
     options: Mapping[str, Any]
@@ -50,7 +50,7 @@ def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
         raise
 
 
-# Where a line knows more than a part's table: which marks there are, what can be offered.
+# Values for which a line knows more than a part's table: marks and completions.
 _HERE = {
     "at": v.POSITION,
     "until": v.POSITION,
@@ -68,7 +68,7 @@ def _value(option: str) -> v.Value:
 
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
-    """What goes on: a value after its option, else further options and transformations."""
+    """Completions: a value after its option, else options and transformations."""
     if not context.before:
         yield from v.PLAYED.offers(context)
         return

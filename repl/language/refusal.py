@@ -1,4 +1,4 @@
-"""Why a line is not taken."""
+"""The refusal of a line that cannot be read."""
 
 from ergon.common.errors import ErgonError
 from ergon.common.terminal import printable

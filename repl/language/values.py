@@ -1,4 +1,4 @@
-"""What may stand in a place of a line: how it is read, and what completes it."""
+"""Values of a line: how each is read, and its completions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
 from ergon.scores.gesture.words import OPTIONS
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
-# Words that follow a name in a line: a gesture or take that bears one could not be played.
+# Words that may follow a name in a line, so that no gesture or take may be called so.
 RESERVED = frozenset((*OPTIONS, *ARITY, "do", "now", "in", "over", "as", "off", "all"))
 MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
 
@@ -29,7 +29,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:/\d*)?")
 
 
 class Completion(NamedTuple):
-    """A word that could come next, and a line about it."""
+    """A word that could come next, and a hint."""
 
     text: str
     hint: str
@@ -37,7 +37,7 @@ class Completion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CompletionContext:
-    """Where a word is being typed: its beginning, what its place holds already, the scope.
+    """Where a word is completed: its beginning, the words before it in its place, the scope.
 
     `given` are the values of the line so far.
     """
@@ -80,7 +80,7 @@ def listed(names: Mapping[str, str]) -> Iterator[Completion]:
 
 
 def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
-    """Why a word that is not among the known is refused."""
+    """The error of a word that is not a known name, with the nearest one."""
     known = list(names)[:MAX_COMPARED]
     near = nearest(text, known)
     message = f"{quote(text)} is not {what}"
@@ -293,7 +293,7 @@ SEED = quantity(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
 
 def _near_targets(text: str, scope: Scope) -> list[str]:
-    """Those that begin like the path up to its last dot: one module's fields, or all."""
+    """The parameters of the same module as a wrong path, or all."""
     head = text.rpartition(".")[0]
     while head:
         some = [target for target in scope.targets if target.startswith(f"{head}.")]

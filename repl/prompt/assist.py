@@ -13,7 +13,7 @@ from prompt_toolkit.styles import Style
 from ergon.common.terminal import clean
 from ergon.repl.session_protocol import SessionProtocol
 
-# A mistake is underlined: no meaning by colour alone, and none is left under NO_COLOR.
+# A mistake is underlined, so that NO_COLOR and colour blindness hide nothing.
 STYLE = Style.from_dict(
     {
         "verb": "bold",
@@ -25,7 +25,7 @@ STYLE = Style.from_dict(
         "comment": "ansibrightblack",
     }
 )
-_COLOURED_MAX = 2_000  # characters of a line; words are found anew at every key
+_COLOURED_MAX = 2_000  # characters of a line; it is coloured again at every key
 _HINT_MAX = 60
 
 
@@ -33,7 +33,7 @@ class Colours(Lexer):
     """Each word of a line in the style of its kind."""
 
     def __init__(self, session: SessionProtocol) -> None:
-        """By what a session knows."""
+        """Ask a session."""
         self._session = session
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
@@ -57,13 +57,13 @@ class Completions(Completer):
     """How the line under the cursor may go on, each with its hint."""
 
     def __init__(self, session: SessionProtocol) -> None:
-        """By what a session knows."""
+        """Ask a session."""
         self._session = session
 
     def get_completions(
         self, document: Document, complete_event: CompleteEvent
     ) -> Iterable[Completion]:
-        """All at once; there are some hundred at most."""
+        """Yield all completions; there are some hundred at most."""
         column = document.cursor_position_col
         for found in self._session.complete(document.current_line, column):
             hint = clean(found.hint)[:_HINT_MAX]

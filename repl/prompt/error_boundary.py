@@ -1,4 +1,4 @@
-"""A prompt that stays, whatever the session does: its mistakes are told, never raised."""
+"""A wrapper that turns a session's errors into messages, so that the prompt survives them."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class ErrorBoundary:
             return Reply(False, _told(error))
 
     def state(self) -> State:
-        """Where it is, or last was."""
+        """The state, or the last one that was known."""
         self._state = self._try(self._session.state, self._state)
         return self._state
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call, and what went wrong."""
+        """Messages since the last call, with the errors that were caught."""
         nothing: Sequence[str] = ()
         messages = [*self._try(self._session.messages, nothing), *self._mistakes]
         self._mistakes.clear()
@@ -45,35 +45,35 @@ class ErrorBoundary:
         self._try(self._session.panic, None)
 
     def cancel(self) -> bool:
-        """Drop the line that is being computed."""
+        """Cancel the line that is being computed."""
         return self._try(self._session.cancel, False)
 
     def let_go(self) -> None:
-        """No force at once."""
+        """End every force at once."""
         self._try(self._session.let_go, None)
 
     def input_ends(self) -> None:
-        """Nobody enters anything more."""
+        """Note that no line follows."""
         self._try(self._session.input_ends, None)
 
     def close(self) -> None:
-        """Hush, and let go."""
+        """End the session."""
         self._session.close()
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
-        """How a line may go on."""
+        """Completions of a line."""
         return self._try(lambda: self._session.complete(line, cursor), ())
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
-        """What its words are."""
+        """The kinds of a line's words."""
         return self._try(lambda: self._session.tokens(line), ())
 
     def is_whole(self, text: str) -> bool:
-        """Whether Enter ends it."""
+        """Whether Enter ends the text."""
         return self._try(lambda: self._session.is_whole(text), True)
 
     def mistake(self, error: BaseException) -> None:
-        """Tell an error with the next messages."""
+        """Add an error to the messages."""
         self._mistakes.append(_told(error))
 
     def _try(self, call: Callable[[], Answer], otherwise: Answer) -> Answer:
@@ -88,7 +88,7 @@ class ErrorBoundary:
 
 def _is_mistake(error: BaseException) -> bool:
     """Whether code went wrong; what a signal raises (Ctrl-C, SIGTERM) goes its way."""
-    panic = type(error).__name__ == "PanicException"  # PyO3's is no Exception
+    panic = type(error).__name__ == "PanicException"  # pyo3's panic, which is not an Exception
     return panic or isinstance(error, (Exception, SystemExit))
 
 

@@ -25,14 +25,14 @@ class LineReader:
     """
 
     def __init__(self, source: TextIO, queue: LineQueue[None]) -> None:
-        """Over an open text file; nothing else may read from it any more."""
+        """Read an open text file, from which nothing else may read."""
         self._queue = queue
         self._fd = source.fileno()
         decoder = codecs.getincrementaldecoder(source.encoding or "utf-8")("replace")
         self._decoder = io.IncrementalNewlineDecoder(decoder, translate=True)
         is_file = stat.S_ISREG(os.fstat(self._fd).st_mode)
         self._room = threading.Semaphore(1) if is_file else None
-        self._part = ""  # of a line whose end is not there yet
+        self._part = ""  # of a line that has not ended
         self._over = False
         self._wake, self._woken = os.pipe() if sys.platform != "win32" else (-1, -1)
         self._thread = threading.Thread(target=self._read, name="ergon-input", daemon=True)
@@ -42,16 +42,16 @@ class LineReader:
         self._thread.start()
 
     def taken(self) -> None:
-        """A line's queued has come."""
+        """Note that a line has left the queue."""
         if self._room is not None:
             self._room.release()
 
     def forget(self) -> None:
-        """What is typed and not yet entered is gone."""
+        """Drop what is typed and not yet entered."""
         self._part = ""
 
     def stop(self) -> None:
-        """Read no more."""
+        """Stop reading."""
         self._over = True
         self.taken()
         if self._woken >= 0:
@@ -65,7 +65,7 @@ class LineReader:
             while data := self._bytes():
                 self._came(self._decoder.decode(data))
             self._came(self._decoder.decode(b"", final=True))
-        except OSError:  # a terminal that was closed ends as well
+        except OSError:  # a closed terminal is the end of input
             pass
         if self._part:
             self._enter(self._part)

@@ -26,7 +26,7 @@ _LISTENED = 0.1  # s between two looks at what happened
 
 
 class Plain:
-    """A session by lines that come in and lines that go out."""
+    """A prompt that reads and prints lines."""
 
     def __init__(self, session: ErrorBoundary, source: TextIO, sink: TextIO, watch: Watch) -> None:
         """Serve a session; lines from a file or a pipe are echoed, so that a log holds them."""
@@ -40,7 +40,7 @@ class Plain:
         self._reading = False
         self._queue: LineQueue[None] = LineQueue(session)
         self._reader = LineReader(source, self._queue)
-        if isinstance(sink, io.TextIOWrapper):  # no byte and no locale is an error here
+        if isinstance(sink, io.TextIOWrapper):  # never fail on a character that the locale lacks
             sink.reconfigure(errors="replace")
 
     def run(self) -> int:
@@ -68,7 +68,7 @@ class Plain:
         return refusals
 
     def end(self) -> None:
-        """Leave at once, from a signal's handler."""
+        """Leave at once; called by a signal handler."""
         raise Ended
 
     def _done(self, queued: QueuedLine[None]) -> Reply:
@@ -84,7 +84,7 @@ class Plain:
             try:
                 line = self._line()
             except KeyboardInterrupt:
-                if not self._by_hand:  # a script is ended by it
+                if not self._by_hand:  # Ctrl-C ends a script
                     raise
                 lines.clear()
                 continue
@@ -101,7 +101,7 @@ class Plain:
         where = f"{self._session.state().where} > "
         queued = None
         try:
-            self._reading = True  # before anybody sees that it does
+            self._reading = True  # before the prompt is visible
             with self._writing:
                 self._prompt = where
                 self._write(where)
@@ -111,14 +111,14 @@ class Plain:
             self._reading = False
             with self._writing:
                 self._prompt = ""
-                if not (self._by_hand and queued):  # a terminal shows by itself what is typed
+                if not (self._by_hand and queued):  # a terminal echoes by itself
                     self._write(echo("", queued.text.rstrip() if queued else "") + "\n")
         return queued
 
     def _print(self, lines: Sequence[str]) -> None:
         if lines:
             with self._writing:
-                # Below a prompt that waits, which then stands again below them.
+                # Print below the waiting prompt, and the prompt again.
                 self._write("\n" * bool(self._prompt) + "\n".join(lines) + "\n" + self._prompt)
 
     def _write(self, text: str) -> None:
@@ -127,7 +127,7 @@ class Plain:
 
     def _listen(self) -> None:
         """A thread of its own: it tells what happens while nothing is typed."""
-        with contextlib.suppress(OSError, ValueError):  # nobody reads any more
+        with contextlib.suppress(OSError, ValueError):  # the output was closed
             while not self._over.wait(_LISTENED):
                 self._folded.take(self._session.messages())
                 self._print([clean(line) for line in self._folded.due(time.monotonic())])
@@ -155,7 +155,7 @@ class Plain:
 
 
 def _forget(terminal: int) -> None:
-    """What is typed and not yet entered is gone."""
+    """Drop what is typed and not yet entered."""
     if sys.platform != "win32":
         import termios
 
@@ -173,7 +173,7 @@ def _unfrozen(terminal: int) -> Iterator[None]:
     before = termios.tcgetattr(terminal)
     changed = termios.tcgetattr(terminal)
     changed[0] &= ~termios.IXON
-    # By itself a terminal throws away what is being printed too, and so the next prompt at times.
+    # Without this, Ctrl-C also discards output, sometimes the next prompt.
     changed[3] |= termios.NOFLSH
     termios.tcsetattr(terminal, termios.TCSANOW, changed)
     try:

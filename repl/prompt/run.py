@@ -69,7 +69,7 @@ def drawable() -> bool:
 def history_of_user(environment: Mapping[str, str] = os.environ) -> Path | None:
     """$XDG_STATE_HOME/ergon/history, or ~/.local/state/ergon/history."""
     base = environment.get("XDG_STATE_HOME", "")
-    if Path(base).is_absolute():  # others are to be ignored, says the specification
+    if Path(base).is_absolute():  # the specification says to ignore relative paths
         return Path(base) / "ergon" / "history"
     try:
         return Path.home() / ".local" / "state" / "ergon" / "history"

@@ -78,7 +78,7 @@ class Screen:
 
     def run(self) -> int:
         """Serve until somebody leaves; the number of lines that were refused."""
-        self._watch([signal.SIGINT], ends=None)  # it clears what is typed
+        self._watch([signal.SIGINT], ends=None)  # Ctrl-C clears what is typed
         asyncio.run(self._run())
         self._watch([signal.SIGINT], ends=True)
         for line in self._folded.rest():
@@ -105,11 +105,11 @@ class Screen:
                 await asyncio.wait({serving}, timeout=_LISTENED)
                 self._listen()
                 if self._app.is_done:
-                    # It waits for ever for a terminal that was closed while something was printed.
+                    # If the terminal was closed while printing, prompt_toolkit waits for ever.
                     await asyncio.wait({serving}, timeout=_PATIENCE)
                     serving.cancel()
             proxy.close()
-            # What was printed last is still on its way through the loop.
+            # The last output is still on its way through the loop.
             if under_way := asyncio.all_tasks() - {asyncio.current_task()}:
                 await asyncio.wait(under_way, timeout=_PATIENCE)
             with contextlib.suppress(EOFError, asyncio.CancelledError), _hung_up():
@@ -139,7 +139,7 @@ class Screen:
         self._buffer.reset()
 
     def leave(self) -> None:
-        """Go, when all lines are done; at the second time at once."""
+        """Leave when all lines are done; the second time at once."""
         if self._leaving:
             self._go()
         self._leaving = True
@@ -195,7 +195,7 @@ class Screen:
 
     def _work(self, loop: asyncio.AbstractEventLoop) -> None:
         """A thread of its own: a line may take a while, and typing goes on."""
-        with contextlib.suppress(RuntimeError):  # somebody left at once: the loop is closed
+        with contextlib.suppress(RuntimeError):  # the loop is closed: the user left at once
             while (queued := self._queue.next()) is not None:
                 self._at_work = True
                 with at_work(self._watch):

@@ -8,7 +8,7 @@ from ergon.common.terminal import clean
 from ergon.repl.session_protocol import State
 
 _BETWEEN = "  "
-_LEAST = 12  # characters that who plays what keeps
+_LEAST = 12  # characters that the list of players keeps
 
 
 def status(state: State, width: int) -> str:

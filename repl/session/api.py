@@ -13,10 +13,10 @@ from ergon.repl.session_protocol import Reply, SessionProtocol, State
 
 
 class NotTaken(ErgonError):
-    """A line was refused, and nothing has changed; `reply` is what was said."""
+    """A line was refused and has changed nothing; `reply` says why."""
 
     def __init__(self, reply: Reply) -> None:
-        """Why, and what to type instead where that is known."""
+        """Make the message of a reply, with the line to type instead if there is one."""
         super().__init__(reply.text + (f"; try: {reply.try_}" if reply.try_ else ""))
         self.reply = reply
 
@@ -57,24 +57,24 @@ class SessionProxy:
         return call
 
     def __dir__(self) -> list[str]:
-        """The verbs too, for who completes names."""
+        """List the verbs too, for completion."""
         return sorted({*super().__dir__(), *building.FUNCTIONS})
 
     @property
     def state(self) -> State:
-        """Where it is and what is heard."""
+        """Position, tempo, what plays, load and level."""
         return self._session.state()
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call, a sentence each."""
+        """Messages since the last call, one sentence each."""
         return self._session.messages()
 
     def close(self) -> None:
-        """End it; of one in another process, leave it."""
+        """End the session; a session in another process goes on."""
         self._session.close()
 
     def __enter__(self) -> Self:
-        """Itself."""
+        """The proxy itself."""
         return self
 
     def __exit__(
@@ -83,7 +83,7 @@ class SessionProxy:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close it."""
+        """Close the session."""
         self.close()
 
 

@@ -1,4 +1,4 @@
-"""What the commands of a session act on: its versions, the lines that wait, files, the journal."""
+"""What the commands of a session act on: its versions, waiting lines, files and journal."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ergon.live.display import feels
 from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import NOW, Command, Guide, When
-from ergon.repl.language.scope import names
+from ergon.repl.language.scope import scope_of
 from ergon.repl.session import computing, version_edits
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
@@ -20,7 +20,7 @@ from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, 
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.journal_content import said
+from ergon.repl.session.journal_content import text_fields
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
@@ -54,11 +54,11 @@ class SessionCore:
         disk: Disk | None = None,
         watches: bool = False,
     ) -> None:
-        """Begin with a version whose piece stands; `make` puts its stage on an engine.
+        """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
 
-        `margin` [s] is what a change takes to reach the engine; `hands` is the recording that
-        the engine writes of real hands; `disk` is what is known of files where they do not lie
-        there as the version has them. One that `watches` reloads a score that was saved.
+        `margin` [s] is the time a change takes to reach the engine; `hands` is the recording that
+        the engine writes of real hands; `disk` holds known hashes where files on the disk differ
+        from the version. A session that `watches` reloads the score when it is saved elsewhere.
         """
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
@@ -69,7 +69,7 @@ class SessionCore:
         self.quant: Length | None = _BAR
         self.quant_text = "bar"
         self.versions = [PastVersion.of(version, "1|1")]
-        self.at = 0  # of versions: the last one that was not undone
+        self.version_index = 0  # in `versions`: the last that was not undone
         self.commits = Commits(
             engine, running, real or {}, int(margin * running.stage.rate), version
         )
@@ -81,41 +81,44 @@ class SessionCore:
         self.taps: list[float] = []
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
-        self._scope = names(version.piece)
-        self._scope_of = version.piece
+        self._scope = scope_of(version.piece)
+        self._scope_piece = version.piece
         self._messages: deque[str] = deque(maxlen=1000)
-        # Which part of the scene's force each real hand was last said to get.
-        self._felt: dict[str, float] = {}
-        self._messages += self.felt(running)
+        # The share of the scene's force that each player was last told.
+        self._scales: dict[str, float] = {}
+        self._messages += self.force_messages(running)
         self.lock = threading.RLock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
     def say(self, message: str) -> None:
-        """Tell something with the next messages."""
+        """Add a message."""
         self._messages.append(message)
 
     def release(self) -> None:
-        """Sound and force again, after a panic and after `let_go`."""
+        """Switch sound and force on again, after a panic or `let_go`."""
         self.stops.release()
         self._tell("release", frame=self.commits.engine.frame)
 
-    def take(self, text: str, commands: Sequence[Command]) -> Reply:
-        """Make a version of what commands ask for."""
+    def make_version(self, text: str, commands: Sequence[Command]) -> Reply:
+        """Make a version by the edits of commands, and queue it."""
         for command in commands:
             if isinstance(command, Guide):
                 allow(command, self.commits)
         when: When = next((c.when for c in commands if c.when is not None), None)
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
-        said = [version_edits.summary(command, made) for command in commands] + self.felt(made)
+        said = [version_edits.summary(command, made) for command in commands]
+        said += self.force_messages(made)
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
 
-    def felt(self, made: Running) -> list[str]:
-        """What real hands get of a version, where that is not what they were told last."""
-        told = [one for one in made.bearings if self._felt.get(one.player, 1.0) != one.last.scale]
-        self._felt |= {one.player: one.last.scale for one in told}
-        return [feels(one) for one in told]
+    def force_messages(self, made: Running) -> list[str]:
+        """Messages about the share of force that real hands get, where it has changed."""
+        changed = [
+            one for one in made.bearings if self._scales.get(one.player, 1.0) != one.last.scale
+        ]
+        self._scales |= {one.player: one.last.scale for one in changed}
+        return [feels(one) for one in changed]
 
     def queue(
         self,
@@ -130,10 +133,10 @@ class SessionCore:
         is_read: bool = False,
         is_limited: bool = True,
     ) -> tuple[str, Running]:
-        """Let a line wait for its boundary; a new version unless it `restores` an old one.
+        """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
-        Where it comes into effect, and what plays then. What was read from files stands in the
-        journal as it was. Raises StoppedError where a line that `is_limited` takes too long.
+        Returns the beat as written, and the version staged. Texts read from files are kept in the
+        journal. Raises StoppedError where a line that `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self.number += 1
@@ -163,41 +166,41 @@ class SessionCore:
             resets=resets,
             restores=restores,
             where=where,
-            **(self._said(made.version) if is_read else {}),
+            **(self._fields_read(made.version) if is_read else {}),
         )
         if restores is None:
-            del self.versions[self.at + 1 :]
+            del self.versions[self.version_index + 1 :]
             self.versions.append(PastVersion.of(made.version, where))
-            self.at += 1
+            self.version_index += 1
         self._rescope()
         self.pump()
         return where, made
 
-    def _said(self, version: Version) -> dict[str, object]:
+    def _fields_read(self, version: Version) -> dict[str, object]:
         if version.read is not None:
-            self.disk.saw(version.read)
-        return {**said(version.texts), "disk": self.disk.said(version.texts)}
+            self.disk.note_read(version.read)
+        return {**text_fields(version.texts), "disk": self.disk.hashes_by_name(version.texts)}
 
     def drop(self, waiting: Waiting) -> None:
-        """Take a line back before it began."""
+        """Remove a line that has not taken effect."""
         self.commits.drop(waiting)
         self._tell("dropped", number=waiting.number)
         self._rescope()
 
-    def wrote(self, texts: Texts) -> None:
-        """Files were written for texts, and `disk` knows of it."""
-        self._tell("saved", score=texts.path, disk=self.disk.said(texts))
+    def note_written(self, texts: Texts) -> None:
+        """Note in the journal that files were written."""
+        self._tell("saved", score=texts.path, disk=self.disk.hashes_by_name(texts))
         if self.watch is not None:
-            self.watch.has_changed()  # it was we
+            self.watch.has_changed()  # the session itself wrote them
 
     def written(self, beat: float) -> str:
         """A beat of the piece as `bar|beat`."""
         return self.commits.head.piece.tempo_map.written(beat)
 
     def pump(self) -> None:
-        """Hand over what is due, and hear what the engine tells."""
+        """Hand due versions to the engine, and handle its events."""
         with self.lock:
-            self._hear()
+            self._handle_events()
             self._late(self.commits.tick())
             while self.commits.lost:
                 one, why = self.commits.lost.pop(0)
@@ -208,18 +211,18 @@ class SessionCore:
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
 
-    def _hear(self) -> None:
-        for told in self.commits.engine.events():
-            if told.sentence:
-                self._messages.append(f"{self._written(told.frame)} {told.sentence}")
-            elif told.ticket is not None and told.is_late:
-                self.guidance.late(told.ticket)
-                self._late(self.commits.late(told.ticket))
-            elif told.ticket is not None:
-                self._committed(self.commits.done(told.ticket), told.frame)
+    def _handle_events(self) -> None:
+        for event in self.commits.engine.events():
+            if event.sentence:
+                self._messages.append(f"{self._written(event.frame)} {event.sentence}")
+            elif event.ticket is not None and event.is_late:
+                self.guidance.late(event.ticket)
+                self._late(self.commits.late(event.ticket))
+            elif event.ticket is not None:
+                self._committed(self.commits.done(event.ticket), event.frame)
 
     def _keep_take(self, own: Capture) -> None:
-        """A take that has ended gets its file and its name."""
+        """Write the file of a take that has ended, and give it a name in the score."""
         folder = Path(self.commits.head.texts.path).parent
         try:
             path = self.captures.write(own, folder, self.commits.engine.tick_frames)
@@ -246,17 +249,19 @@ class SessionCore:
                 )
 
     def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
-        if not self.commits.waiting:  # what a line was made on may have been another version
+        if not self.commits.waiting:  # a waiting line may have been made for another version
             running = self.commits.running
-            self._messages += [f"{self._written(frame)} {said}" for said in self.felt(running)]
+            self._messages += [
+                f"{self._written(frame)} {said}" for said in self.force_messages(running)
+            ]
         for one in lines:
-            if one.number:  # else only the horizon went on
+            if one.number:  # 0: no line, only the timeline was extended
                 self._tell("commit", number=one.number, frame=frame, beat=one.beat)
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece
-        if piece is not self._scope_of:
-            self._scope, self._scope_of = names(piece), piece
+        if piece is not self._scope_piece:
+            self._scope, self._scope_piece = scope_of(piece), piece
 
     def _written(self, frame: int) -> str:
         running: Running = self.commits.running

@@ -1,4 +1,4 @@
-"""What sounds while lines are typed: a performance on hardware, or the same in steps, by hand."""
+"""The engine that a session plays on: its protocol, and one that is stepped by its caller."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What is different from frame `at` on, a multiple of the engine's tick.
+    """A change of what plays from frame `at` on, a multiple of the engine's tick.
 
-    `stage` takes over from what plays `before`, or where it `resets` begins anew; `gains` (ratios)
-    are of groups of routes; `damp` [s] is the T60 that all is given besides its own; `bearings` are
-    what real hands get of it.
+    `stage` takes over from `before`, or begins anew where it `resets`; `gains` (ratios)
+    are of groups of routes; `damp` [s] is a T60 added to all that sounds; `bearings` are
+    the forces that real hands may get from it.
     """
 
     at: int
@@ -38,7 +38,7 @@ class Change:
 class GuidedPath:
     """What leads a hand: `path` (n_ticks,) [m] is where to, tick by tick.
 
-    `steps`: after how many ticks which shares of its guide's stiffness and viscosity act (0 to 1).
+    `steps`: (tick, share of stiffness, share of viscosity) from which on they hold, 0 to 1.
     """
 
     path: NDArray[np.float64]
@@ -47,7 +47,7 @@ class GuidedPath:
 
 @dataclass(frozen=True, slots=True)
 class EngineStatus:
-    """How it goes: load as a share of real time, late ticks, peaks of channels as ratios.
+    """Load as a share of real time, late ticks, peaks of channels as ratios.
 
     `away` are players whose keys are gone.
     """
@@ -61,7 +61,7 @@ class EngineStatus:
 
 @dataclass(frozen=True, slots=True)
 class EngineEvent:
-    """Something that happened: a change was done, or came too late; or a sentence to be read."""
+    """A change that was made or came too late (by its ticket), or a sentence for the player."""
 
     frame: int
     ticket: int | None = None
@@ -70,7 +70,7 @@ class EngineEvent:
 
 
 class Engine(Protocol):
-    """What a session plays on."""
+    """What a session needs of an engine."""
 
     @property
     def tick_frames(self) -> int:
@@ -83,40 +83,43 @@ class Engine(Protocol):
     def bearings(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
     ) -> Sequence[Bearing]:
-        """What real hands get of a stage that takes over at frame `start`. Raises NotTakenError."""
+        """The forces that real hands may get from a stage that takes over at frame `start`.
+
+        Raises NotTakenError where a key cannot bear the stage.
+        """
 
     def change(self, change: Change) -> int:
-        """Ask for a change; its ticket."""
+        """Request a change; its ticket."""
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
-        """HandGuide hands of players otherwise from frame `at` on; a ticket."""
+        """Guide players' hands by new paths from frame `at` on; the ticket."""
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
-        """Where the faders of groups of routes stand at the beginning, as ratios."""
+        """Set the faders of groups of routes at the beginning, as ratios."""
 
     def events(self) -> Sequence[EngineEvent]:
-        """What happened since the last call."""
+        """Events since the last call."""
 
     def status(self) -> EngineStatus:
-        """How it goes."""
+        """Load, late ticks, peaks, and keys that are gone."""
 
     def panic(self) -> None:
-        """Silence within 5 ms, no force."""
+        """Silence sound within 5 ms, and end every force."""
 
     def let_go(self) -> None:
-        """No force."""
+        """End every force; the sound goes on."""
 
     def release(self) -> None:
-        """Sound and force again."""
+        """Switch sound and force on again."""
 
     def close(self) -> None:
-        """End."""
+        """End the engine."""
 
 
 class SteppedEngine:
-    """The engine by hand: frames are computed when they are asked for.
+    """An engine whose frames are computed when its caller asks for them.
 
-    What `render` makes of a journal, and what a live engine must be equal to.
+    `render` uses it for journals; a live engine must give the same samples.
     """
 
     def __init__(self, stage: Stage, *, tick_frames: int, highpass: float | None) -> None:
@@ -134,11 +137,11 @@ class SteppedEngine:
     def bearings(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
     ) -> Sequence[Bearing]:
-        """No hand is real here."""
+        """Do nothing: no hand is real here."""
         return ()
 
     def change(self, change: Change) -> int:
-        """Ask for a change; one whose frame has passed is told to be late, and not done."""
+        """Request a change; one whose frame has passed is reported as late and not made."""
         self._tickets += 1
         if change.at < self.frame:
             self._events.append(EngineEvent(self.frame, self._tickets, is_late=True))
@@ -148,17 +151,17 @@ class SteppedEngine:
         return self._tickets
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
-        """No hand is real here."""
+        """Do nothing: no hand is real here."""
         self._tickets += 1
         return self._tickets
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
-        """Where the faders of groups of routes stand at the beginning, as ratios."""
+        """Set the faders of groups of routes at the beginning, as ratios."""
         for group, gain in gains.items():
             self._mixer.set_gain(group, gain)
 
     def events(self) -> list[EngineEvent]:
-        """What happened since the last call."""
+        """Events since the last call."""
         events, self._events = self._events, []
         return events
 
@@ -198,17 +201,17 @@ class SteppedEngine:
         new.damp(change.damp)
 
     def status(self) -> EngineStatus:
-        """Nothing is late that is done by hand."""
+        """Nothing is ever late here."""
         return EngineStatus()
 
     def panic(self) -> None:
-        """Nothing sounds here that could hurt."""
+        """Do nothing: no sound card is open."""
 
     def let_go(self) -> None:
-        """No hand is here."""
+        """Do nothing: no hand is real here."""
 
     def release(self) -> None:
-        """Nothing was silenced."""
+        """Do nothing: nothing was silenced."""
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""

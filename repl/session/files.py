@@ -1,4 +1,4 @@
-"""What a session writes: its score as it stands, and what was changed of the files that it uses."""
+"""Saving: the score of a version, and the changed files that it uses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SUFFIXES = (".yaml", ".yml")
 
 
 def keep(session: SessionCore, length: Length, name: str) -> list[str]:
-    """Write the last bars as a score of their own beside this one; the files that were written."""
+    """Write the last bars as a score beside this one; the names of the files written."""
     version, now = session.commits.head, session.commits.now()
     tempo = version.piece.tempo_map
     beats = tempo.after(0.0, length) if not length.seconds else None
@@ -39,9 +39,9 @@ def keep(session: SessionCore, length: Length, name: str) -> list[str]:
 
 
 def save(session: SessionCore, target: Path | None) -> list[str]:
-    """Write the score of the latest version, what goes on ended here; the files that were written.
+    """Write the latest version, endless parts ended here; the names of the files written.
 
-    Without a target over its own file, and over those that it uses, where they were changed.
+    Without a target it replaces its own file, and the changed files that it uses.
     """
     version = session.commits.head
     texts = parts.finish(version.texts, version.piece, session.commits.now())
@@ -50,13 +50,13 @@ def save(session: SessionCore, target: Path | None) -> list[str]:
 
 
 def folder_of(texts: Texts) -> Path:
-    """Where what a session makes of a score is written; of one that ships, where we are."""
+    """The folder that a session writes to: the score's; for a score that ships, the current one."""
     path = Path(texts.path)
     return Path() if is_shipped(path) else path.parent
 
 
 def _target(texts: Texts, target: Path) -> Path | None:
-    """Where a name leads; None where it is the score itself. Raises NotTakenError."""
+    """The file of a name; None where it is the score itself. Raises NotTakenError."""
     own, folder = Path(texts.path), folder_of(texts)
     path = folder / target if target.parent == Path() else target
     if path.suffix == "":
@@ -64,7 +64,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
     try:
         real, is_inside = path.resolve(), path.resolve().parent == folder.resolve()
         is_own = real == own.resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or no name at all
+    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
     if not is_inside:
         raise NotTakenError(
@@ -75,7 +75,7 @@ def _target(texts: Texts, target: Path) -> Path | None:
 
 
 def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:
-    """Write texts over their files, or as another score; nothing at all where one is refused."""
+    """Write texts over their files, or as another score: all of them or none."""
     own, disk = Path(texts.path), session.disk
     changed = disk.changed(texts)
     files: Mapping[str, str]
@@ -97,15 +97,15 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
         )
     except (RefusedError, OSError) as error:
         raise NotTakenError(str(error)) from None
-    disk.wrote(files)
-    session.wrote(texts)
+    disk.note_written(files)
+    session.note_written(texts)
     return [*files]
 
 
 def _proven(
     texts: Texts, changed: Mapping[str, str], score: Path, files: Mapping[str, str]
 ) -> None:
-    """Whether what will lie on the disk is what plays. Raises NotTakenError."""
+    """Check that the written files will say the piece that plays. Raises NotTakenError."""
     left = {file: text for file, text in texts.overlay.items() if file not in changed}
     text = files.get(str(score), texts.text)
     there = Texts(str(score), text, {**left, **files}, sealed=True).load().piece

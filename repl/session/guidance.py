@@ -1,4 +1,4 @@
-"""Real hands that are led: along what another player's part does with its key, as it goes on."""
+"""Haptic guidance: a real hand is pulled along the path of another player's part."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
     from ergon.repl.session.running import Running
 
-# A path is made for so long, and made again when half of it is left [s]: some hundredths of a
-# second of work.
+# The length of a path, which is replaced when half of it is left [s]. Making one takes some
+# hundredths of a second.
 _PATH = 6.0
-# A hand is let go where nothing is played for longer than this [s], and taken up before it is.
+# A rest longer than _REST frees the hand; guidance begins _BEFORE the next gesture [s].
 _REST = 1.0
 _BEFORE = 0.2
-# What the first path may take to make; later ones take what the slowest of the last took [s].
+# The time allowed for the first path; later, the time of the slowest of the last [s].
 _MAKING = 0.1
 _FORGET = 0.8
 
 
 def guide_of(command: Guide) -> HandGuide:
-    """What a line asks for, as shares of what every key is known to bear. Raises NotTakenError."""
+    """The guide of a command, as shares of the strongest guide. Raises NotTakenError."""
     assert command.by is not None
     stiffest, thickest = GUIDE
     stiffness = stiffest if command.stiffness is None else command.stiffness
@@ -48,7 +48,7 @@ def guide_of(command: Guide) -> HandGuide:
 
 
 def allow(command: Guide, commits: Commits) -> None:
-    """Refuse a lead of or by who is not there. Raises NotTakenError."""
+    """Refuse a guide unless a real hand follows a written part. Raises NotTakenError."""
     player, by = command.player, command.by
     if player not in commits.real:
         raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
@@ -66,17 +66,17 @@ def allow(command: Guide, commits: Commits) -> None:
 
 @dataclass(slots=True)
 class Guidance:
-    """Keeps the engine told of where the hands of the version that plays are led."""
+    """Sends the engine the paths of guided hands, piece by piece, as the version plays."""
 
     commits: Commits
-    _running: Running | None = None  # what the paths are of
-    _remake_at: int = 0  # the frame at which they are made again
+    _running: Running | None = None  # the version whose paths were sent
+    _remake_at: int = 0  # the frame at which the next paths are made
     _guided: frozenset[str] = frozenset()
     _ticket: int | None = None
     _seconds: float = field(default=_MAKING)
 
     def due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
-        """From which frame on which hands are led otherwise than before; None: as before."""
+        """The frame and the new paths by player where they have to be sent now; else None."""
         running, commits = self.commits.running, self.commits
         players = running.version.piece.players
         guides = {
@@ -114,14 +114,14 @@ class Guidance:
             yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),))
 
     def hand(self, at: int, made: Mapping[str, GuidedPath]) -> None:
-        """Tell the engine; where it hears too much at once it is told again."""
+        """Send paths to the engine; where its queue is full, `due` makes them again."""
         try:
             self._ticket = self.commits.engine.guide(at, made)
         except EngineError:
             self._running = None
 
     def late(self, ticket: int) -> None:
-        """A ticket came too late: what it was for is made again."""
+        """Note a late ticket: if paths were sent with it, `due` makes them again."""
         if ticket == self._ticket:
             self._running = None
 
@@ -129,7 +129,7 @@ class Guidance:
 def _guided_path(
     running: Running, player: str, guide: HandGuide, ticks: range, every: int
 ) -> GuidedPath:
-    """Where a player is led in the next ticks: no farther than its own key goes."""
+    """The path of a guided player in the next ticks, within the travel of its own key."""
     import numpy as np
 
     piece, period = running.version.piece, every / running.stage.rate
@@ -143,7 +143,7 @@ def _guided_path(
         for start, stop in _joined(plays)
     ]
     shares = guide.stiffness, guide.viscosity
-    # Where no other path comes in time it ends.
+    # If no other path comes in time, this one ends by freeing the hand.
     steps = [(0, 0.0, 0.0), *_steps(spans, shares), (len(path), 0.0, 0.0)]
     first = sum(at <= 0 for at, *_ in steps) - 1
     now = (0, *steps[first][1:])
@@ -151,7 +151,7 @@ def _guided_path(
 
 
 def _joined(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Stretches with no long rest in them."""
+    """Join stretches between which there is no long rest."""
     found: list[tuple[float, float]] = []
     for start, stop in sorted(plays):
         if found and start - found[-1][1] <= _REST:

@@ -1,8 +1,8 @@
-"""session.jsonl: what was typed and when it came into effect, as it happens.
+"""session.jsonl: every line that was typed, and when it took effect, written as it happens.
 
-A line is handed to the system at once, so that it survives whatever ends the program; a thread of
-the journal's own brings it to the disk, for that takes some milliseconds, on a busy disk some
-hundred. What a power failure takes are the lines of that time.
+A line is handed to the system at once, so that it survives the end of the program; a thread of
+the journal's own brings it to the disk, which takes some milliseconds, on a busy disk some
+hundred. A power failure loses the lines of that time.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _LATEST = 1e12  # no number of a journal is larger
 
 
 class JournalError(ErgonError):
-    """A journal cannot be written, or what is to be read is none: one sentence."""
+    """A journal cannot be written or read: one sentence says why."""
 
 
 class Journal:
-    """A journal that is being written; what was told survives whatever ends the program."""
+    """A journal that is being written; its events survive whatever ends the program."""
 
     def __init__(self, path: Path) -> None:
-        """Begin one where no file may be. Raises JournalError."""
+        """Begin a journal in a new file. Raises JournalError."""
         try:
             self._file: IO[str] = path.open("x", encoding="utf-8")
         except OSError as error:
@@ -48,9 +48,9 @@ class Journal:
 
     @classmethod
     def begun(cls, path: Path) -> Journal:
-        """Begin one under the first free name of `name`, `name-2`, `name-3` … Raises JournalError.
+        """Begin a journal under the first free of `name`, `name-2`, … Raises JournalError.
 
-        Of several that begin at once each gets a name of its own.
+        Several journals that begin at once get different names.
         """
         for found in names(path):
             try:
@@ -58,10 +58,10 @@ class Journal:
             except JournalError as error:
                 if not isinstance(error.__cause__, FileExistsError):
                     raise
-        raise AssertionError  # names do not end
+        raise AssertionError  # the sequence of names is endless
 
     def tell(self, event: str, **fields: Any) -> None:
-        """Append an event; where that fails the music goes on, and `trouble` says so once."""
+        """Append an event; a failure is reported once by `trouble`, and stops nothing."""
         line = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=True)
         if len(line) >= MAX_LINE:
             self._trouble = (
@@ -77,25 +77,25 @@ class Journal:
         self._told.set()
 
     def trouble(self) -> str:
-        """What kept it from being written since the last call, if anything."""
+        """Why writing has failed since the last call; empty where it has not."""
         trouble, self._trouble = self._trouble, ""
         return trouble
 
     def close(self) -> None:
-        """End it, on the disk."""
+        """End the journal, and bring it to the disk."""
         self._over = True
         self._told.set()
         self._thread.join()
-        with contextlib.suppress(OSError):  # told already
+        with contextlib.suppress(OSError):  # `trouble` has reported it
             self._file.close()
 
     def _settle(self) -> None:
-        """Bring to the disk what was told, all lines of a while at once."""
+        """Bring events to the disk, all that have come meanwhile at once."""
         is_over = False
         while not is_over:
             self._told.wait()
             self._told.clear()
-            is_over = self._over  # what was told before is among what comes to the disk now
+            is_over = self._over  # events before `close` are synced below
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
@@ -116,7 +116,7 @@ class Event:
         raise JournalError(f"{self.file}, line {self.number}: {sentence}") from None
 
     def get(self, name: str, kind: type, default: Any = None) -> Any:
-        """A field of a kind. Raises JournalError where it is another, or missing."""
+        """A field of a type. Raises JournalError where it is missing or of another type."""
         value = self.fields.get(name, default)
         if value is None:
             self.wrong(f"the field '{name}' is missing")
@@ -131,14 +131,14 @@ class Event:
     def number_of(self, name: str, kind: type, low: float, high: float, default: Any = None) -> Any:
         """A number within bounds. Raises JournalError."""
         value = self.get(name, kind, default)
-        if not low <= value <= high:  # NaN neither
+        if not low <= value <= high:  # also refuses NaN
             self.wrong(
                 f"the field '{name}' is {str(value)[:20]}; it must be from {low:g} to {high:g}"
             )
         return value
 
     def mapping(self, name: str, kind: type, most: int = 10_000) -> dict[str, Any]:
-        """Values of a kind by name; empty where none is given. Raises JournalError."""
+        """Values of one type by name; empty where the field is missing. Raises JournalError."""
         found: dict[str, Any] = self.get(name, dict, {})
         fits = _is_text if kind is str else _is_ratio
         if len(found) > most or not all(_is_text(word) and fits(x) for word, x in found.items()):
@@ -146,7 +146,7 @@ class Event:
         return {word: kind(x) for word, x in found.items()}
 
     def words(self, name: str) -> frozenset[str]:
-        """A set of names; empty where none is given. Raises JournalError."""
+        """A set of names; empty where the field is missing. Raises JournalError."""
         found: list[Any] = self.get(name, list, [])
         if not all(map(_is_text, found)):
             self.wrong(f"the field '{name}' has the wrong type or value")
@@ -156,7 +156,7 @@ class Event:
 def _is_text(value: object) -> bool:
     try:
         return isinstance(value, str) and value.encode() is not None
-    except UnicodeEncodeError:  # a half of a pair
+    except UnicodeEncodeError:  # half of a surrogate pair
         return False
 
 
@@ -189,7 +189,9 @@ def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:
         try:
             fields = json.loads(line.decode())
         except (ValueError, RecursionError):
-            if not line.endswith(b"\n") and len(line) < MAX_LINE:  # it was being written
+            if (
+                not line.endswith(b"\n") and len(line) < MAX_LINE
+            ):  # the program ended while it was written
                 return
             fields = None
         if not isinstance(fields, dict) or fields.get("v") != VERSION:
@@ -206,5 +208,5 @@ def names(path: Path) -> Iterator[Path]:
 
 
 def free(path: Path) -> Path:
-    """The first of its names that is not there now."""
+    """The first of `name`, `name-2`, … that does not exist now."""
     return next(found for found in names(path) if not os.path.lexists(found))

@@ -1,4 +1,4 @@
-"""What a journal says, read and checked: how a session began, and what came into effect when."""
+"""The content of a journal, checked: how a session began, and what took effect when."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ergon.repl.session.version import Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 
 _EVERY_MAX = 1 << 16  # frames of a tick
-_FRAME_MAX = 1 << 40  # at any rate longer than a session
+_FRAME_MAX = 1 << 40  # longer than a session at any rate
 _NUMBER_MAX = 1 << 40
 _BEAT_MAX = 1e7
-_RATIO_MAX = 1e10  # as much as a score may say
+_RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
 _HASH = 64  # digits
 
@@ -37,13 +37,13 @@ class SessionStart:
     highpass: float | None
 
     def version(self) -> Version:
-        """What it began with. Raises NotTakenError."""
+        """The first version. Raises NotTakenError."""
         return Version(0, "", self.texts, piece_of(self.texts), self.faders)
 
     def fields(self) -> dict[str, object]:
-        """As a journal says it."""
+        """The fields of the journal's first event."""
         return {
-            **said(self.texts),
+            **text_fields(self.texts),
             "at": self.at,
             "gains": dict(self.faders.gains),
             "muted": sorted(self.faders.muted),
@@ -56,8 +56,8 @@ class SessionStart:
         }
 
 
-def said(texts: Texts) -> dict[str, object]:
-    """Texts as a journal says them, with every file that they use: those may be edited later."""
+def text_fields(texts: Texts) -> dict[str, object]:
+    """The fields of a journal for texts: all files that they use too, which may be edited later."""
     folder = Path(texts.path).parent
     overlay = {journal_name(file, folder): text for file, text in texts.complete().overlay.items()}
     return {"score": texts.path, "text": texts.text, "overlay": overlay}
@@ -65,9 +65,9 @@ def said(texts: Texts) -> dict[str, object]:
 
 @dataclass(slots=True)
 class JournalContent:
-    """What a journal says: how it began, and what came into effect when.
+    """How a session began, and which line took effect at which frame.
 
-    `texts` are those that lines read, by the line of the journal; `disk` is what was known last of
+    `texts` are those that lines read, by the line of the journal; `disk` holds the last hashes of
     files on the disk.
     """
 
@@ -78,7 +78,9 @@ class JournalContent:
     texts: dict[int, Texts] = field(default_factory=dict)
     commits: list[tuple[int, float, Event]] = field(default_factory=list)  # frame, beat, line
     dropped: set[int] = field(default_factory=set)
-    late: dict[int, float] = field(default_factory=dict)  # by number: the beat it waits for
+    late: dict[int, float] = field(
+        default_factory=dict
+    )  # by number: the beat that a late line waits for
     n_frames: int = 0
 
     def all_texts(self) -> Iterator[Texts]:
@@ -92,15 +94,15 @@ def read_journal(
 ) -> JournalContent:
     """Read a journal. Raises JournalError.
 
-    A `score` that is named takes the place of the one that the journal names. One that is named by
-    the journal alone lies below the journal's folder or this one; where another is meant, nobody
-    `resumes` it, and for all else it is as if it lay beside the journal.
+    A `score` replaces the one that the journal names. Otherwise the score must be
+    below the journal's folder or the current one: elsewhere, a journal that `resumes` is
+    refused, and any other is read as if the score lay beside it.
     """
     events = read(path)
     first = next(events, None)
     if first is None or first.name != "session":
         raise JournalError(f"{path}: this is not a session's journal")
-    where = _Where(path, first.get("score", str), score, resumes, trust)
+    where = _FileLocations(path, first.get("score", str), score, resumes, trust)
     texts = where.texts(first)
     opening = SessionStart(
         texts,
@@ -114,16 +116,16 @@ def read_journal(
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
-    replay.disk.claim(where.hashes(first))
+    replay.disk.add_hashes(where.hashes(first))
     for event in events:
-        _heard(replay, event, where)
+        _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
     return replay
 
 
 @dataclass(frozen=True, slots=True)
-class _Where:
-    """Where the files are that a journal names; `named` is its score, `score` where that is."""
+class _FileLocations:
+    """The files that a journal names; `named` is its score, `score` the file that stands for it."""
 
     journal: Path
     named: str
@@ -132,7 +134,7 @@ class _Where:
     trust: bool
 
     def path(self, event: Event) -> Path:
-        """The score that a line names."""
+        """The score that an event names."""
         name = event.get("score", str)
         if name == self.named and self.score is not None:
             return Path(self.score)
@@ -150,7 +152,7 @@ class _Where:
         return self.journal.parent / Path(name).name
 
     def texts(self, event: Event) -> Texts:
-        """The texts that a line has; no file is read."""
+        """The texts that an event holds; no file is read."""
         path = self.path(event)
         try:
             overlay = {
@@ -163,12 +165,12 @@ class _Where:
         return Texts(str(path), event.get("text", str), overlay, sealed=True, bounds=bounds)
 
     def hashes(self, event: Event) -> dict[str, str]:
-        """What a line says of files on the disk."""
+        """The hashes of files on the disk that an event holds."""
         found = {}
         if "disk" in event.fields:
             folder = self.path(event).parent
             for name, known in event.mapping("disk", str).items():
-                with contextlib.suppress(JournalNameError):  # it is not written, then
+                with contextlib.suppress(JournalNameError):  # such a file is never written
                     found[file_named(name, folder)] = known[:_HASH]
         return found
 
@@ -183,7 +185,7 @@ def _desk(event: Event) -> Faders:
     return Faders(event.mapping("gains", float), muted, solo, master)
 
 
-def _heard(replay: JournalContent, event: Event, where: _Where) -> None:
+def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> None:
     if event.name in ("line", "commit", "late", "dropped"):
         number = event.number_of("number", int, 0, _NUMBER_MAX)
     if event.name == "line":
@@ -192,7 +194,7 @@ def _heard(replay: JournalContent, event: Event, where: _Where) -> None:
         _beat(event, "beat")
         if "text" in event.fields:
             replay.texts[event.number] = texts = where.texts(event)
-            replay.disk.saw(texts)
+            replay.disk.note_read(texts)
     elif event.name == "commit":
         if number not in replay.lines:
             event.wrong(f"the journal has no line with the number {number}")
@@ -203,7 +205,7 @@ def _heard(replay: JournalContent, event: Event, where: _Where) -> None:
     elif event.name == "dropped":
         replay.dropped.add(number)
     if event.name in ("line", "saved"):
-        replay.disk.claim(where.hashes(event))
+        replay.disk.add_hashes(where.hashes(event))
     if "frame" in event.fields:
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.n_frames = max(replay.n_frames, frame)

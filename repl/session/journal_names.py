@@ -9,18 +9,20 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from ergon.common.errors import ErgonError
 from ergon.notation.text.files import installed, is_below, is_file, is_shipped, shipped
 
-LIBRARY = "ergon:"  # begins the name of a file that ships
-_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")  # a half of a pair is no character
+LIBRARY = "ergon:"  # prefix of a file that ships with ergon
+_CONTROL = re.compile(
+    "[\x00-\x1f\x7f-\x9f\ud800-\udfff]"
+)  # half of a surrogate pair is no character
 _MOST = 1000  # characters of a name
 _MOST_PART = 255  # bytes of a file's or folder's name, which no file system exceeds
 
 
 class JournalNameError(ErgonError):
-    """A journal may not name a file so: one sentence."""
+    """A journal names a file in a way that is not allowed: one sentence."""
 
 
 def journal_name(file: str, folder: Path) -> str:
-    """How a journal names a file of the score in `folder`."""
+    """The name that a journal gives a file, for a score in `folder`."""
     name = shipped(Path(file))
     if name is not None:
         return LIBRARY + name
@@ -41,7 +43,7 @@ def file_named(name: str, folder: Path) -> str:
 
 
 def score_named(name: str, journal: Path) -> Path | None:
-    """The score that a journal names, where it may: below the journal's folder or this one.
+    """The score that a journal names, if it is below the journal's folder or the current one.
 
     None where it lies elsewhere. Raises JournalNameError where no score has such a name.
     """
@@ -56,7 +58,7 @@ def score_named(name: str, journal: Path) -> Path | None:
 
 
 def _plain(name: str) -> str:
-    """A relative name that goes down only, on any system."""
+    """Check that a name is relative and does not go up, on any system."""
     _possible(name)
     windows, posix = PureWindowsPath(name), PurePosixPath(name)
     if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
@@ -67,7 +69,7 @@ def _plain(name: str) -> str:
 
 
 def _possible(name: str) -> None:
-    """Whether a file may have such a name at all."""
+    """Check that a file can have such a name."""
     if not name or _CONTROL.search(name):
         raise JournalNameError(f"{_shown(name)} is not a valid file name")
     if len(name) > _MOST or any(len(part.encode()) > _MOST_PART for part in name.split("/")):

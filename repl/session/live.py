@@ -1,4 +1,4 @@
-"""The engine on hardware: one performance that goes on while its simulation is exchanged."""
+"""The engine on hardware: one performance, whose simulation is exchanged while it goes on."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from ergon.scores.staging.gliding import Glide
     from ergon.scores.staging.stage import Stage
 
-_BARS = 120.0  # [s] for which bars are told: a hand that comes back waits for the next one
-_PATIENCE = 2.0  # [s] that what is in the ring may take to be heard
+_BARS = 120.0  # [s] of bars sent ahead: a hand that reconnects waits for the next bar
+_PATIENCE = 2.0  # [s] to play out the ring buffer
 
 
 class LiveEngine:
-    """A stage on a sound card and keys."""
+    """A performance of stages on a sound card and keys."""
 
     def __init__(self, stage: Stage, order: Order) -> None:
-        """Begin to sound. Raises EngineError."""
+        """Begin to play a stage. Raises EngineError."""
         self.tick_frames = every(stage)
         self._highpass = order.highpass
         self._n_channels = stage.n_channels
@@ -43,13 +43,13 @@ class LiveEngine:
         self.guard = Guard(self._performance.bears, reaches, numbers)
         self._boards = [board.url for board in order.boards]
         self._sound = 0
-        # Once it is closed: how it was, and what had not been told.
+        # Once it is closed: its last status, and the events that were not reported.
         self._last: _core.Status | None = None
         self._left: list[tuple[int, str, float]] = []
 
     @property
     def performance(self) -> _core.Performance:
-        """The performance itself, for those who look on."""
+        """The performance itself, for OSC and tests."""
         return self._performance
 
     @property
@@ -60,7 +60,10 @@ class LiveEngine:
     def bearings(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
     ) -> Sequence[Bearing]:
-        """What real hands get of a stage that takes over at frame `start`. Raises NotTakenError."""
+        """The forces that real hands may get from a stage that takes over at frame `start`.
+
+        Raises NotTakenError where a key cannot bear the stage.
+        """
         found = self.guard.bearings(stage, start, glides, before)
         for one in found:
             if not one.least.is_enough:
@@ -68,7 +71,7 @@ class LiveEngine:
         return found
 
     def change(self, change: Change) -> int:
-        """Hand a change to the physics thread; its ticket."""
+        """Send a change to the physics thread; its ticket."""
         stage, before = change.stage, change.before
         is_new = stage.network is not before.network
         return self._performance.change(
@@ -87,7 +90,7 @@ class LiveEngine:
         return [list(by_player.get(player, ())) for player in self._players]
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
-        """HandGuide hands of players otherwise from a frame on; the ticket."""
+        """Guide players' hands by new paths from a frame on; the ticket."""
         import numpy as np
 
         led = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
@@ -98,12 +101,12 @@ class LiveEngine:
         )
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
-        """Where the faders of groups of routes stand at the beginning, as ratios."""
+        """Set the faders of groups of routes at the beginning, as ratios."""
         for group, gain in gains.items():
             self._performance.part_gain(group, gain)
 
     def status(self) -> EngineStatus:
-        """How it goes."""
+        """Load, late ticks, peaks, and keys that are gone."""
         status = self._status()
         hands = zip(self._players, status.hands, strict=False)
         away = frozenset(
@@ -115,7 +118,7 @@ class LiveEngine:
         )
 
     def events(self) -> Sequence[EngineEvent]:
-        """What happened since the last call."""
+        """Events since the last call."""
         found = []
         for event in self._left if self._last else self._performance.events():
             frame, what, number = event
@@ -136,19 +139,19 @@ class LiveEngine:
         return self._last or self._performance.status()
 
     def panic(self) -> None:
-        """Silence within 5 ms, no force."""
+        """Silence sound within 5 ms, and end every force."""
         self._performance.panic()
 
     def let_go(self) -> None:
-        """No force."""
+        """End every force; the sound goes on."""
         let_go()
 
     def release(self) -> None:
-        """Sound and force again."""
+        """Switch sound and force on again."""
         self._performance.release()
 
     def close(self) -> None:
-        """Let what is in the ring be heard, and end."""
+        """Play out what is in the ring buffer, and end."""
         self._last = self._performance.status()
         self._performance.stop()
         self._left = self._performance.close(_PATIENCE)

@@ -1,4 +1,4 @@
-"""A score under another name, with copies of the used files that a session changed.
+"""Saving under another name: the score, with copies of the used files that were changed.
 
 The files that it uses may be those of other scores: they stay as they are. What was changed, and
 what uses it, is copied into a folder that bears the score's name.
@@ -17,7 +17,7 @@ from ergon.scores.edits.texts import Texts
 
 
 def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, str]:
-    """What is written for texts of which these used files were changed. Raises EditError."""
+    """The texts to write, by file, where these used files were changed. Raises EditError."""
     moved = _using(texts, changed)
     own = Path(texts.path).parent
     names = {file: journal_name(file, own).removeprefix(LIBRARY) for file in texts.overlay}

@@ -1,4 +1,4 @@
-"""A session: lines in, replies out, and music that no line can stop."""
+"""A session: it takes lines, answers each with a reply, and keeps the engine running."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from ergon.scores.staging.stage import StageError
 if TYPE_CHECKING:
     from ergon.repl.session_protocol import Suggestion
 
-_LOOK = 0.02  # [s] between two looks at the engine
-_WATCH = 15  # looks between two at the score's files
+_LOOK = 0.02  # [s] between two checks of the engine
+_WATCH = 15  # checks of the engine between two of the score's files
 _HALF = re.compile("[\ud800-\udfff]")
 
 
 class Session(SessionCore):
-    """A session as whoever types sees it, and the thread that looks after its engine.
+    """A session as a prompt sees it, and the thread that attends to its engine.
 
-    One thread at a time may submit; any may look.
+    One thread at a time may submit; any thread may call the other methods.
     """
 
     def submit(self, text: str, *, releases: bool = True) -> Reply:
-        """Do a line, or a block of lines as one version; whatever it is, the music goes on."""
+        """Do a line, or a block of lines as one version. Raises nothing; the music goes on."""
         count = self.stops.count
         with self.lock:
             self.stops.begins(releases, count)
@@ -55,14 +55,14 @@ class Session(SessionCore):
                 reply = _not_taken(self.computing.refusal(error))
             except (EditError, _core.EngineError) as error:
                 reply = _not_taken(str(error))
-            except BaseException as error:  # pyo3's panics are no Exceptions, nor is SystemExit
+            except BaseException as error:  # also pyo3's panics and SystemExit
                 reply = _not_taken(f"internal error: {type(error).__name__}; nothing has changed")
-            frame = self.commits.engine.frame  # as far as whoever resumes knows that it went
+            frame = self.commits.engine.frame  # so that `--resume` knows how far the session went
             self._tell("said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame)
             return reply
 
     def _submitted(self, text: str) -> Reply:
-        if _HALF.search(text):  # no journal could be read again
+        if _HALF.search(text):  # a journal with it could not be read
             raise NotTakenError("this line contains half of a character (a lone surrogate)")
         commands = parse(text, self._scope)
         if not commands:
@@ -71,7 +71,7 @@ class Session(SessionCore):
         others = [
             command for command in commands if type(command) not in version_edits.VERSION_EDITS
         ]
-        replies = [self.take(text, music)] if music else []
+        replies = [self.make_version(text, music)] if music else []
         replies += [
             session_commands.SESSION_COMMANDS[type(command)](self, command) for command in others
         ]
@@ -81,7 +81,7 @@ class Session(SessionCore):
         return Reply(taken, "; ".join(said), None, lines, any(r.leaves for r in replies))
 
     def state(self) -> State:
-        """Where it is and what is heard."""
+        """Position, tempo, what plays, load and level."""
         running, engine = self.commits.running, self.commits.engine
         frame, look = engine.frame, engine.status()
         tempo = running.version.piece.tempo_map
@@ -104,7 +104,7 @@ class Session(SessionCore):
         )
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call, a sentence each."""
+        """Messages since the last call, one sentence each."""
         found = []
         while self._messages:
             found.append(self._messages.popleft())
@@ -119,27 +119,27 @@ class Session(SessionCore):
         self.stops.let_go()
 
     def input_ends(self) -> None:
-        """The session ends after the lines that wait, and nobody is there to stop a force."""
+        """End all forces: no further line can stop one."""
         self.stops.let_go()
 
     def cancel(self) -> bool:
-        """Drop the line that is being computed, from any thread; whether there is one."""
+        """Cancel the line that is being computed, from any thread; False where none is."""
         return self.computing.cancel()
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
-        """How a line may go on at a column."""
+        """Completions of a line at a column."""
         return complete(line, cursor, self._scope)
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
-        """What a line's words are, for colours."""
+        """The kinds of a line's words, for colours."""
         return tokens(line, self._scope)
 
     def is_whole(self, text: str) -> bool:
-        """Whether Enter ends it."""
+        """Whether Enter ends the text."""
         return is_whole(text)
 
     def run(self) -> None:
-        """EngineStatus after the engine in a thread of its own, until the session is closed."""
+        """Start the thread that attends to the engine until the session is closed."""
         self._thread = threading.Thread(target=self._look_on, name="ergon session", daemon=True)
         self._thread.start()
 
@@ -154,11 +154,11 @@ class Session(SessionCore):
                 if next(looks) % _WATCH == 0 and self.watch and self.watch.has_changed():
                     reply = self.submit("reload")
                     self._messages.append(reply.text if reply.taken else f"not taken: {reply.text}")
-            except BaseException as error:  # whatever it was, the next look may succeed
+            except BaseException as error:  # the next check may succeed
                 self._messages.append(f"{type(error).__name__}: {error}")
 
     def close(self) -> None:
-        """Hush, and let go of everything."""
+        """End the session, its engine and its journal."""
         if self._over.is_set():
             return
         self._over.set()
@@ -167,7 +167,7 @@ class Session(SessionCore):
         with self.lock:
             self._tell("end", frame=self.commits.engine.frame)
             self.commits.engine.close()
-            self._hear()
+            self._handle_events()
             if self.journal is not None:
                 self.journal.close()
 

@@ -1,4 +1,4 @@
-"""What lines do besides making versions: transport, stopping, looking back, looking."""
+"""Commands that edit no version: transport, stopping, undo, saving, looking."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # Taps farther apart than this begin a new count [s]: slower than 20 bpm nobody taps.
 _TAPS_APART = 3.0
-_TAPS = 8  # the latest of them count
+_TAPS = 8  # only the latest taps count
 
 
 def _play(session: SessionCore, command: c.Play) -> Reply:
@@ -84,21 +84,21 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
     if len(taps) < 3:
         return Reply(True, f"tap {len(taps)}: {3 - len(taps)} more set the tempo")
     bpm = round(60.0 * (len(taps) - 1) / (taps[-1] - taps[0]), 1)
-    return session.take(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
+    return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
 
 def _undo(session: SessionCore, command: c.Undo) -> Reply:
-    return _back_to(session, session.at - 1, "undo", "this is the first version")
+    return _back_to(session, session.version_index - 1, "undo", "this is the first version")
 
 
 def _redo(session: SessionCore, command: c.Redo) -> Reply:
-    return _back_to(session, session.at + 1, "redo", "no version was undone")
+    return _back_to(session, session.version_index + 1, "redo", "no version was undone")
 
 
 def _back(session: SessionCore, command: c.Back) -> Reply:
     return _back_to(
         session,
-        session.at - command.count,
+        session.version_index - command.count,
         f"back {command.count}",
         "there are fewer versions than that",
     )
@@ -107,23 +107,23 @@ def _back(session: SessionCore, command: c.Back) -> Reply:
 def _back_to(session: SessionCore, index: int, line: str, none: str) -> Reply:
     if not 0 <= index < len(session.versions):
         raise NotTakenError(f"{none}; `history` lists the versions")
-    target, left = session.versions[index], session.versions[session.at]
+    target, left = session.versions[index], session.versions[session.version_index]
     waits = next((one for one in session.commits.waiting if one.number == left.number), None)
-    if waits is not None and index == session.at - 1:
+    if waits is not None and index == session.version_index - 1:
         session.drop(waits)
-        session.at = index
+        session.version_index = index
         return Reply(True, f"ok '{left.line}' is cancelled before it took effect")
 
     where, made = session.queue(line, target.restored, restores=target.number)
-    session.at = index
-    said = "; ".join([f"as after: {target.line or 'the beginning'}", *session.felt(made)])
+    session.version_index = index
+    said = "; ".join([f"as after: {target.line or 'the beginning'}", *session.force_messages(made)])
     return Reply(True, f"ok {where} {said}")
 
 
 def _history(session: SessionCore, command: c.History) -> Reply:
     rows = []
     for index, version in enumerate(session.versions):
-        here = ">" if index == session.at else " "
+        here = ">" if index == session.version_index else " "
         rows.append(f"{here} {index:3}  {version.where:>8}  {version.line or '(the score)'}")
     return Reply(True, "", lines=tuple(rows))
 
@@ -195,7 +195,9 @@ def _keep(session: SessionCore, command: c.Keep) -> Reply:
 def _py(session: SessionCore, command: c.Py) -> Reply:
     scope: dict[str, Any] = {"session": session, "math": math}
     value = eval(command.expression, {"__builtins__": __builtins__}, scope)
-    return Reply(True, "" if value is None else repr(value)[:1000])  # the performer's own line
+    return Reply(
+        True, "" if value is None else repr(value)[:1000]
+    )  # `py` is the performer's own code
 
 
 def _quit(session: SessionCore, command: c.Quit) -> Reply:

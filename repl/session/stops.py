@@ -1,4 +1,4 @@
-"""What ends sound and force at once, and what brings them back."""
+"""Panic and release: ending sound and force at once, and switching them on again."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Stopped(Protocol):
     number: int
 
     def say(self, message: str) -> None:
-        """Tell something with the next messages."""
+        """Add a message."""
 
     def queue(
         self,
@@ -42,26 +42,26 @@ class Stopped(Protocol):
 
 
 class Stops:
-    """The stops of a session. `panic` and `let_go` wait for no lock, so for no line at work."""
+    """The stops of a session; `panic` and `let_go` take no lock, so they wait for no line."""
 
     def __init__(self, session: Stopped) -> None:
-        """Nothing is stopped."""
+        """Begin with nothing stopped."""
         self._session = session
         self._count = 0
-        self._panics = self._forgotten = 0  # panics, and those after which all was forgotten
-        self._hushed: int | None = None  # lines at that time, while nothing came after it
-        # Of the line at work: whether it may release, and the stops before it.
+        self._panics = self._forgotten = 0  # panics, and those whose reset is done
+        self._hushed: int | None = None  # the number of lines at the last reset
+        # Of the line that is being done: whether it may release, and the stops before it.
         self._line = (True, 0)
-        self._told = False  # that hands are let go
+        self._told = False  # that forces are off
         self.panicked = False
 
     @property
     def count(self) -> int:
-        """Stops so far."""
+        """How many stops there have been."""
         return self._count
 
     def begins(self, releases: bool, count: int) -> None:
-        """A line is at work that was entered after so many stops."""
+        """Note that a line begins which was entered after `count` stops."""
         self._line = releases, count
 
     @property
@@ -71,17 +71,17 @@ class Stops:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether sound or force waits for `release`."""
+        """Whether sound or force is off until `release`."""
         return self.panicked or self.let_go_is_on
 
     @property
     def may_release(self) -> bool:
-        """Whether no stop was entered after the line at work."""
+        """Whether no stop was entered after the line that is being done."""
         releases, count = self._line
         return releases and count == self._count
 
     def panic(self) -> None:
-        """Silence and no force; all that waits and plays is forgotten soon after."""
+        """End sound and force now; waiting lines and gestures are dropped soon after."""
         self._session.commits.engine.panic()
         self._session.computing.cancel()
         self._count += 1
@@ -90,7 +90,7 @@ class Stops:
         threading.Thread(target=self.forget, daemon=True).start()
 
     def panic_in_turn(self) -> None:
-        """The line `panic` itself: lines before it, begun after the stop, are forgotten too."""
+        """Do the line `panic` in its turn: what lines before it have begun is dropped too."""
         self._session.commits.engine.panic()
         self._panics += 1
         self._say_panic()
@@ -110,14 +110,14 @@ class Stops:
             self._session.say(LET_GO)
 
     def release(self) -> None:
-        """Sound and force again."""
+        """Switch sound and force on again."""
         self.forget()
         self._hushed = None
         self._session.commits.engine.release()
         self.panicked = self._told = False
 
     def forget(self) -> None:
-        """After a panic: nothing waits, nothing plays, every mass is where it begins."""
+        """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""
         session = self._session
         with session.lock:
             if self._forgotten == self._panics:

@@ -1,4 +1,4 @@
-"""What a session plays: the texts of a score, the piece they say, and the faders."""
+"""A version of a session: the texts of a score, the piece they say, and the faders."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GLIDE = 0.02
 
 
 class NotTakenError(ErgonError):
-    """A line changes nothing: one sentence why, and the line to type instead."""
+    """A line is refused and changes nothing: one sentence why, and the line to type instead."""
 
     def __init__(self, message: str, try_: str | None = None) -> None:
         """Keep what to type instead."""
@@ -29,7 +29,7 @@ class NotTakenError(ErgonError):
 
 @dataclass(frozen=True, slots=True)
 class Faders:
-    """Faders of instruments: ratios, who is muted, and who alone is heard."""
+    """Faders of instruments: ratios, which are muted, and which alone are heard."""
 
     gains: Mapping[str, float] = field(default_factory=dict)
     muted: frozenset[str] = frozenset()
@@ -37,14 +37,14 @@ class Faders:
     master: float = 1.0
 
     def ratio(self, part: str) -> float:
-        """How loud an instrument is."""
+        """The ratio of an instrument."""
         is_heard = part not in self.muted and (not self.solo or part in self.solo)
         return self.master * self.gains.get(part, 1.0) if is_heard else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class HandGuide:
-    """Who leads a hand, by which shares (0 to 1) of the stiffness and viscosity of its guide."""
+    """Who guides a hand, and by which shares (0 to 1) of the strongest stiffness and viscosity."""
 
     by: str
     stiffness: float
@@ -74,9 +74,9 @@ class Version:
 
 @dataclass(frozen=True, slots=True)
 class PastVersion:
-    """What a version is made from again: a piece is a thousand times as large as its text.
+    """What an earlier version is restored from: its piece, 1000 times as large, is left out.
 
-    `where` is the beat on which it began, as written.
+    `where` is the beat at which it took effect, as written.
     """
 
     number: int
@@ -88,13 +88,13 @@ class PastVersion:
 
     @classmethod
     def of(cls, version: Version, where: str = "") -> PastVersion:
-        """A version that may come back."""
+        """Keep a version for `undo`."""
         return cls(
             version.number, version.line, version.texts, version.faders, version.guides, where
         )
 
     def restored(self, version: Version, beat: float) -> Version:
-        """As it was, in the place of another version."""
+        """The version as it was, in place of another."""
         piece = piece_of(self.texts)
         return replace(
             version, texts=self.texts, piece=piece, faders=self.faders, guides=self.guides

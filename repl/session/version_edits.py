@@ -1,4 +1,4 @@
-"""What verbs make of a version: an edit of its texts, or of its faders."""
+"""Version edits: what each verb that changes the music makes of a version."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def unchanged(version: Version, beat: float) -> Version:
-    """Nothing is different."""
+    """The same version."""
     return version
 
 
@@ -40,7 +40,7 @@ def combined(commands: Sequence[c.Command]) -> VersionEdit:
 
 
 def hushed(version: Version, beat: float) -> Version:
-    """No hand plays on, and nothing strikes."""
+    """No player plays on, and no strikes follow."""
     texts = parts.hush(version.texts, version.piece, beat)
     return replace(_with_texts(version, texts), cuts=True)
 
@@ -50,7 +50,7 @@ def _with_texts(version: Version, texts: Texts) -> Version:
 
 
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:
-    """A recording gets the name by which it is played."""
+    """The version with a take of a name."""
     return _with_texts(version, names.take(version.texts, name, file, channel))
 
 
@@ -91,7 +91,7 @@ def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
 
 
 def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
-    """The beat that begins lasts so much longer, and the next ones as before."""
+    """The beat that begins lasts longer by a length; the next ones have the old tempo."""
     tempo = version.piece.tempo_map
     bpm = tempo.bpm(beat)
     by = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
@@ -121,7 +121,7 @@ def _set(command: c.Set, version: Version, beat: float) -> Texts:
 
 
 def _set_gliding(command: c.Set) -> VersionEdit:
-    """A parameter is set, and takes its time."""
+    """Set a parameter, which glides `over` a length."""
 
     def edit(version: Version, beat: float) -> Version:
         made = _with_texts(version, _set(command, version, beat))
@@ -203,7 +203,7 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
 
 
 def _ends(between: Any, key: str) -> list[Any]:
-    """The other ends of a link of a key."""
+    """The ends of a link that are not the key; none where the key is not linked."""
     if not between or all(end.part != key for end in between):
         return []
     return [end for end in between if end.part != key]
@@ -218,7 +218,7 @@ def _text_edit(command: c.Command) -> VersionEdit:
 
 
 def _define_rehearsed(command: c.Define) -> VersionEdit:
-    """A gesture is tried on its keys before it is believed."""
+    """Define a gesture, and rehearse it on its keys."""
 
     def edit(version: Version, beat: float) -> Version:
         made = _with_texts(version, _define(command, version, beat))
@@ -236,7 +236,7 @@ def _fader_edit(command: Any) -> VersionEdit:
 
 
 def _guide(command: c.Guide) -> VersionEdit:
-    """A hand is led by another player's part, or no longer."""
+    """Guide a hand along another player's part, or end that."""
     guide = None if command.by is None else guide_of(command)
 
     def edit(version: Version, beat: float) -> Version:
@@ -265,7 +265,7 @@ def _load(command: c.Load) -> VersionEdit:
 
 
 def _reload(command: c.Reload) -> VersionEdit:
-    """The score's own file, and those that it uses, as they are when the line is typed."""
+    """Read the score's files again, as they are when the line is typed."""
     files: dict[str, Texts] = {}
 
     def edit(version: Version, beat: float) -> Version:
@@ -312,7 +312,7 @@ READS_FILES = (c.Load, c.Reload)
 
 
 def summary(command: c.Command, made: Running) -> str:
-    """A command that was taken, in a few words."""
+    """What a reply says of a command beyond `ok`."""
     if isinstance(command, c.Define):
         return _defined(command, made)
     if isinstance(command, c.Plays):

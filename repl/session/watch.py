@@ -13,12 +13,12 @@ class Watch:
     """Whether the score, or a file that it uses, was saved by somebody else."""
 
     def __init__(self, texts: Texts) -> None:
-        """From now on."""
+        """Watch the files that texts use."""
         self._files = [Path(name) for name in texts.load().files]
         self._seen = self._stamps()
 
     def has_changed(self) -> bool:
-        """Whether one was saved since the last look."""
+        """Whether a file was saved since the last call."""
         now = self._stamps()
         changed, self._seen = now != self._seen, now
         return changed

@@ -17,19 +17,19 @@ from ergon.common.errors import ErgonError
 from . import local_socket
 from .protocol import MAX_LINE, VERSION, ProtocolError, decode, encode
 
-_PATIENCE = 5  # [s] for the greeting, and for a session that reads nothing
+_PATIENCE = 5  # [s] to wait for the greeting, and for a session that does not read
 
 
 class ConnectionLostError(ErgonError):
-    """The connection has ended before the answer came."""
+    """The connection ended before the answer came."""
 
 
 class Refused(ErgonError):
-    """The session answered that it will not: one sentence."""
+    """The session refused a request: one sentence."""
 
 
 class Connection:
-    """A connection; `gone` once it has ended, `ended` says why the session did, if it did."""
+    """A connection; it is `gone` when it has ended; `ended` says why the session has, if it has."""
 
     def __init__(self, path: Path) -> None:
         """Connect. Raises NoSessionError, SocketError, ProtocolError."""
@@ -82,12 +82,12 @@ class Connection:
             line = encode(id=number, do=do, **fields)
             with self._sending:
                 self._socket.sendall(line)
-        except OSError:  # among them that nothing was read for so long: a part may be sent
+        except OSError:  # also a timeout, after which a part of the line may be sent
             self.close()
         return answer
 
     def close(self) -> None:
-        """End it."""
+        """Close the connection."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._over()

@@ -1,4 +1,4 @@
-"""Where a session is met: a socket that is its owner's alone, and who is at its other end."""
+"""The local socket of a session, which its owner alone can open."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _BACKLOG = 16
 
 
 class SocketError(ErgonError):
-    """A socket cannot be there, or is not to be trusted: one sentence."""
+    """A socket cannot be made, or is not to be trusted: one sentence."""
 
 
 class NoSessionError(SocketError):
-    """Nobody serves there."""
+    """No session is served at a socket."""
 
 
 def default(environment: Mapping[str, str] = os.environ) -> Path:
@@ -32,7 +32,7 @@ def default(environment: Mapping[str, str] = os.environ) -> Path:
     Raises SocketError where the folder is not the user's own.
     """
     runtime = environment.get("XDG_RUNTIME_DIR", "")
-    # Others than absolute ones are to be ignored, says the specification.
+    # The specification says to ignore paths that are not absolute.
     is_there = Path(runtime).is_absolute() and Path(runtime).is_dir()
     folder = Path(runtime) / "ergon" if is_there else _temporary()
     try:
@@ -40,7 +40,7 @@ def default(environment: Mapping[str, str] = os.environ) -> Path:
         found = folder.lstat()
     except OSError as error:
         raise SocketError(f"{folder}: {error.strerror}") from None
-    # Anybody may make a folder of that name under /tmp before us.
+    # Another user could have made a folder of that name under /tmp.
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
         raise SocketError(
             f"{folder} must be a folder that you alone may open (chmod 700); "
@@ -54,10 +54,10 @@ def _temporary() -> Path:
 
 
 class ServerSocket:
-    """A socket's place, taken: nobody else serves there until it is closed."""
+    """A bound socket with its lock: no other session serves there until it is closed."""
 
     def __init__(self, path: Path) -> None:
-        """Take it; one that a killed process has left is taken over. Raises SocketError."""
+        """Bind it; a socket that a killed process has left is replaced. Raises SocketError."""
         self.path = path
         self._lock = _locked(path.with_name(path.name + ".lock"))
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -73,11 +73,11 @@ class ServerSocket:
             raise SocketError(f"{path}: {error.strerror or error}") from None
 
     def listen(self) -> None:
-        """Let others come."""
+        """Accept connections."""
         self.socket.listen(_BACKLOG)
 
     def close(self) -> None:
-        """Give the place back."""
+        """Close and remove the socket and its lock."""
         self.socket.close()
         self._remove()
         self.path.with_name(self.path.name + ".lock").unlink(missing_ok=True)
@@ -112,11 +112,11 @@ def _locked(path: Path) -> int:
             raise SocketError(
                 f"another session is already served at {path.with_suffix('')}"
             ) from None
-        os.close(lock)  # its owner removed it meanwhile
+        os.close(lock)  # the lock file was removed meanwhile
 
 
 def connect(path: Path) -> socket.socket:
-    """A connection to who serves there. Raises NoSessionError, SocketError."""
+    """Connect to the session at a socket. Raises NoSessionError, SocketError."""
     found = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         found.connect(os.fspath(path))
@@ -134,7 +134,7 @@ def connect(path: Path) -> socket.socket:
 def is_same_user(connection: socket.socket) -> bool:
     """Whether the process at the other end is the same user's, as the kernel says."""
     how = getattr(socket, "SO_PEERCRED", None)
-    if how is None:  # where no kernel says so, the socket's rights have to do
+    if how is None:  # this system cannot tell: the file mode protects
         return True
     form = struct.Struct("3i")
     _, user, _ = form.unpack(connection.getsockopt(socket.SOL_SOCKET, how, form.size))

@@ -36,10 +36,10 @@ _WHOLE = 1 << 53
 
 
 class ProtocolError(ErgonError):
-    """What came is no line of this protocol: one sentence."""
+    """A line does not follow the protocol: one sentence."""
 
 
-# What may be asked: the fields of each request, and their types.
+# The fields of each request, and their types; the comment is the answer.
 REQUESTS: dict[str, dict[str, type]] = {
     "submit": {"text": str},  # a reply, when the line is done
     "state": {},  # as below
@@ -54,13 +54,13 @@ REQUESTS: dict[str, dict[str, type]] = {
     "end": {},  # true; the session ends, for all
 }
 
-# Fields that may be left out, and what they are then.
+# Optional fields and their defaults.
 OPTIONAL_FIELDS: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
 
 
 @dataclass(frozen=True, slots=True)
 class RemoteSuggestion:
-    """How a line may go on."""
+    """Completions of a line."""
 
     text: str
     start: int
@@ -96,7 +96,7 @@ def request_id(fields: dict[str, Any]) -> int | str | None:
 
 
 def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """What a request asks for, and its fields. Raises ProtocolError."""
+    """The name of a request, and its fields. Raises ProtocolError."""
     do = fields.get("do")
     wanted = REQUESTS.get(do) if isinstance(do, str) else None
     if not isinstance(do, str) or wanted is None:
@@ -104,7 +104,7 @@ def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     given = {}
     for name, kind in wanted.items():
         value = fields.get(name)
-        if type(value) is not kind:  # true is no number here
+        if type(value) is not kind:  # bool is not int here
             raise ProtocolError(f"the field '{name}' of '{do}' must be of type {kind.__name__}")
         if isinstance(value, str) and len(value) > MAX_TEXT:
             raise ProtocolError(too_long(value))
@@ -122,7 +122,7 @@ def too_long(text: str) -> str:
 
 
 def encode_reply(reply: Reply) -> dict[str, Any]:
-    """A reply as JSON says it."""
+    """A reply as JSON."""
     return {
         "taken": reply.taken,
         "text": reply.text,
@@ -133,7 +133,7 @@ def encode_reply(reply: Reply) -> dict[str, Any]:
 
 
 def decode_reply(said: Any) -> Reply:
-    """A reply that JSON says. Raises ProtocolError."""
+    """A reply from JSON. Raises ProtocolError."""
     try:
         lines = tuple(map(str, said["lines"]))
         try_ = None if said["try"] is None else str(said["try"])
@@ -146,7 +146,7 @@ _NUMBERS = ("bar", "beat", "tempo", "load", "late")
 
 
 def encode_state(state: State) -> dict[str, Any]:
-    """A state as JSON says it; silence, which no number of JSON is, as null."""
+    """A state as JSON; a level of -inf (silence) is null."""
     return {
         **{name: getattr(state, name) for name in _NUMBERS},
         "playing": [list(pair) for pair in state.playing],
@@ -159,7 +159,7 @@ def encode_state(state: State) -> dict[str, Any]:
 
 
 def decode_state(said: Any) -> State:
-    """A state that JSON says. Raises ProtocolError."""
+    """A state from JSON. Raises ProtocolError."""
     try:
         return State(
             bar=int(said["bar"]),

@@ -26,16 +26,16 @@ from .protocol import (
 
 _LOOK = 0.05  # [s] between two looks at state and messages
 _AGAIN = 0.5  # [s] between two tries to connect again
-_SOON = 0.2  # [s] for what is asked while somebody types
-_LONG = 5.0  # [s] without an answer that are told
+_SOON = 0.2  # [s] to wait for answers while a line is typed
+_LONG = 5.0  # [s] without an answer before a message says so
 Answer = TypeVar("Answer")
 
 
 class Remote:
-    """A session at a socket. Leaving it lets it go on."""
+    """A session at a socket; closing this leaves the session running."""
 
     def __init__(self, path: Path, command: str) -> None:
-        """Connect; `command` is what joins it again.
+        """Connect; `command` is the shell command that connects again.
 
         Raises NoSessionError, SocketError, ProtocolError.
         """
@@ -43,10 +43,10 @@ class Remote:
         self._command = command
         self._connection = Connection(path)
         self.about = self._connection.about
-        self._told: deque[str] = deque(maxlen=1000)
+        self._messages: deque[str] = deque(maxlen=1000)
         self._over = threading.Event()
         self._ended = ""
-        self._slow = False  # a quick question was not answered; so none is asked until one is
+        self._slow = False  # a quick request timed out; none is sent until one is answered
         self._away = False
         try:
             self._state = decode_state(self._connection.ask("state").result(_LONG))
@@ -84,20 +84,20 @@ class Remote:
             return Reply(False, str(error))
 
     def state(self) -> State:
-        """Where it is, or was last."""
+        """The last state that the session sent."""
         return self._state
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call."""
+        """Events since the last call."""
         found = []
-        while self._told:
-            found.append(self._told.popleft())
+        while self._messages:
+            found.append(self._messages.popleft())
         return found
 
     def panic(self) -> None:
         """Silence at once."""
         if self._connection.gone:
-            self._told.append("panic: no session answers; a session that was killed is silent")
+            self._messages.append("panic: no session answers; a session that was killed is silent")
         else:
             self._connection.ask("panic")
 
@@ -123,7 +123,7 @@ class Remote:
         self._over.set()
         self._thread.join()
         if not self._ended and self._quickly(False, "leave"):
-            self._told.append(f"the music goes on; `{self._command}` connects to it again")
+            self._messages.append(f"the music goes on; `{self._command}` connects to it again")
         self._connection.close()
 
     def end(self) -> None:
@@ -132,21 +132,21 @@ class Remote:
             self._quickly(True, "end")
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
-        """How a line may go on at a column."""
+        """Completions of a line at a column."""
         found: list[tuple[str, int, str]] = self._quickly([], "complete", line=line, cursor=cursor)
         return [RemoteSuggestion(text, start, hint) for text, start, hint in found]
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
-        """What a line's words are, for colours."""
+        """The kinds of a line's words, for colours."""
         found: list[tuple[int, int, str]] = self._quickly([], "tokens", line=line)
         return [(start, end, kind) for start, end, kind in found]
 
     def is_whole(self, text: str) -> bool:
-        """Whether Enter ends it."""
+        """Whether Enter ends the text."""
         return self._quickly(True, "is_whole", text=text)
 
     def _quickly(self, otherwise: Answer, do: str, **fields: Any) -> Answer:
-        """An answer that is wanted while somebody types, or another one: nobody may wait."""
+        """The answer to a quick request, or `otherwise` where it does not come at once."""
         if self._connection.gone or self._slow:
             return otherwise
         try:
@@ -167,37 +167,37 @@ class Remote:
                 self._reconnect()
                 continue
             link = self._connection
-            if state.is_due(self._told.append):
+            if state.is_due(self._messages.append):
                 state = _PendingAnswer(link.ask("state"), self._looked)
             if messages.is_due():
-                messages = _PendingAnswer(link.ask("messages"), self._told.extend)
+                messages = _PendingAnswer(link.ask("messages"), self._messages.extend)
 
     def _looked(self, said: Any) -> None:
         self._state = decode_state(said)
         self._slow = False
 
     def _reconnect(self) -> None:
-        """Say so, and look for it."""
+        """Report a lost connection, and try to connect again."""
         if self._connection.ended:
             self._ended = self._connection.ended
-            self._told.append(f"the session has ended ({self._ended})")
+            self._messages.append(f"the session has ended ({self._ended})")
             return
         if not self._away:
             self._away = True
             journal = self.about.get("journal", "JOURNAL")
             how = f"`{self._command} --resume {journal}` in another terminal restores it"
-            self._told.append(f"the session no longer answers; {how}")
+            self._messages.append(f"the session no longer answers; {how}")
         try:
             connection = Connection(self._path)
         except (SocketError, ProtocolError):
             return
         self._connection, self.about = connection, connection.about
         self._away = self._slow = False
-        self._told.append("the session answers again")
+        self._messages.append("the session answers again")
 
 
 class _PendingAnswer:
-    """A question and what to do with its answer; the next is asked when it has come."""
+    """A request under way and the use of its answer."""
 
     def __init__(
         self, answer: Future[Any] | None = None, use: Callable[[Any], object] | None = None
@@ -207,7 +207,7 @@ class _PendingAnswer:
         self._is_told = False
 
     def is_due(self, tell: Callable[[str], object] | None = None) -> bool:
-        """Use an answer that came; whether the next can be asked."""
+        """Use the answer if it has come; whether the next request can be sent."""
         if self._answer is None:
             return True
         if not self._answer.done():

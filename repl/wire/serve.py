@@ -1,4 +1,4 @@
-"""A session that is met at a socket: prompts come and go, and none of them can hold it up."""
+"""Serving a session at a socket: prompts come and go, and none can block the session."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from .protocol import (
 )
 
 MAX_PROMPTS = 16
-_MESSAGES = 1000  # that wait for a prompt; of more the oldest are lost
-_LINES = 64  # of one prompt that wait to be done
-_LOOK = 0.05  # [s] between two looks at what happened
+_MESSAGES = 1000  # that wait for a prompt; the oldest beyond are lost
+_LINES = 64  # of one prompt that may wait
+_LOOK = 0.05  # [s] between two checks for messages
 _UNREAD = 4 * MAX_LINE  # [bytes] that a prompt may leave unread before it is dropped
-_LAST = 1.0  # [s] in which the last line is to be read
-_TOLD = 200  # characters of a line that others are told
+_LAST = 1.0  # [s] for a prompt to read its last line
+_TOLD = 200  # characters of a line that other prompts see
 
 
 class PromptConnection:
-    """One that is connected."""
+    """A connected prompt."""
 
     def __init__(self, number: int, writer: asyncio.StreamWriter) -> None:
         """By number of arrival."""
@@ -46,7 +46,7 @@ class PromptConnection:
         self._writer = writer
 
     def send(self, **fields: Any) -> None:
-        """Say a line; never waits. Who does not read is dropped."""
+        """Send a line without waiting; a prompt that does not read is disconnected."""
         if self._writer.is_closing():
             return
         self._writer.write(encode(**fields))
@@ -54,14 +54,14 @@ class PromptConnection:
             self._writer.transport.abort()
 
     async def close(self) -> None:
-        """Let go, when what was said last is read, or soon."""
+        """Disconnect when the last line is read, or after a second."""
         try:
             async with asyncio.timeout(_LAST):
                 await self._writer.drain()
                 self._writer.close()
                 await self._writer.wait_closed()
         except (OSError, TimeoutError):
-            pass  # it reads nothing, or has gone
+            pass  # it does not read, or has disconnected
         finally:
             self._writer.transport.abort()
 
@@ -74,7 +74,7 @@ class Watch(Protocol):
 
 
 class SessionServer:
-    """A session served; `about` is told to each prompt as it comes."""
+    """A session that is served; `about` is sent to each prompt as it connects."""
 
     def __init__(
         self,
@@ -91,8 +91,8 @@ class SessionServer:
         self._prompts: dict[int, PromptConnection] = {}
         self._came = 0
         self._queue: LineQueue[tuple[PromptConnection, Any, bool]] = LineQueue(session)
-        self._why = ""  # it ended
-        self._now: PromptConnection | None = None  # whose line is being done
+        self._why = ""  # why the session ended
+        self._now: PromptConnection | None = None  # the prompt whose line is being done
         self._over = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._does: Mapping[str, Callable[..., Any]] = {
@@ -119,7 +119,7 @@ class SessionServer:
     def end(self, why: str) -> None:
         """End it, from any thread."""
         if self._loop is not None:
-            with contextlib.suppress(RuntimeError):  # it has ended by itself
+            with contextlib.suppress(RuntimeError):  # the loop has ended already
                 self._loop.call_soon_threadsafe(self._ends, why)
 
     # --- the loop ---------------------------------------------------------------------------------
@@ -136,7 +136,7 @@ class SessionServer:
             listener = asyncio.create_task(self._listen())
             await self._over.wait()
             listener.cancel()
-            # Who is just being let in is told as well; a server that is closed would lose it.
+            # A prompt that is just connecting gets the last line too, so the server stays open.
             self._loop.remove_reader(self._door.socket)
             await asyncio.sleep(_LOOK)
             server.close()
@@ -180,10 +180,10 @@ class SessionServer:
             prompt.send(ergon=VERSION, prompt=prompt.number, **self._about)
             await self._serve(prompt, reader)
         except OSError:
-            pass  # it vanished
+            pass  # the prompt disconnected
         finally:
             self._prompts.pop(prompt.number, None)
-            if self._over.is_set():  # all are closed together
+            if self._over.is_set():  # `_run` closes all prompts together
                 writer.transport.abort()
             else:
                 await prompt.close()
@@ -199,10 +199,10 @@ class SessionServer:
         while True:
             try:
                 line = await reader.readline()
-            except ValueError:  # what follows would be read from its middle
+            except ValueError:  # the rest of the long line could not be told from a new one
                 prompt.send(id=None, error=f"a line has {MAX_LINE:,} bytes at most")
                 return
-            if not line.endswith(b"\n"):  # the end, or it was cut off by it
+            if not line.endswith(b"\n"):  # the end of input
                 return
             if self._answer(prompt, line) == "leave":
                 return
@@ -221,7 +221,7 @@ class SessionServer:
             return do
         except ProtocolError as error:
             prompt.send(id=number, error=str(error))
-        except Exception as error:  # of the session; it goes on
+        except Exception as error:  # an error of the session, which goes on
             prompt.send(id=number, error=f"internal error: {type(error).__name__}: {error}")
         return ""
 

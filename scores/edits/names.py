@@ -10,7 +10,7 @@ from ergon.scores.edits.texts import Texts
 
 
 def define(texts: Texts, name: str, notation: str) -> Texts:
-    """A gesture is written so, in the file where it stands; its other options stay.
+    """Write a gesture's notation in the file where it is defined; its other options stay.
 
     Raises EditError.
     """
@@ -36,11 +36,11 @@ def define(texts: Texts, name: str, notation: str) -> Texts:
 
 
 def take(texts: Texts, name: str, file: str, channel: str | None = None) -> Texts:
-    """A recording gets a name by which it is played. Raises EditError."""
+    """Define a take of a recording. Raises EditError."""
     said: dict[str, edit.Tree] = {"file": file, **({"channel": channel} if channel else {})}
     return texts.put(("takes", name), edit.flow(said))
 
 
 def seed(texts: Texts, number: int) -> Texts:
-    """Another number from which every chance derives."""
+    """Set the seed."""
     return texts.put(("seed",), str(number))
