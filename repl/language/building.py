@@ -1,4 +1,4 @@
-"""Lines made of values: how a program types."""
+"""Lines made of values, for the methods of `ergon.Session`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str
 
 
 def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> list[str] | None:
-    """All but when; None where the values do not fit the form."""
+    """The words of a line without its time; None where the values do not fit the form."""
     rest = dict(named)
     bound: dict[int, object] = {}
     for number, slot in enumerate(form.slots):
@@ -78,7 +78,7 @@ def _said(slot: Slot, value: object) -> str | None:
 
 
 def _options(named: Mapping[str, object]) -> list[str]:
-    """Options as `plays` has them; what is done to it goes on to the end of a line."""
+    """Options of `plays`; `do` is last, because it takes the rest of a line."""
     order = sorted(named, key=lambda name: name == "do")
     return [name if named[name] is True else f"{name} {_text(named[name])}" for name in order]
 

@@ -172,9 +172,9 @@ class _Reading:
         self.given: dict[str, Any] = {
             slot.field: None for slot in form.slots if slot.field and slot.optional
         }
-        self.said: dict[str, Word] = {}
+        self.as_written: dict[str, Word] = {}
         self.when: When = None
-        self.dated = False  # whether the words include a time; nothing is offered after it
+        self.has_when = False  # whether the words include a time; nothing is offered after it
 
     def command(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
@@ -191,7 +191,7 @@ class _Reading:
             self._end_hints(options)
             return None
         self._nothing_left(options)
-        return self.form.make(**self.given, when=self.when, words=self.said)
+        return self.form.make(**self.given, when=self.when, words=self.as_written)
 
     def _when(self) -> None:
         """Take `now`, `at C` or `in 2` from the end."""
@@ -201,11 +201,11 @@ class _Reading:
         lead = self.words[-2].text if len(self.words) > 1 else ""
         if last.text == "now":
             self.when = NOW
-            self.dated, self.said["when"] = True, last
+            self.has_when, self.as_written["when"] = True, last
             del self.words[-1:]
         elif lead in _LEADS:
             self.when = self._read(_LEADS[lead], last)
-            self.dated, self.said["when"] = True, last
+            self.has_when, self.as_written["when"] = True, last
             del self.words[-2:]
         elif last.text in _LEADS:
             self._offer(_LEADS[last.text])
@@ -251,7 +251,7 @@ class _Reading:
         start, end = words[0].start, words[-1].end
         text = self.line.text[start - self.line.start : end - self.line.start]
         self._take(slot, Word(text, start, end))
-        self.dated |= any(word.text in _LEADS for word in words)
+        self.has_when |= any(word.text in _LEADS for word in words)
         return True
 
     def _option(self, options: list[Slot]) -> Slot | None:
@@ -280,7 +280,7 @@ class _Reading:
     def _take(self, slot: Slot, word: Word) -> None:
         assert slot.value is not None
         self.given[slot.field] = self._read(slot.value, word)
-        self.said[slot.field] = word
+        self.as_written[slot.field] = word
 
     def _read(self, value: v.Value, word: Word) -> Any:
         try:
@@ -316,19 +316,19 @@ class _Reading:
     # --- what could follow -----------------------------------------------------------------------
 
     def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
-        if self.hints is not None and not self.dated:
+        if self.hints is not None and not self.has_when:
             context = v.CompletionContext(self.hints.typed, before, self.scope, self.given)
             self.hints.found.extend(value.offers(context))
 
     def _offer_lead(self, slot: Slot) -> None:
-        if self.hints is not None and not self.dated:
+        if self.hints is not None and not self.has_when:
             self.hints.found.append(
                 v.Completion(slot.lead, slot.value.what if slot.value else self.form.effect)
             )
 
     def _end_hints(self, options: list[Slot]) -> None:
         """What may stand when everything that must is there."""
-        if self.hints is None or self.words or self.dated:
+        if self.hints is None or self.words or self.has_when:
             return
         for option in options:
             self._offer_lead(option)

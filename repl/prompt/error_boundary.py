@@ -41,7 +41,7 @@ class ErrorBoundary:
         return messages
 
     def panic(self) -> None:
-        """Silence at once."""
+        """End sound and force at once."""
         self._try(self._session.panic, None)
 
     def cancel(self) -> bool:

@@ -32,7 +32,7 @@ class KeyActions(Protocol):
     """What keys do."""
 
     def panic(self) -> None:
-        """Silence at once."""
+        """End sound and force at once."""
 
     def clear(self) -> None:
         """Forget what is typed."""

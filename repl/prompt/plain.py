@@ -33,7 +33,7 @@ class Plain:
         self._session = session
         self._source, self._sink, self._watch = source, sink, watch
         self._by_hand = source.isatty()
-        self._folded = MessageThrottle()
+        self._throttle = MessageThrottle()
         self._over = threading.Event()
         self._writing = threading.Lock()
         self._prompt = ""  # that waits in the last line
@@ -64,7 +64,7 @@ class Plain:
             self._reader.stop()
             self._over.set()
             listener.join()
-        self._print([clean(line) for line in self._folded.rest()])
+        self._print([clean(line) for line in self._throttle.rest()])
         return refusals
 
     def end(self) -> None:
@@ -126,11 +126,11 @@ class Plain:
         self._sink.flush()
 
     def _listen(self) -> None:
-        """A thread of its own: it tells what happens while nothing is typed."""
+        """Print messages, in a thread of its own."""
         with contextlib.suppress(OSError, ValueError):  # the output was closed
             while not self._over.wait(_LISTENED):
-                self._folded.take(self._session.messages())
-                self._print([clean(line) for line in self._folded.due(time.monotonic())])
+                self._throttle.take(self._session.messages())
+                self._print([clean(line) for line in self._throttle.due(time.monotonic())])
 
     @contextlib.contextmanager
     def _terminal(self) -> Iterator[None]:

@@ -51,7 +51,7 @@ class Screen:
         self._watch = watch
         self._queue: LineQueue[None] = LineQueue(session)
         self._at_work = False
-        self._folded = MessageThrottle()
+        self._throttle = MessageThrottle()
         self._refused = ("", "")  # the line, and what to type instead
         self._refusals = 0
         self._leaving = False
@@ -81,7 +81,7 @@ class Screen:
         self._watch([signal.SIGINT], ends=None)  # Ctrl-C clears what is typed
         asyncio.run(self._run())
         self._watch([signal.SIGINT], ends=True)
-        for line in self._folded.rest():
+        for line in self._throttle.rest():
             print(clean(line))
         return self._refusals
 
@@ -117,9 +117,9 @@ class Screen:
 
     def _listen(self) -> None:
         """Tell what happened, and now and then how things are."""
-        self._folded.take(self._session.messages())
+        self._throttle.take(self._session.messages())
         now = time.monotonic()
-        for line in self._folded.due(now):
+        for line in self._throttle.due(now):
             print(clean(line))
         if now - self._drawn >= _REDRAWN:
             self._drawn = now
@@ -128,7 +128,7 @@ class Screen:
     # --- what keys do ---------------------------------------------------------------------------
 
     def panic(self) -> None:
-        """Silence at once."""
+        """End sound and force at once."""
         self._queue.panic()
 
     def clear(self) -> None:
@@ -165,7 +165,7 @@ class Screen:
     def too_long(self, length: int) -> None:
         """A paste of so many characters did not fit."""
         why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
-        self._folded.take([INDENT + why])
+        self._throttle.take([INDENT + why])
 
     def _comes(self, data: str) -> None:
         """What was typed, before keys are made of it, which takes longer than a stop may."""
@@ -194,7 +194,7 @@ class Screen:
         return False  # the buffer is emptied
 
     def _work(self, loop: asyncio.AbstractEventLoop) -> None:
-        """A thread of its own: a line may take a while, and typing goes on."""
+        """Do lines, in a thread of its own, because a line may take a while."""
         with contextlib.suppress(RuntimeError):  # the loop is closed: the user left at once
             while (queued := self._queue.next()) is not None:
                 self._at_work = True

@@ -75,9 +75,9 @@ class Commits:
     head: Version
     waiting: list[Waiting] = field(default_factory=list)
     # Changes under way: the ticket, the lines, and the version that played before.
-    handed: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
-    took: float = 0.0  # the time to make a version, the slowest of the last ones [s]
-    lost: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
+    under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
+    making_seconds: float = 0.0  # the time to make a version, the slowest of the last ones [s]
+    dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
 
     def __post_init__(self) -> None:
         """Add to the margin the time in which forces on real hands fall."""
@@ -98,7 +98,7 @@ class Commits:
 
     def soonest(self) -> int:
         """The first frame at which a new change can take effect: a multiple of the tick."""
-        return self.first(_AGAIN * self.took)
+        return self.first(_AGAIN * self.making_seconds)
 
     def now(self) -> float:
         """The beat of the piece that the engine computes now."""
@@ -152,17 +152,17 @@ class Commits:
         """
         place = sum(one.beat <= waiting.beat + SAME for one in self.waiting)
         before, after = self.waiting[:place], self.waiting[place:]
-        made = self._made([*before, waiting])
-        self._fold([*before, waiting], made, after)
+        made = self._make_all([*before, waiting])
+        self._replace_queue([*before, waiting], made, after)
         return made[-1][0]
 
     def drop(self, waiting: Waiting) -> None:
         """Remove a waiting line."""
         place = self.waiting.index(waiting)
         before, after = self.waiting[:place], self.waiting[place + 1 :]
-        self._fold(before, self._made(before), after)
+        self._replace_queue(before, self._make_all(before), after)
 
-    def _fold(
+    def _replace_queue(
         self,
         queue: list[Waiting],
         made: list[tuple[Running, Running]],
@@ -185,7 +185,7 @@ class Commits:
         before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None)
         return one.edit(before, one.beat)
 
-    def _made(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
+    def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
         on, found = self.running, []
         for one in queue:
             is_made = one.made is not None and one.on is on
@@ -208,7 +208,7 @@ class Commits:
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
         made = replace(made, bearings=borne)
         if self.margin:  # without a margin the engine waits, and the time does not matter
-            self.took = max(time.perf_counter() - began, _FORGET * self.took)
+            self.making_seconds = max(time.perf_counter() - began, _FORGET * self.making_seconds)
         return made
 
     # --- handing over ----------------------------------------------------------------------------
@@ -222,7 +222,7 @@ class Commits:
         while self.waiting and self.waiting[0].start <= self._soon():
             one = self.waiting[0]
             if one.start < self.first(0.0):
-                self.took = max(2.0 * self.took, 1.0 / self.rate)
+                self.making_seconds = max(2.0 * self.making_seconds, 1.0 / self.rate)
                 beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
                 one.beat, one.made = beat if one.goes is None else one.beat, None
                 self.waiting.sort(key=lambda other: other.start)
@@ -260,7 +260,7 @@ class Commits:
             try:
                 on = one.made if is_made and one.made is not None else self._follow(on, one)
             except REFUSALS as error:  # an earlier line removed what it needs
-                self.lost.append((one, str(error)))
+                self.dropped.append((one, str(error)))
         if on is before:
             return
         change = Change(
@@ -272,19 +272,19 @@ class Commits:
             damp=on.version.damp,
             bearings=on.bearings,
         )
-        self.handed.append((self.engine.change(change), group, before))
+        self.under_way.append((self.engine.change(change), group, before))
         self.running = on
         if not self.waiting:
             self.head = on.version
 
     def late(self, ticket: int) -> list[Waiting]:
         """Queue a change that came too late again, with all that follow it; the lines of these."""
-        index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
+        index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         if index is None:
             return []
-        back = [one for _, group, _ in self.handed[index:] for one in group]
-        self.running = self.handed[index][2]
-        del self.handed[index:]
+        back = [one for _, group, _ in self.under_way[index:] for one in group]
+        self.running = self.under_way[index][2]
+        del self.under_way[index:]
         for one in back:
             one.made = one.on = None
         self.waiting = [*back, *self.waiting]
@@ -292,8 +292,8 @@ class Commits:
 
     def done(self, ticket: int) -> Sequence[Waiting]:
         """Forget a change that was made; the lines whose it was."""
-        index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
-        return () if index is None else self.handed.pop(index)[1]
+        index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
+        return () if index is None else self.under_way.pop(index)[1]
 
 
 def fader_ratios(running: Running) -> dict[int, float]:

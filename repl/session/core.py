@@ -202,8 +202,8 @@ class SessionCore:
         with self.lock:
             self._handle_events()
             self._late(self.commits.tick())
-            while self.commits.lost:
-                one, why = self.commits.lost.pop(0)
+            while self.commits.dropped:
+                one, why = self.commits.dropped.pop(0)
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
                 self._tell("dropped", number=one.number)
             if (own := self.captures.ready(self.commits)) is not None:

@@ -93,11 +93,11 @@ class LiveEngine:
         """Guide players' hands by new paths from a frame on; the ticket."""
         import numpy as np
 
-        led = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
+        guided = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
         return self._performance.change(
             at,
-            standins=[one.path for one in led],
-            leads=[one.steps for one in led],
+            standins=[one.path for one in guided],
+            leads=[one.steps for one in guided],
         )
 
     def set_faders(self, gains: Mapping[int, float]) -> None:

@@ -95,7 +95,7 @@ class Remote:
         return found
 
     def panic(self) -> None:
-        """Silence at once."""
+        """End sound and force at once."""
         if self._connection.gone:
             self._messages.append("panic: no session answers; a session that was killed is silent")
         else:

@@ -39,7 +39,7 @@ class PromptConnection:
     """A connected prompt."""
 
     def __init__(self, number: int, writer: asyncio.StreamWriter) -> None:
-        """By number of arrival."""
+        """Number prompts in the order in which they connect."""
         self.number = number
         self.messages: deque[str] = deque(maxlen=_MESSAGES)
         self.waiting = 0  # lines
@@ -67,10 +67,10 @@ class PromptConnection:
 
 
 class Watch(Protocol):
-    """Has signals stop forces before Python knows of them, as `_core.stop_on_signals` does."""
+    """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does."""
 
     def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
-        """Every force and sound where the program `ends`."""
+        """End every force and sound where the program `ends`."""
 
 
 class SessionServer:
@@ -109,7 +109,7 @@ class SessionServer:
         }
 
     def run(self) -> None:
-        """Serve until the session ends, and close it. Of the main thread, also until SIGTERM."""
+        """Serve until the session ends, then close it; in the main thread SIGTERM ends it too."""
         try:
             asyncio.run(self._run())
         finally:
@@ -117,7 +117,7 @@ class SessionServer:
             self._door.close()
 
     def end(self, why: str) -> None:
-        """End it, from any thread."""
+        """End the session, from any thread."""
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the loop has ended already
                 self._loop.call_soon_threadsafe(self._ends, why)
@@ -208,7 +208,7 @@ class SessionServer:
                 return
 
     def _answer(self, prompt: PromptConnection, line: bytes) -> str:
-        """Do what a line asks for; what that was."""
+        """Do the request of a line; its name, empty where it was refused."""
         number = None
         try:
             fields = decode(line)
@@ -239,7 +239,7 @@ class SessionServer:
         return True
 
     def _cancel(self, prompt: PromptConnection) -> bool:
-        """Of the prompt whose line it is: nobody drops another's."""
+        """Cancel the line that is being done, if it is this prompt's own."""
         return self._now is prompt and self._session.cancel()
 
     # --- lines ------------------------------------------------------------------------------------
@@ -251,7 +251,7 @@ class SessionServer:
         self._queue.enter(text, (prompt, number, releases))
 
     def _work(self) -> None:
-        """A thread of its own: a line may take a while, and everything else goes on."""
+        """Do lines, in a thread of its own, because a line may take a while."""
         while (queued := self._queue.next()) is not None:
             (prompt, number, releases), text = queued.who, queued.text
             self._now = prompt
@@ -293,7 +293,7 @@ def _taken(prompt: PromptConnection) -> list[str]:
 def _ended_by_signals(
     loop: asyncio.AbstractEventLoop, end: Callable[[str], object], watch: Watch | None
 ) -> Iterator[None]:
-    """SIGTERM and Ctrl-C end the session well; the end of whoever started it does not."""
+    """SIGTERM and Ctrl-C end the session in order; SIGHUP is ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -37,7 +37,8 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         kept, is_in = window.strikes(kept, strikes)
         found = found or is_in
     if not found:
-        raise EditError(f"no gesture begins from {written(piece, start)} to {written(piece, stop)}")
+        first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
+        raise EditError(f"no gesture begins from {first} to {last}")
     kept = window.duet(kept)
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))

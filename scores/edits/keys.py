@@ -26,7 +26,7 @@ def uncouple(texts: Texts, piece: Piece, at: float, a: str, b: str) -> Texts:
     """End the coupling of two keys at a beat. Raises EditError where there is none."""
     texts, count = _parted(texts, piece, at, a, b)
     if not count:
-        raise EditError(f"{a} and {b} are not coupled at {written(piece, at)}")
+        raise EditError(f"{a} and {b} are not coupled at {piece.tempo_map.written(at)}")
     return texts
 
 

@@ -36,7 +36,7 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
     if not (playing or begins):
         playing = [line for line in lines if _is_under_way(line, piece, at)][-1:]
     if not (playing or begins):
-        raise EditError(f"{player} plays nothing at {written(piece, at)}")
+        raise EditError(f"{player} plays nothing at {piece.tempo_map.written(at)}")
     for line in playing:
         more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
         if not line.is_open(at, piece):
