@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benches.measure import Row
 from ergon.live.perform import Order
-from ergon.repl.session.live import Live
+from ergon.repl.session.live import LiveEngine
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -48,7 +48,7 @@ def _answered(what: str, text: str, names: dict[str, str], folder: Path | None =
         version = Version(0, "", texts, piece_of(texts))
         taken = []
         order = Order(audio="null", gain=1.0)
-        make = lambda stage: Live(stage, order)  # noqa: E731 - one word
+        make = lambda stage: LiveEngine(stage, order)  # noqa: E731 - one word
         with closing(Session(version, make, margin=_MARGIN)) as session:
             gc.collect()
             gc.freeze()

@@ -37,17 +37,17 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     from ergon.exchange.level import Level
     from ergon.exchange.wave_header import Stamp, WaveFormat
     from ergon.repl.session.journal import JournalError
-    from ergon.repl.session.recorded import opened
-    from ergon.repl.session.replay import Again
+    from ergon.repl.session.journal_content import read_journal
+    from ergon.repl.session.replay import ReplayedSession
     from ergon.repl.session.version import NotTakenError
 
     for option, name in _NOT_HERE.items():
         if getattr(wishes, name) is not None:
             raise Refused(f"a journal is rendered as it was played; {option} does nothing to it")
     try:
-        replay = opened(path, trust=wishes.trust)
+        replay = read_journal(path, trust=wishes.trust)
         with score.staging(console, replay.opening.texts.load):
-            again = Again(replay)
+            again = ReplayedSession(replay)
     except JournalError as error:
         raise Refused(str(error)) from None
     except NotTakenError as error:

@@ -49,16 +49,16 @@ def _refused() -> Iterator[None]:
     """What a socket will not do is refused usage."""
     if not hasattr(socket, "AF_UNIX"):
         raise Refused("--socket: there are no local sockets on this system")
-    from ergon.repl.wire.place import PlaceError
+    from ergon.repl.wire.local_socket import SocketError
 
     try:
         yield
-    except PlaceError as error:
+    except SocketError as error:
         raise Refused(f"--socket: {error}") from None
 
 
 def _place(wishes: Wishes) -> Path:
-    from ergon.repl.wire.place import default
+    from ergon.repl.wire.local_socket import default
 
     if not wishes.socket:
         return default()
@@ -72,10 +72,10 @@ def _place(wishes: Wishes) -> Path:
 
 def _serve(console: Console, path: str | None, wishes: Wishes, here: Path) -> None:
     from ergon._core import __version__, stop_on_signals
-    from ergon.repl.wire.place import Door
-    from ergon.repl.wire.serve import Served
+    from ergon.repl.wire.local_socket import ServerSocket
+    from ergon.repl.wire.serve import SessionServer
 
-    door = Door(here)  # before anything sounds: two engines at one place are one too many
+    door = ServerSocket(here)  # before anything sounds: two engines at one place are one too many
     try:
         session = begun(console, path, wishes)
     except BaseException:
@@ -86,7 +86,7 @@ def _serve(console: Console, path: str | None, wishes: Wishes, here: Path) -> No
         "score": os.path.abspath(session.commits.head.texts.path),
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
-    Served(session, door, about, stop_on_signals).run()
+    SessionServer(session, door, about, stop_on_signals).run()
 
 
 # --- the prompt's process ------------------------------------------------------------------------
@@ -100,13 +100,13 @@ def _prompt(remote: Remote, wishes: Wishes) -> None:
 
 
 def _joined(console: Console, path: str | None, wishes: Wishes, here: Path) -> Remote:
-    from ergon.repl.wire.place import NobodyError
+    from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import Remote
 
     try:
         remote = Remote(here, _command(wishes))
-    except NobodyError as error:
+    except NoSessionError as error:
         if path is None and wishes.resume is None:
             raise Refused(f"{error}; ergon repl SCORE --socket begins one") from None
         return _started(console, path, wishes, here)
@@ -125,7 +125,7 @@ def _joined(console: Console, path: str | None, wishes: Wishes, here: Path) -> R
 
 def _started(console: Console, path: str | None, wishes: Wishes, here: Path) -> Remote:
     """A process that no terminal's end ends; what it says is heard until it answers."""
-    from ergon.repl.wire.place import NobodyError
+    from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import Remote
 
@@ -143,7 +143,7 @@ def _started(console: Console, path: str | None, wishes: Wishes, here: Path) -> 
                 if code is not None:
                     log.unlink()
                     raise click.exceptions.Exit(abs(code))
-                with contextlib.suppress(NobodyError):
+                with contextlib.suppress(NoSessionError):
                     remote = Remote(here, _command(wishes))
                     break
                 time.sleep(_LOOK)

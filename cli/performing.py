@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
-    from ergon.repl.session.recorded import Opening
+    from ergon.repl.session.journal_content import SessionStart
     from ergon.repl.session.session import Session
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -125,8 +125,8 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
         journal.close()
         journal.path.unlink(missing_ok=True)  # nothing has begun
         raise
-    began = opening(session.commits.engine.every).fields()
-    journal.tell("session", **began, disk=session.disk.said(version.texts))
+    began = opening(session.commits.engine.tick_frames).fields()
+    journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
     gc.freeze()
@@ -145,7 +145,7 @@ def _beginning(
     """The first version, where its piece stands, the gain where it is known, and the disk."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
-    from ergon.repl.session.recorded import opened
+    from ergon.repl.session.journal_content import read_journal
     from ergon.repl.session.replay import resumed
     from ergon.repl.session.version import NotTakenError, Version
     from ergon.scores.edits.texts import Texts
@@ -153,7 +153,7 @@ def _beginning(
     resume = wishes.resume
     if resume is not None:
         try:
-            replay = opened(resume, path, resumes=True, trust=wishes.trust)
+            replay = read_journal(resume, path, resumes=True, trust=wishes.trust)
             return *resumed(replay), replay.opening.gain, replay.disk
         except JournalError as error:
             raise Refused(f"--resume: {error}") from None
@@ -202,23 +202,23 @@ def _order(
 
 def _engine(
     console: Console, version: Version, clock: Clock, order: Order
-) -> tuple[Callable[[Stage], Engine], Callable[[int], Opening]]:
+) -> tuple[Callable[[Stage], Engine], Callable[[int], SessionStart]]:
     from ergon import _core
     from ergon.repl.prompt.signals import left_to_me
-    from ergon.repl.session.live import Live
-    from ergon.repl.session.recorded import Opening
+    from ergon.repl.session.journal_content import SessionStart
+    from ergon.repl.session.live import LiveEngine
 
     def make(stage: Stage) -> Engine:
         try:
             with left_to_me():  # not to the physics, nor to who looks after it
-                engine = Live(stage, order)
+                engine = LiveEngine(stage, order)
         except _core.EngineError as error:
             raise DeviceMissing(str(error)) from None
         console.say(engine.performance.output())
         return engine
 
-    def opening(every: int) -> Opening:
+    def opening(every: int) -> SessionStart:
         heard = order.gain, order.limit, order.highpass
-        return Opening(version.texts, clock.at, version.desk, every, *heard)
+        return SessionStart(version.texts, clock.at, version.faders, every, *heard)
 
     return make, opening

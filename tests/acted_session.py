@@ -13,8 +13,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from ergon.repl.face import Reply, State
 from ergon.repl.prompt.run import run
+from ergon.repl.session_protocol import Reply, State
 
 VERBS = {"play": "start", "plays": "a player begins", "hush": "no more ergons", "help": "this"}
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ergon.repl.face import Reply
-from ergon.repl.session.engine import Steps
+from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.recorded import Opening, opened
-from ergon.repl.session.replay import Again
+from ergon.repl.session.journal_content import SessionStart, read_journal
+from ergon.repl.session.replay import ReplayedSession
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
+from ergon.repl.session_protocol import Reply
 from ergon.scores.edits.texts import Texts
 
 EVERY = 64
@@ -34,7 +34,7 @@ class Stepped:
         self.journal = folder / "session.jsonl"
         written = Journal(self.journal) if journal else None
         if written is not None:
-            opening = Opening(texts, 0.0, version.desk, EVERY, 1.0, 1.0, None)
+            opening = SessionStart(texts, 0.0, version.faders, EVERY, 1.0, 1.0, None)
             written.tell("session", **opening.fields())
         self.session = Session(version, self._begin, margin=0.0, journal=written)
         self._sound: list[np.ndarray] = []
@@ -42,7 +42,7 @@ class Stepped:
         self.hash = hashlib.sha256()
 
     def _begin(self, stage):
-        self.engine = Steps(stage, every=EVERY, highpass=None)
+        self.engine = SteppedEngine(stage, tick_frames=EVERY, highpass=None)
         return self.engine
 
     @property
@@ -93,7 +93,7 @@ class Stepped:
         return hashed.hexdigest()
 
     def _blocks(self):
-        again = Again(opened(self.journal))
+        again = ReplayedSession(read_journal(self.journal))
         for at in range(0, again.n_frames, _BLOCK):
             out = np.zeros((min(_BLOCK, again.n_frames - at), again.n_channels))
             again.process(out)

@@ -11,11 +11,11 @@ from pathlib import Path
 from servers import until
 from terminals import PATIENCE
 
-from ergon.repl.face import Reply, State
-from ergon.repl.wire import place
+from ergon.repl.session_protocol import Reply, State
+from ergon.repl.wire import local_socket
 from ergon.repl.wire.protocol import encode
 from ergon.repl.wire.remote import Remote
-from ergon.repl.wire.serve import Served
+from ergon.repl.wire.serve import SessionServer
 
 
 def remote(path: Path) -> Remote:
@@ -79,7 +79,9 @@ class Acted:
 @contextlib.contextmanager
 def serving(path: Path, face: Acted | None = None) -> Iterator[Acted]:
     face = face or Acted()
-    served = Served(face, place.Door(path), {"version": "0", "score": "s", "journal": "j"})
+    served = SessionServer(
+        face, local_socket.ServerSocket(path), {"version": "0", "score": "s", "journal": "j"}
+    )
     thread = threading.Thread(target=served.run)
     thread.start()
     try:
@@ -97,7 +99,7 @@ def _answers(path: Path) -> bool:
     try:
         with raw(path) as found:  # so it was let in, before anything else happens
             return found.greeting is not None
-    except place.NobodyError:
+    except local_socket.NoSessionError:
         return False
 
 
@@ -105,7 +107,7 @@ class Raw:
     """A connection on which anything can be said."""
 
     def __init__(self, path: Path) -> None:
-        self.socket = place.connect(path)
+        self.socket = local_socket.connect(path)
         self.socket.settimeout(PATIENCE)
         self._file = self.socket.makefile("rb")
         self.greeting = self.read()

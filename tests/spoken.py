@@ -9,7 +9,7 @@ from ergon.notation.clock.positions import Length, Position, parse_position
 from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
-from ergon.repl.language.scope import Names, names
+from ergon.repl.language.scope import Scope, scope_of
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.transforms import parse_chain
 from ergon.scores.reading.load import load
@@ -19,10 +19,10 @@ ROOT = Path(__file__).parents[1]
 ONE = Length(beats=1.0)
 
 
-def _scope() -> Names:
+def _scope() -> Scope:
     piece = load(ROOT / "tests/data/duet-2.2.yaml").piece
     assert piece is not None
-    known = names(piece)
+    known = scope_of(piece)
     return dataclasses.replace(known, takes={**known.takes, "solo": "take"})
 
 

@@ -12,10 +12,10 @@ from paced_board import Paced, paced
 
 from ergon.live.boards import Board
 from ergon.live.perform import Order
-from ergon.repl.face import Reply
-from ergon.repl.session.live import Live
+from ergon.repl.session.live import LiveEngine
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
+from ergon.repl.session_protocol import Reply
 from ergon.scores.edits.texts import Texts
 
 SCORE = """\
@@ -94,10 +94,10 @@ class Rig:
         return self.engine.performance.status().hands[0].scale
 
     @property
-    def engine(self) -> Live:
+    def engine(self) -> LiveEngine:
         """What it plays on."""
         engine = self.session.commits.engine
-        assert isinstance(engine, Live)
+        assert isinstance(engine, LiveEngine)
         return engine
 
     @property
@@ -123,7 +123,7 @@ def rig(folder: Path, hand: str, text: str, *, watches: bool = False) -> Iterato
         order = Order(audio="null:fast", boards=[Board(board.url, ((0, "remi"),))])
         session = Session(
             version,
-            lambda stage: Live(stage, order),
+            lambda stage: LiveEngine(stage, order),
             margin=0.006,
             real={"remi": None},
             watches=watches,

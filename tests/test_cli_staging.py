@@ -6,8 +6,8 @@ import pytest
 
 from ergon.cli import app
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.recorded import Opening
-from ergon.repl.session.version import Desk
+from ergon.repl.session.journal_content import SessionStart
+from ergon.repl.session.version import Faders
 from ergon.scores.edits.texts import Texts
 
 SCORE = """\
@@ -29,7 +29,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("NO_COLOR", "1")
     Path("score.yaml").write_text(SCORE, encoding="utf-8")
     journal = Journal(Path("began.jsonl"))
-    opening = Opening(Texts.read("score.yaml"), 0.0, Desk(), 64, 1.0, 1.0, None)
+    opening = SessionStart(Texts.read("score.yaml"), 0.0, Faders(), 64, 1.0, 1.0, None)
     journal.tell("session", **opening.fields())
     journal.tell("said", line="show", taken=True, reply="", frame=640)
     journal.close()

@@ -11,11 +11,11 @@ import pytest
 from ergon.cli import app
 from ergon.notation.text.bounds import MARKER, Bounds
 from ergon.repl.language.commands import Load, Reload
-from ergon.repl.session.deeds import DEEDS
 from ergon.repl.session.journal import JournalError
-from ergon.repl.session.recorded import opened
+from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import resumed
 from ergon.repl.session.version import NotTakenError, Version
+from ergon.repl.session.version_edits import VERSION_EDITS
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.load import load
 
@@ -218,7 +218,7 @@ def test_a_journal_reads_in_its_own_folder(piece):
             '{{"v": 1, "event": "session", "score": "{}", "text": "{}", "every": 64,'
             ' "gain": 1.0, "limit": 1.0}}\n'.format(secret / "s.yaml", text)
         )
-        loaded = opened(Path("s.jsonl")).opening.texts.load()
+        loaded = read_journal(Path("s.jsonl")).opening.texts.load()
         assert [d.code for d in loaded.diagnostics] == ["E107"]
         assert all("secret" not in d.message for d in loaded.diagnostics)
 
@@ -236,16 +236,18 @@ def test_a_session_goes_on_where_its_journal_lies(piece):
             + "}\n"
         )
         if refused:
-            with pytest.raises(JournalError, match="its score is elsewhere: name it"):
-                opened(Path("s.jsonl"), resumes=True)
-            named = opened(Path("s.jsonl"), str(score), resumes=True)
+            with pytest.raises(
+                JournalError, match=("its score is outside this folder and the journal's: name it")
+            ):
+                read_journal(Path("s.jsonl"), resumes=True)
+            named = read_journal(Path("s.jsonl"), str(score), resumes=True)
             assert resumed(named)[0].texts.path == str(score)
         else:
-            version, _ = resumed(opened(Path("s.jsonl"), resumes=True))
+            version, _ = resumed(read_journal(Path("s.jsonl"), resumes=True))
             Path("../x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
             Path("s.yaml").write_text("ergon: 1\nuse: [../x.yaml]\n" + PLAYED)
             with pytest.raises(NotTakenError, match="outside the score's folder"):
-                DEEDS[Reload](Reload())(version, 0.0)
+                VERSION_EDITS[Reload](Reload())(version, 0.0)
 
 
 def test_a_score_that_is_loaded_has_its_own_folder(piece):
@@ -259,11 +261,11 @@ def test_a_score_that_is_loaded_has_its_own_folder(piece):
         texts = Texts.read("s.yaml", Bounds.around(piece, trust=trust))
         version = Version(0, "", texts, texts.load().piece)
         (other / "s.yaml").write_text("ergon: 1\nuse: [x.yaml]\n" + PLAYED)
-        loaded = DEEDS[Load](Load(str(other / "s.yaml")))(version, 0.0)
+        loaded = VERSION_EDITS[Load](Load(str(other / "s.yaml")))(version, 0.0)
         assert "g" in loaded.texts.names()[0].names("gestures")
         (other / "s.yaml").write_text("ergon: 1\nuse: [../other/../x.yaml]\n" + PLAYED)
         (piece.parent / "x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
-        load_outside = DEEDS[Load](Load(str(other / "s.yaml")))
+        load_outside = VERSION_EDITS[Load](Load(str(other / "s.yaml")))
         if trust:
             assert load_outside(version, 0.0).texts.load().piece is not None
         else:

@@ -12,7 +12,7 @@ from sessions import Stepped
 from test_journal_hostile import KEYS, SCORE
 
 from ergon.repl.session.journal import Journal, JournalError, read
-from ergon.repl.session.recorded import opened
+from ergon.repl.session.journal_content import read_journal
 
 
 def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
@@ -69,8 +69,8 @@ def test_every_line_comes_to_the_disk_and_nobody_waits_for_it(
             assert synced.acquire(timeout=60)
         before = len(sizes)
         journal.tell("line", number=3)
-        assert synced.acquire(timeout=60)
-        assert len(sizes) > before
+        while len(sizes) == before:  # an earlier one may still be counted
+            assert synced.acquire(timeout=60)
     assert sizes[-1] == (tmp_path / "a.jsonl").stat().st_size
 
 
@@ -96,23 +96,23 @@ def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.Monke
     os.mkfifo(tmp_path / "pipe.jsonl")
     (tmp_path / "folder.jsonl").mkdir()
     for name in ("pipe.jsonl", "folder.jsonl"):
-        with pytest.raises(JournalError, match="is no file"):
-            opened(tmp_path / name)
-    with pytest.raises(JournalError, match="is no file"):
-        opened(Path("/dev/zero"))
+        with pytest.raises(JournalError, match="is not a regular file"):
+            read_journal(tmp_path / name)
+    with pytest.raises(JournalError, match="is not a regular file"):
+        read_journal(Path("/dev/zero"))
     large = tmp_path / "large.jsonl"
     with large.open("wb") as file:
         file.truncate(1 << 40)
     with pytest.raises(JournalError, match="larger than any"):
-        opened(large)
+        read_journal(large)
     with large.open("wb") as file:  # a hundred megabytes in one line, which are not kept
         file.truncate(100_000_000)
-    with pytest.raises(JournalError, match="line 1: this is no journal"):
-        opened(large)
+    with pytest.raises(JournalError, match="line 1: this is not a session's journal"):
+        read_journal(large)
     deep = tmp_path / "deep.jsonl"
     deep.write_text("[" * 1_000_000 + "\n")
-    with pytest.raises(JournalError, match="line 1: this is no journal"):
-        opened(deep)
+    with pytest.raises(JournalError, match="line 1: this is not a session's journal"):
+        read_journal(deep)
 
 
 def test_lines_that_only_look_or_write_do_nothing_again(tmp_path: Path) -> None:

@@ -18,10 +18,10 @@ import pytest
 from one_bell import SCORE as BELL
 from sessions import EVERY, Stepped
 
-from ergon.repl.session.engine import Steps
+from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal import JournalError
-from ergon.repl.session.recorded import opened
-from ergon.repl.session.replay import Again, resumed
+from ergon.repl.session.journal_content import read_journal
+from ergon.repl.session.replay import ReplayedSession, resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.staging.stage import StageError
@@ -123,13 +123,13 @@ def played(path: Path) -> list[str]:
     """A journal rendered for a while, gone on from, and saved; what the session answered."""
     replies = []
     try:
-        again = Again(opened(path))
+        again = ReplayedSession(read_journal(path))
         again.process(np.zeros((min(again.n_frames, 3 * EVERY), again.n_channels)))
-        replay = opened(path, resumes=True)
+        replay = read_journal(path, resumes=True)
         version, clock = resumed(replay)
         session = Session(
             version,
-            lambda stage: Steps(stage, every=EVERY, highpass=None),
+            lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),
             margin=0.0,
             clock=clock,
             disk=replay.disk,

@@ -32,7 +32,7 @@ def test_bars_are_kept_as_they_were(path, start, stop):
 
 def test_nothing_cannot_be_kept():
     texts, piece = opened(TWO)
-    with pytest.raises(EditError, match="nothing begins"):
+    with pytest.raises(EditError, match="no gesture begins"):
         keeping.keep(texts, piece, "x", 400.0, 416.0)
 
 

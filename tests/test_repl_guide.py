@@ -16,9 +16,9 @@ from test_repl_live import ok
 from ergon.live.boards import Board
 from ergon.live.perform import Order
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.live import Live
-from ergon.repl.session.recorded import Opening, opened
-from ergon.repl.session.replay import Again
+from ergon.repl.session.journal_content import SessionStart, read_journal
+from ergon.repl.session.live import LiveEngine
+from ergon.repl.session.replay import ReplayedSession
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -65,13 +65,13 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
         order = Order(audio="null", boards=[Board(key.url, ((0, "remi"),))])
         session = Session(
             version,
-            lambda stage: Live(stage, order),
+            lambda stage: LiveEngine(stage, order),
             margin=0.006,
             journal=journal,
             real={"remi": None},
         )
-        every = session.commits.engine.every
-        opening = Opening(texts, 0.0, version.desk, every, 1.0, 1.0, None)
+        every = session.commits.engine.tick_frames
+        opening = SessionStart(texts, 0.0, version.faders, every, 1.0, 1.0, None)
         journal.tell("session", **opening.fields())
         session.run()
         with closing(session):
@@ -81,7 +81,7 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
 def watched(session: Session, seconds: float) -> np.ndarray:
     """Beats into a bar, and where remi's key is there [m], (n, 2)."""
     engine, found = session.commits.engine, []
-    assert isinstance(engine, Live)
+    assert isinstance(engine, LiveEngine)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         status = engine.performance.status()
@@ -102,7 +102,7 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
     with led(tmp_path) as session:
         ok(session, "play")
-        assert ok(session, "guide remi ada now").endswith("remi: led by ada")
+        assert ok(session, "guide remi ada now").endswith("remi: guided by ada")
         time.sleep(4.0)  # forces rise in the first two seconds
         beat, x = watched(session, 4.0).T
         # The hand holds against it by 1/12 of its stiffness, the dampers make it late.
@@ -122,10 +122,10 @@ def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
         time.sleep(1.5)
         beat, x = watched(session, 2.0).T
         assert np.abs(x).max() < 0.3e-3
-    again = Again(opened(tmp_path / "session.jsonl"))
+    again = ReplayedSession(read_journal(tmp_path / "session.jsonl"))
     out = np.zeros((again.n_frames, again.n_channels))
     again.process(out)
-    assert again.running.version.leads == {}
+    assert again.running.version.guides == {}
     assert np.isfinite(out).all()
 
 
@@ -149,11 +149,11 @@ def test_who_rests_leads_nobody(tmp_path: Path):
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        ("guide ada leo", "ada's hand is not real here"),
-        ("guide remi remi", "'remi' twice"),
-        ("guide remi ada K=500N/m", "led by 120N/m at most"),
-        ("guide remi ada Z=3Ns/m", "through 1Ns/m at most"),
-        ("guide remi off", "nobody leads remi"),
+        ("guide ada leo", "no real hand plays ada"),
+        ("guide remi remi", "'remi' is named twice"),
+        ("guide remi ada K=500N/m", "120N/m at most"),
+        ("guide remi ada Z=3Ns/m", "1Ns/m at most"),
+        ("guide remi off", "remi's hand is not guided"),
     ],
 )
 def test_what_cannot_lead_is_refused_by_one_sentence(hands: Session, line: str, why: str):
@@ -161,7 +161,7 @@ def test_what_cannot_lead_is_refused_by_one_sentence(hands: Session, line: str, 
     assert not reply.taken
     assert why in reply.text
     assert "\n" not in reply.text
-    assert hands.commits.head.leads == {}
+    assert hands.commits.head.guides == {}
 
 
 @pytest.fixture(scope="module")
@@ -172,8 +172,8 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
 
 def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
     with led(tmp_path, "--seconds", "1.5") as session:
-        until(lambda: "remi" in session.commits.engine.look().away, "the key is gone")
-        assert "remi's key is not there" in session.submit("guide remi ada").text
+        until(lambda: "remi" in session.commits.engine.status().away, "the key is gone")
+        assert "the device of remi's key is gone" in session.submit("guide remi ada").text
 
 
 def test_a_path_that_is_made_again_goes_on_where_the_first_went(tmp_path: Path):

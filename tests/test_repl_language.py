@@ -116,11 +116,11 @@ def test_a_hash_inside_a_word_begins_no_comment():
 def test_every_shortest_form_means_one_verb_and_so_does_all_that_is_longer(among: tuple[str, ...]):
     for verb in among:
         for length in range(len(verbs.SHORTEST[verb]), len(verb) + 1):
-            assert verbs.meant(verb[:length], among) == (verb,)
+            assert verbs.verbs_matching(verb[:length], among) == (verb,)
 
 
 def test_a_verb_that_is_added_later_takes_no_short_form_away(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(verbs.SHORTEST, "hum", "hum")
     later = (*verbs.VERBS, "hum")
-    assert verbs.meant("hu", later) == ("hush",)
-    assert verbs.meant("hum", later) == ("hum",)
+    assert verbs.verbs_matching("hu", later) == ("hush",)
+    assert verbs.verbs_matching("hum", later) == ("hum",)

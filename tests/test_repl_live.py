@@ -18,8 +18,8 @@ from test_repl_session import SCORE, onset
 
 from ergon.live.perform import Order
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.live import Live
-from ergon.repl.session.recorded import Opening, opened
+from ergon.repl.session.journal_content import SessionStart, read_journal
+from ergon.repl.session.live import LiveEngine
 from ergon.repl.session.replay import resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
@@ -37,13 +37,13 @@ def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:
     journal = Journal(folder / "session.jsonl")
     session = Session(
         version,
-        lambda stage: Live(stage, Order(audio=audio, gain=300.0)),
+        lambda stage: LiveEngine(stage, Order(audio=audio, gain=300.0)),
         margin=0.006,
         journal=journal,
         watches=watches,
     )
-    every = session.commits.engine.every
-    opening = Opening(texts, 0.0, version.desk, every, 300.0, 1.0, None)
+    every = session.commits.engine.tick_frames
+    opening = SessionStart(texts, 0.0, version.faders, every, 300.0, 1.0, None)
     journal.tell("session", **opening.fields())
     session.run()
     return session
@@ -145,9 +145,9 @@ def test_a_journal_restores_what_was_accepted(tmp_path: Path):
         journal = (tmp_path / "session.jsonl").read_text(encoding="utf-8")
     cut = tmp_path / "cut.jsonl"
     cut.write_text(journal + '{"v": 1, "event": "li', encoding="utf-8")
-    version, clock = resumed(opened(cut))
+    version, clock = resumed(read_journal(cut))
     assert version.texts.text == head.texts.text
-    assert version.desk == head.desk
+    assert version.faders == head.faders
     assert clock.by is None
 
 

@@ -13,29 +13,29 @@ from pathlib import Path
 import pytest
 from sockets import remote, serving
 
-from ergon.repl.wire import place
+from ergon.repl.wire import local_socket
 
 
 def test_the_place_is_its_owners_alone(short_folder: Path):
-    found = place.default({"XDG_RUNTIME_DIR": str(short_folder)})
+    found = local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
     assert found == short_folder / "ergon" / "session.sock"
     assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
-    door = place.Door(found)
+    door = local_socket.ServerSocket(found)
     try:
         assert stat.S_IMODE(found.stat().st_mode) == 0o600
-        with pytest.raises(place.PlaceError, match=f"{found} already"):
-            place.Door(found)
+        with pytest.raises(local_socket.SocketError, match=f"at {found}"):
+            local_socket.ServerSocket(found)
     finally:
         door.close()
     assert list(found.parent.iterdir()) == []
     found.parent.chmod(0o755)
-    with pytest.raises(place.PlaceError, match="not yours alone"):
-        place.default({"XDG_RUNTIME_DIR": str(short_folder)})
+    with pytest.raises(local_socket.SocketError, match="you alone may open"):
+        local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
     found.parent.rmdir()
     (short_folder / "elsewhere").mkdir(mode=0o700)
     found.parent.symlink_to(short_folder / "elsewhere")
-    with pytest.raises(place.PlaceError, match="not yours alone"):
-        place.default({"XDG_RUNTIME_DIR": str(short_folder)})
+    with pytest.raises(local_socket.SocketError, match="you alone may open"):
+        local_socket.default({"XDG_RUNTIME_DIR": str(short_folder)})
 
 
 def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
@@ -43,7 +43,7 @@ def test_without_a_runtime_folder_it_lies_in_one_of_the_users_own(
 ):
     monkeypatch.setattr(tempfile, "tempdir", str(short_folder))
     for environment in ({}, {"XDG_RUNTIME_DIR": "not/absolute"}, {"XDG_RUNTIME_DIR": "/nowhere"}):
-        found = place.default(environment)
+        found = local_socket.default(environment)
         assert found == short_folder / f"ergon-{os.geteuid()}" / "session.sock"
         assert stat.S_IMODE(found.parent.stat().st_mode) == 0o700
 
@@ -55,30 +55,30 @@ def test_what_a_killed_process_left_is_taken_over_and_a_file_is_not(short_folder
     with serving(short_folder / "s"):
         pass
     (short_folder / "s").write_text("mine")
-    with pytest.raises(place.PlaceError, match="no socket"):
-        place.Door(short_folder / "s")
+    with pytest.raises(local_socket.SocketError, match="not a socket"):
+        local_socket.ServerSocket(short_folder / "s")
     assert (short_folder / "s").read_text() == "mine"
-    with pytest.raises(place.PlaceError, match="too long"):
-        place.Door(short_folder / ("x" * 200))
+    with pytest.raises(local_socket.SocketError, match="too long"):
+        local_socket.ServerSocket(short_folder / ("x" * 200))
 
 
 def test_another_user_is_not_let_in(short_folder: Path, monkeypatch: pytest.MonkeyPatch):
     with serving(short_folder / "s"):
-        monkeypatch.setattr(place, "is_ours", lambda connection: False)
+        monkeypatch.setattr(local_socket, "is_same_user", lambda connection: False)
         with socket.socket(socket.AF_UNIX) as stranger:
             stranger.connect(str(short_folder / "s"))
             with stranger.makefile("rb") as said:
                 told = json.loads(said.readline())
-        assert told == {"error": "this session is another user's"}
-        with pytest.raises(place.PlaceError, match="another user"):
+        assert told == {"error": "this session belongs to another user"}
+        with pytest.raises(local_socket.SocketError, match="another user"):
             remote(short_folder / "s")
         monkeypatch.undo()
         one, two = socket.socketpair()
         with one, two:
-            assert place.is_ours(one)
+            assert local_socket.is_same_user(one)
             other = os.geteuid() + 1
             monkeypatch.setattr(os, "geteuid", lambda: other)
-            assert not place.is_ours(one)
+            assert not local_socket.is_same_user(one)
             monkeypatch.undo()
 
 
@@ -100,4 +100,4 @@ print(s.makefile().readline())
             text=True,
             check=True,
         )
-    assert json.loads(done.stdout) == {"error": "this session is another user's"}
+    assert json.loads(done.stdout) == {"error": "this session belongs to another user"}

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from terminals import CTRL_C, CTRL_D, CTRL_S, CTRL_Z, ENTER, F12, Terminal
 
-from ergon.repl.face import Reply, State
-from ergon.repl.prompt import past
-from ergon.repl.prompt.folded import HELD, PER_SECOND, Folded
+from ergon.repl.prompt import history
+from ergon.repl.prompt.message_throttle import HELD, PER_SECOND, MessageThrottle
+from ergon.repl.prompt.output import clean, echo, lines_of, typed
 from ergon.repl.prompt.run import history_of_user
 from ergon.repl.prompt.status import status
-from ergon.repl.prompt.words import clean, echo, lines_of, typed
+from ergon.repl.session_protocol import Reply, State
 
 SESSION = [sys.executable, str(Path(__file__).with_name("acted_session.py"))]
 
@@ -168,7 +168,7 @@ def test_a_plain_terminal_hears_f12_with_the_line_and_ctrl_d(tmp_path: Path):
 
 
 def test_messages_at_a_pace_that_can_be_read():
-    folded = Folded()
+    folded = MessageThrottle()
     folded.take(["first"] * 3)
     assert folded.due(0.0) == ["first … 2 more"]
     folded.take(["first"])
@@ -187,7 +187,7 @@ def test_messages_at_a_pace_that_can_be_read():
 
 
 def test_what_waits_at_the_end_is_told():
-    folded = Folded()
+    folded = MessageThrottle()
     folded.take(["one", "two", "two"])
     assert folded.rest() == ["one", "two … 1 more"]
     assert folded.rest() == []
@@ -243,13 +243,14 @@ def test_a_history_is_its_owners_and_holds_no_pastes(tmp_path: Path):
     path = tmp_path / "ergon" / "history"
     old = os.umask(0)
     try:
-        kept = past.Past(path)
+        kept = history.LineHistory(path)
         kept.append_string("ada plays\nremi rests")
-        kept.append_string("x" * (past.LINE_MAX + 1))
+        kept.append_string("x" * (history.LINE_MAX + 1))
         kept.append_string("é \udcff")
     finally:
         os.umask(old)
     assert path.stat().st_mode & 0o777 == 0o600
-    assert list(past.Past(path).load_history_strings()) == ["é ?", "ada plays\nremi rests"]
+    kept = history.LineHistory(path).load_history_strings()
+    assert list(kept) == ["é ?", "ada plays\nremi rests"]
     path.write_bytes(bytes(range(256)) * 100)
-    assert isinstance(list(past.Past(path).load_history_strings()), list)
+    assert isinstance(list(history.LineHistory(path).load_history_strings()), list)

@@ -19,7 +19,7 @@ from servers import until
 from sockets import remote
 from terminals import CTRL_D, ENTER, Terminal
 
-from ergon.repl.wire import place
+from ergon.repl.wire import local_socket
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
 # What the session's score says, in so few characters that a reply can hold it.
@@ -51,7 +51,7 @@ class Stage:
 
     def engine(self) -> int:
         """The process that serves."""
-        with contextlib.closing(place.connect(self.socket)) as found:
+        with contextlib.closing(local_socket.connect(self.socket)) as found:
             told = found.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
             pid = struct.unpack("3i", told)[0]
         self._engines.add(pid)
@@ -62,7 +62,7 @@ class Stage:
         return [event for event in map(json.loads, lines) if event["event"] == name]
 
     def close(self) -> None:
-        with contextlib.suppress(place.PlaceError):
+        with contextlib.suppress(local_socket.SocketError):
             self.engine()
         for pid in self._engines:
             with contextlib.suppress(ProcessLookupError):
@@ -127,14 +127,14 @@ def test_kill_the_engine_and_resume(at_home: Stage):
             until(lambda: looks.state().bar >= 3, "bar 3")
             text, bar = looks.submit(_TEXT).text, looks.state().bar
         os.kill(at_home.engine(), signal.SIGKILL)
-        one.sees("the session went away")
+        one.sees("the session no longer answers")
         one.type("ada plays knock" + ENTER)
         one.sees("not taken")
         resume = ("--resume", "session.jsonl", "--audio", "null")
         with at_home.prompt(*resume) as two:
             two.sees(" >")
             at_home.engine()
-            one.sees("the session is back")
+            one.sees("the session answers again")
             with contextlib.closing(remote(at_home.socket)) as looks:
                 assert looks.submit(_TEXT).text == text
                 assert looks.state().tempo == 90
@@ -152,7 +152,7 @@ def test_why_an_engine_does_not_start(at_home: Stage):
         (("bad.yaml",), 1, "400h"),
         (("score.yaml", "--audio", "nonsense"), 3, "nonsense"),
         ((), 2, "no session is served"),
-        (("--resume", "bad.yaml"), 2, "no journal"),
+        (("--resume", "bad.yaml"), 2, "not a session's journal"),
     ):
         done = subprocess.run(
             at_home.command(*words), cwd=at_home.folder, capture_output=True, text=True, timeout=60
@@ -195,7 +195,7 @@ def test_the_place_need_not_be_said(at_home: Stage):
     assert "ergon repl score.yaml --socket" in wrong.stderr
     begun = script("play\n", "score.yaml", "--audio", "null", "--gain", "0dB", "--socket")
     assert "ok from 1|1" in begun.stdout
-    assert "`ergon repl --socket` comes back to it" in begun.stdout
+    assert "`ergon repl --socket` connects to it again" in begun.stdout
     at_home.engine()
     joined = script("show\nquit\n", "--socket")
     assert "joined the session" in joined.stderr

@@ -16,8 +16,8 @@ from test_journal_hostile import KEYS, SCORE
 
 from ergon.exchange import together
 from ergon.notation.text.files import installed
-from ergon.repl.session.engine import Steps
-from ergon.repl.session.recorded import opened
+from ergon.repl.session.engine import SteppedEngine
+from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import piece_of
@@ -44,11 +44,11 @@ def files(folder: Path) -> dict[str, str]:
 
 def gone_on(folder: Path) -> Session:
     """A session that goes on where the journal ends."""
-    replay = opened(folder / "session.jsonl", resumes=True)
+    replay = read_journal(folder / "session.jsonl", resumes=True)
     version, clock = resumed(replay)
     return Session(
         version,
-        lambda stage: Steps(stage, every=EVERY, highpass=None),
+        lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),
         margin=0.0,
         clock=clock,
         disk=replay.disk,
@@ -63,7 +63,7 @@ def says_the_same(session: Session, path: Path) -> None:
 
 
 def test_a_save_writes_what_was_changed_and_nothing_else(at: Stepped, tmp_path: Path) -> None:
-    assert at.ok("save").text == "ok nothing to write: the files say it already"
+    assert at.ok("save").text == "ok nothing to write: the files already hold this version"
     stamp = (tmp_path / "score.yaml").stat().st_mtime_ns
     at.ok("set k1.M 500g")
     assert at.ok("save").text == f"ok wrote {tmp_path / 'keys.yaml'}"
@@ -114,7 +114,7 @@ def test_a_session_that_went_on_twice_still_knows_its_files(at: Stepped, tmp_pat
     at.close()
     for _ in range(2):
         with closing(gone_on(tmp_path)) as session:
-            said = session.disk.said(session.commits.head.texts)
+            said = session.disk.hashes_by_name(session.commits.head.texts)
         events = [json.loads(line) for line in at.journal.read_text().splitlines()]
         texts = session.commits.head.texts
         overlay = {Path(name).name: text for name, text in texts.overlay.items()}
@@ -158,7 +158,7 @@ def test_a_score_that_ships_is_saved_where_we_are(
         text=True,
         timeout=120,
     )
-    assert "never written" in done.stdout
+    assert "never changed" in done.stdout
     assert "ok wrote mine.yaml" in done.stdout
     assert (shipped.read_bytes(), sorted(os.listdir(shipped.parent))) == before
     assert load("mine.yaml").piece is not None
@@ -187,7 +187,7 @@ def test_a_refusal_has_written_nothing(at: Stepped, tmp_path: Path, there: str) 
     before = files(tmp_path)
     reply = at.type("save live")
     assert not reply.taken
-    assert "is there already" in reply.text
+    assert "already exists" in reply.text
     assert files(tmp_path) == before
 
 

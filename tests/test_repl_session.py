@@ -13,7 +13,7 @@ import pytest
 from sessions import EVERY, Stepped
 
 from ergon.repl.language import commands as c
-from ergon.repl.session import deeds
+from ergon.repl.session import version_edits
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import stage
 
@@ -160,8 +160,8 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
             count == 100
         ):  # as pyo3 brings one over: no Exception, so that nothing else would catch it
             with pytest.MonkeyPatch.context() as patch:
-                patch.setitem(deeds.DEEDS, c.Rest, _panicking)
-                assert "ergon itself" in hurt.type("rest ada").text
+                patch.setitem(version_edits.VERSION_EDITS, c.Rest, _panicking)
+                assert "internal error" in hurt.type("rest ada").text
         reply = hurt.type(line)
         assert not reply.taken or not line.strip() or line.lstrip().startswith("#"), line
         for stepped in (plain, hurt):
@@ -228,7 +228,7 @@ def test_undo_comes_back_to_the_first_version(session):
     assert len(rows) == 11
     assert rows[0].startswith(">")
     assert "6.5@1/8" in rows[-1]
-    assert "nothing before" in session.type("undo").text
+    assert "first version" in session.type("undo").text
     for _ in range(10):
         session.ok("redo now")
         session.run(0.3)
@@ -240,7 +240,7 @@ def test_an_undo_before_the_boundary_takes_the_line_back(session):
     session.run(0.3)
     before = session.session.commits.head.texts
     session.ok("ada plays knock every 1 at 9|1")
-    assert "taken back" in session.ok("undo").text
+    assert "cancelled" in session.ok("undo").text
     assert session.session.commits.head.texts == before
     session.run(0.5)
     assert "knock, every" not in session.session.commits.head.texts.text
@@ -340,7 +340,7 @@ def test_lines_act_where_they_say(session):
 
 
 def test_every_tick_is_a_boundary(session):
-    assert session.engine.every == EVERY
+    assert session.engine.tick_frames == EVERY
     session.ok("play")
     session.run(0.1)
     session.ok("ada plays knock now")

@@ -13,9 +13,9 @@ from servers import until
 from sockets import raw, remote, serving
 from terminals import PATIENCE
 
-from ergon.repl.face import Reply, State
-from ergon.repl.wire import place
-from ergon.repl.wire.protocol import MAX_LINE, MAX_TEXT, REQUESTS, VERSION, encode, state_out
+from ergon.repl.session_protocol import Reply, State
+from ergon.repl.wire import local_socket
+from ergon.repl.wire.protocol import MAX_LINE, MAX_TEXT, REQUESTS, VERSION, encode, encode_state
 from ergon.repl.wire.remote import Remote
 from ergon.repl.wire.serve import MAX_PROMPTS
 
@@ -179,7 +179,7 @@ def test_quit_at_one_prompt_ends_it_for_all(short_folder: Path):
 
 def vanishing(path: Path, vanish: threading.Event) -> None:
     """A session whose process is killed: nothing is said at the end."""
-    door = place.Door(path)
+    door = local_socket.ServerSocket(path)
     door.listen()
     connection, _ = door.socket.accept()
     with connection, connection.makefile("rwb") as file:
@@ -187,7 +187,7 @@ def vanishing(path: Path, vanish: threading.Event) -> None:
         file.flush()
         while not vanish.is_set():
             asked = json.loads(file.readline())
-            state = state_out(State(bar=7, beat=1.0, tempo=60.0))
+            state = encode_state(State(bar=7, beat=1.0, tempo=60.0))
             file.write(encode(id=asked["id"], **{"is": state if asked["do"] == "state" else []}))
             file.flush()
     door.close()
@@ -200,7 +200,7 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
     found: list[Remote] = []
 
     def connected() -> bool:
-        with contextlib.suppress(place.NobodyError):
+        with contextlib.suppress(local_socket.NoSessionError):
             found.append(remote(path))
         return bool(found)
 
@@ -216,10 +216,10 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
             until(heard_it, words)
 
         vanish.set()
-        hears("went away")
+        hears("no longer answers")
         thread.join(PATIENCE)
         assert prompt.submit("ada") == Reply(
-            False, f"no session answers at {path}; it is looked for"
+            False, f"no session answers at {path}; ergon tries to connect again"
         )
         assert prompt.state().bar == 7
         assert list(prompt.tokens("ada")) == list(prompt.complete("ada", 1)) == []
@@ -227,7 +227,7 @@ def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
         prompt.panic()
         hears("silent")
         with serving(path) as face:
-            hears("is back")
+            hears("answers again")
             assert prompt.submit("ada").taken
             assert face.lines == ["ada"]
             prompt.close()

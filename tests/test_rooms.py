@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 import pytest
+from rust_imports import circles
 
 ROOT = Path(__file__).parents[1]
 TEXT, CLOCK, TABLES = (f"notation.{step}" for step in ("text", "clock", "tables"))
@@ -32,12 +33,12 @@ MAY = {
         "exchange",
         "live",
         "view",
-        "repl.face",
+        "repl.session_protocol",
         "repl.language",
         "_core",
     },
-    "repl.prompt": {"repl.face", "repl.turns"},
-    "repl.wire": {"repl.face", "repl.turns"},
+    "repl.prompt": {"repl.session_protocol", "repl.line_queue"},
+    "repl.wire": {"repl.session_protocol", "repl.line_queue"},
     "cli": {
         "notation",
         "instruments",
@@ -82,3 +83,76 @@ def test_a_room_imports_only_what_it_may(room: str):
         for name in imported(path):
             known = name.startswith(tuple(f"{one}." for one in allowed)) or name in allowed
             assert known, f"{path.relative_to(ROOT)} imports {name}"
+
+
+ROOMS = sorted({room.split(".")[0] for room in MAY})
+# Their files name each other in annotations alone: boards and calibration, render and its journals.
+CIRCLES_OF_TYPES = ("live", "cli")
+
+
+def modules() -> dict[tuple[str, ...], Path]:
+    """Every file of the package, by the parts of its module's name."""
+    paths = (path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+    found = {}
+    for path in paths:
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[parts[:-1] if parts[-1] == "__init__" else parts] = path
+    return found
+
+
+def files_imported(
+    module: tuple[str, ...], known: dict[tuple[str, ...], Path], *, annotations: bool
+) -> set[tuple[str, ...]]:
+    """Files that a file imports, also inside its functions."""
+    tree = ast.parse(known[module].read_text(encoding="utf-8"))
+    skipped = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    package = module if known[module].name == "__init__.py" else module[:-1]
+    names: set[tuple[str, ...]] = set()
+    for node in ast.walk(tree):
+        if id(node) in skipped and not annotations:
+            continue
+        if isinstance(node, ast.ImportFrom):
+            base = tuple((node.module or "").split(".")) if node.module else ()
+            if node.level:
+                base = (*package[: len(package) - node.level + 1], *base)
+            elif base[:1] == ("ergon",):
+                base = base[1:]
+            else:
+                continue
+            names |= {base, *((*base, alias.name) for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            parts = (alias.name.split(".") for alias in node.names)
+            names |= {tuple(part[1:]) for part in parts if part[0] == "ergon"}
+    return {name for name in names if name in known and name != module}
+
+
+def no_kin(graph: dict[tuple[str, ...], set[tuple[str, ...]]]) -> dict:
+    """Without what a package and its own children import of each other."""
+    return {
+        module: {
+            other
+            for other in others
+            if other[: len(module)] != module and module[: len(other)] != other
+        }
+        for module, others in graph.items()
+    }
+
+
+def test_files_import_in_no_circle():
+    """At run time, in the whole package; imports inside functions count too."""
+    known = modules()
+    graph = {one: files_imported(one, known, annotations=False) for one in known}
+    assert circles(no_kin(graph)) == []
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if room not in CIRCLES_OF_TYPES])
+def test_files_of_a_room_name_each_other_in_no_circle(room: str):
+    """In annotations neither: what two files need of each other has a file of its own."""
+    known = {module: path for module, path in modules().items() if module[0] == room}
+    graph = {one: files_imported(one, known, annotations=True) for one in known}
+    assert circles(no_kin(graph)) == []

@@ -13,13 +13,13 @@ from sessions import Stepped
 
 import ergon
 from ergon.cli.outcome import DeviceMissing, Findings, Refused
-from ergon.repl.face import Reply
 from ergon.repl.language import building
 from ergon.repl.language.verbs import FORMS
-from ergon.repl.session.api import NotTaken, Typed
+from ergon.repl.session.api import NotTaken, SessionProxy
+from ergon.repl.session_protocol import Reply
 
 # The example of every verb's help, as a call.
-CALLS: dict[str, Callable[[Typed], Reply]] = {
+CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "ada plays knock every 1 times 8": lambda s: s.plays("ada", "knock", every=1, times=8),
     "ada do scale 1.2, mirror": lambda s: s.do("ada", ["scale 1.2", "mirror"]),
     "knock = 0@0 smooth 7@1/8 smooth 0@1/4": lambda s: s.define(
@@ -61,10 +61,10 @@ CALLS: dict[str, Callable[[Typed], Reply]] = {
     "show ada": lambda s: s.show("ada"),
     "scope ada": lambda s: s.scope("ada"),
     "help plays": lambda s: s.help("plays"),
-    "py piece.seed": lambda s: s.py("piece.seed"),
+    "py session.state().tempo": lambda s: s.py("session.state().tempo"),
     "quit": lambda s: s.quit(),
 }
-MORE: dict[str, Callable[[Typed], Reply]] = {
+MORE: dict[str, Callable[[SessionProxy], Reply]] = {
     "ada plays knock every 1/2 touch free do scale 0.8, mirror now": lambda s: s.plays(
         "ada", "knock", do=("scale 0.8", "mirror"), every="1/2", touch="free", now=True
     ),
@@ -104,7 +104,7 @@ def test_every_form_has_its_call():
 @pytest.mark.parametrize("wanted", [*CALLS, *MORE])
 def test_a_call_is_its_line(wanted: str):
     face = Told()
-    reply = (CALLS | MORE)[wanted](Typed(face))
+    reply = (CALLS | MORE)[wanted](SessionProxy(face))
     assert face.lines == [wanted]
     assert reply.taken
     assert face.closed == (wanted == "quit")
@@ -113,9 +113,9 @@ def test_a_call_is_its_line(wanted: str):
 def test_what_is_refused_is_raised():
     face = Told()
     with pytest.raises(NotTaken, match=r"unknown verb 'adda'; try: ada plays knock") as refused:
-        Typed(face)("adda")
+        SessionProxy(face)("adda")
     assert refused.value.reply == Reply(False, "unknown verb 'adda'", "ada plays knock")
-    assert Typed(face)("any line").text == "ok"
+    assert SessionProxy(face)("any line").text == "ok"
 
 
 @pytest.mark.parametrize(
@@ -130,22 +130,22 @@ def test_what_is_refused_is_raised():
         lambda s: s.record("on"),
     ],
 )
-def test_a_call_that_is_no_line_types_nothing(wrong: Callable[[Typed], Reply]):
+def test_a_call_that_is_no_line_types_nothing(wrong: Callable[[SessionProxy], Reply]):
     face = Told()
-    with pytest.raises(TypeError, match="it is written: "):
-        wrong(Typed(face))
+    with pytest.raises(TypeError, match="write it as "):
+        wrong(SessionProxy(face))
     assert face.lines == []
 
 
 def test_a_value_is_no_second_line():
     face = Told()
     with pytest.raises(ValueError, match="one line"):
-        Typed(face).py("1\nquit")
+        SessionProxy(face).py("1\nquit")
     assert face.lines == []
 
 
 def test_names_can_be_completed_and_explained():
-    session = Typed(Told())
+    session = SessionProxy(Told())
     assert {"plays", "define", "look", "hush", "state"} <= set(dir(session))
     assert "ada plays knock every 1 times 8" in (session.plays.__doc__ or "")
     assert not hasattr(session, "plyas")
@@ -154,7 +154,7 @@ def test_names_can_be_completed_and_explained():
 
 def test_calls_change_what_a_real_session_plays(tmp_path: Path):
     stepped = Stepped(SCORE, tmp_path)
-    with Typed(stepped.session) as session:
+    with SessionProxy(stepped.session) as session:
         session.play()
         stepped.run(0.2)
         assert session.plays("ada", "lean", every=2, now=True).text.startswith("ok 1|")

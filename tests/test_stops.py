@@ -22,11 +22,11 @@ from terminals import CTRL_C, ENTER, F12, Terminal
 from test_repl_plain import calls, script
 from test_repl_session import SCORE
 
-from ergon.repl.face import Face, stop_of
 from ergon.repl.language.parse import parse
-from ergon.repl.language.scope import names
-from ergon.repl.prompt.calm import Calm
-from ergon.repl.turns import Turns
+from ergon.repl.language.scope import scope_of
+from ergon.repl.line_queue import LineQueue
+from ergon.repl.prompt.error_boundary import ErrorBoundary
+from ergon.repl.session_protocol import SessionProtocol, stop_of
 from ergon.repl.wire.remote import Remote
 
 SHARED = """\
@@ -168,7 +168,7 @@ def test_an_idle_terminal_clears_a_line_by_ctrl_c_and_goes_on_pushing(tmp_path: 
         at.child.kill(signal.SIGINT)
         at.until(lambda: at.cursor_line.endswith(" >"), "an empty prompt")
         at.type("help" + ENTER)
-        at.sees("hands lift, the session ends")
+        at.sees("all hands lift, and the session ends")
         until(lambda: at.look(0) and pushes(board), "a force")
 
 
@@ -222,7 +222,7 @@ class Told(Acted):
 
 def test_lines_before_a_stop_bring_nothing_back():
     face = Told()
-    turns: Turns[int] = Turns(face)
+    turns: LineQueue[int] = LineQueue(face)
     turns.enter("play", 1)
     turns.enter("pa  # at once", 2)
     turns.enter("release", 3)
@@ -247,7 +247,7 @@ def test_a_line_that_a_panic_overtook_does_not_end_it(tmp_path: Path):
     played = Stepped(SCORE, tmp_path)
     session = played.session
     session.panic()
-    for line, why in (("release", "a stop came"), ("play", "a panic came")):
+    for line, why in (("release", "a stop was entered"), ("play", "a panic was entered")):
         reply = session.submit(line, releases=False)
         assert not reply.taken
         assert reply.text.startswith(why)
@@ -279,7 +279,7 @@ def test_a_panic_is_one_version_however_often_it_is_asked(tmp_path: Path):
 def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str):
     """What the prompt takes for a stop, the language does."""
     played = Stepped(SCORE, tmp_path)
-    scope = names(played.session.commits.head.piece)
+    scope = scope_of(played.session.commits.head.piece)
     played.close()
     try:
         commands = {type(one).__name__.lower() for one in parse(line, scope)}
@@ -294,7 +294,7 @@ def test_stops_are_the_words_of_the_language(tmp_path: Path, line: str):
 
 
 def test_every_face_has_every_stop():
-    for face in (Calm, Remote, Acted):
+    for face in (ErrorBoundary, Remote, Acted):
         for name in ("panic", "let_go", "input_ends"):
             assert callable(getattr(face, name)), (face, name)
-    assert Face is not None
+    assert SessionProtocol is not None

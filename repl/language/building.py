@@ -1,4 +1,4 @@
-"""Lines made of values: how a program types."""
+"""Lines made of values, for the methods of `ergon.Session`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING
-from ergon.repl.language.verbs import FORMS, ways
+from ergon.repl.language.verbs import FORMS, forms_of
 
-# By the name of a function: what Python cannot call by the verb itself.
+# Functions for verbs that are no Python names.
 CALLED = {"define": "=", "look": "?"}
 FUNCTIONS = {
     **{form.verb: form.verb for form in FORMS if form.verb not in CALLED.values()},
@@ -27,18 +27,18 @@ def line(verb: str, given: Sequence[object], named: Mapping[str, object]) -> str
     """
     said = {name.rstrip("_"): value for name, value in named.items()}
     said = {name: value for name, value in said.items() if value is not None and value is not False}
-    for form in ways(verb):
-        # Only what ends in when can be said to.
+    for form in forms_of(verb):
+        # A time is accepted only by verbs that take one.
         when = {name: said[name] for name in _WHEN if name in said and form.timed}
         rest = {name: value for name, value in said.items() if name not in when}
         words = _words(form, given, rest)
         if words is not None and len(when) <= 1:
             return " ".join([*words, *_options(when)])
-    raise TypeError("it is written: " + ", or: ".join(form.written for form in ways(verb)))
+    raise TypeError("write it as " + ", or: ".join(form.written for form in forms_of(verb)))
 
 
 def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> list[str] | None:
-    """All but when; None where the values do not fit the form."""
+    """The words of a line without its time; None where the values do not fit the form."""
     rest = dict(named)
     bound: dict[int, object] = {}
     for number, slot in enumerate(form.slots):
@@ -46,7 +46,7 @@ def _words(form: Form, given: Sequence[object], named: Mapping[str, object]) -> 
             if name in rest and number not in bound:
                 bound[number] = rest.pop(name)
     open_ = [number for number in range(len(form.slots)) if number not in bound]
-    # Of places that may be left open so many are filled as there are values to spare.
+    # Optional places are filled from the left with the values to spare.
     spare = len(given) - sum(not form.slots[number].optional for number in open_)
     values = iter(given)
     for number in open_:
@@ -78,7 +78,7 @@ def _said(slot: Slot, value: object) -> str | None:
 
 
 def _options(named: Mapping[str, object]) -> list[str]:
-    """Options as `plays` has them; what is done to it goes on to the end of a line."""
+    """Options of `plays`; `do` is last, because it takes the rest of a line."""
     order = sorted(named, key=lambda name: name == "do")
     return [name if named[name] is True else f"{name} {_text(named[name])}" for name in order]
 
@@ -86,5 +86,5 @@ def _options(named: Mapping[str, object]) -> list[str]:
 def _text(value: object) -> str:
     text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
     if "\n" in text:
-        raise ValueError("a value has one line")
+        raise ValueError("a value must be on one line")
     return text

@@ -1,4 +1,4 @@
-"""What a typed line asks for: one class for each thing that can be asked."""
+"""Commands: what a typed line asks for, a class for each."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ When = Now | Position | Length | None  # `now`, `at C`, `in 2`; None: the next b
 
 
 class Word(NamedTuple):
-    """A value as it was written, and where: characters of the submitted text."""
+    """A value as it was written, and its place in the submitted text, in characters."""
 
     text: str
     start: int
@@ -33,7 +33,7 @@ class Word(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """When it acts, and its values as written, by the names of its fields.
+    """When a command acts, and its values as written, by the names of its fields.
 
     An option of `plays` is under its own name (`every`, `from`, `grain`), and all of them without
     when are under `play`, as a part's table has them. What `set` changes to is under `change`.
@@ -48,7 +48,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Define(Command):
-    """`knock = 0@0 6@1/8 0@1/4`: the gesture is written so from now on."""
+    """`knock = 0@0 6@1/8 0@1/4`: define a gesture."""
 
     name: str
     notation: Notation
@@ -56,7 +56,7 @@ class Define(Command):
 
 @dataclass(frozen=True, slots=True)
 class Plays(Command):
-    """`ada plays knock every 1`: in place of what the player plays."""
+    """`ada plays knock every 1`: play this in place of the rest of the part."""
 
     player: str
     what: str
@@ -69,7 +69,7 @@ class Plays(Command):
 
 @dataclass(frozen=True, slots=True)
 class Do(Command):
-    """`ada do mirror`: done to what the player plays, after what is done to it already."""
+    """`ada do mirror`: transform further what the player plays."""
 
     player: str
     do: tuple[Transform, ...]
@@ -77,31 +77,31 @@ class Do(Command):
 
 @dataclass(frozen=True, slots=True)
 class Rest(Command):
-    """No further occurrence; the one in flight ends. None: every player."""
+    """Play no further occurrence after the one in flight. None: every player."""
 
     player: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class Hush(Command):
-    """No more ergons; what sounds rings out."""
+    """End all gestures and strikes; what sounds rings out."""
 
 
 @dataclass(frozen=True, slots=True)
 class Damp(Command):
-    """Silence by viscosity, within `time` [s]."""
+    """End all gestures, and damp all that sounds with a T60 of `time` [s]."""
 
     time: float
 
 
 @dataclass(frozen=True, slots=True)
 class Panic(Command):
-    """Silence at once."""
+    """End sound and force at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class Release(Command):
-    """Sound and forces again, after a panic."""
+    """Switch sound and forces on again."""
 
 
 # --- time ----------------------------------------------------------------------------------------
@@ -109,14 +109,14 @@ class Release(Command):
 
 @dataclass(frozen=True, slots=True)
 class Play(Command):
-    """The piece runs, from a position or from where it stopped."""
+    """Run the piece, from a position or from where it stopped."""
 
     start: Position | None
 
 
 @dataclass(frozen=True, slots=True)
 class Stop(Command):
-    """The piece stands still."""
+    """Stop the piece."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,19 +130,19 @@ class Tempo(Command):
 
 @dataclass(frozen=True, slots=True)
 class Tap(Command):
-    """A beat is now; several of them are a tempo."""
+    """Mark a beat; three or more set the tempo."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nudge(Command):
-    """The beat comes later by this; negative: earlier."""
+    """Delay the beat by a length; negative: bring it forward."""
 
     by: Length
 
 
 @dataclass(frozen=True, slots=True)
 class Quant(Command):
-    """The boundaries on which lines act that do not say when."""
+    """Set the boundaries on which lines act that do not say when."""
 
     grid: Now | Length
 
@@ -152,7 +152,7 @@ class Quant(Command):
 
 @dataclass(frozen=True, slots=True)
 class Set(Command):
-    """A physical parameter gets a value [SI], or is multiplied by a factor; it glides `over`."""
+    """Set a physical parameter to a value [SI], or multiply it by a factor; it glides `over`."""
 
     target: str
     value: float | None
@@ -162,7 +162,7 @@ class Set(Command):
 
 @dataclass(frozen=True, slots=True)
 class Couple(Command):
-    """A REF between two keys: `stiffness` [N/m], `viscosity` [Ns/m]."""
+    """Join two keys by a REF: `stiffness` [N/m], `viscosity` [Ns/m]."""
 
     a: str
     b: str
@@ -172,7 +172,7 @@ class Couple(Command):
 
 @dataclass(frozen=True, slots=True)
 class Uncouple(Command):
-    """What joins two keys goes."""
+    """Remove what joins two keys."""
 
     a: str
     b: str
@@ -180,9 +180,9 @@ class Uncouple(Command):
 
 @dataclass(frozen=True, slots=True)
 class Guide(Command):
-    """A real hand's key is led along another player's ergons; by None: no longer.
+    """Guide a real hand along another player's part; by None: end that.
 
-    `stiffness` [N/m] and `viscosity` [Ns/m] of the lead, None where they are not said.
+    `stiffness` [N/m] and `viscosity` [Ns/m] of the guide, None where they are not written.
     """
 
     player: str
@@ -193,7 +193,7 @@ class Guide(Command):
 
 @dataclass(frozen=True, slots=True)
 class Record(Command):
-    """A real key's movement becomes a take."""
+    """Record a real key's movement as a take."""
 
     player: str
     take: str
@@ -201,12 +201,12 @@ class Record(Command):
 
 @dataclass(frozen=True, slots=True)
 class RecordOff(Command):
-    """The recording ends."""
+    """End the recording."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gain(Command):
-    """A ratio of amplitudes, for an instrument or a player; None: for everything."""
+    """Set the ratio of amplitudes of an instrument or a player; None: of everything."""
 
     name: str | None
     ratio: float
@@ -214,28 +214,28 @@ class Gain(Command):
 
 @dataclass(frozen=True, slots=True)
 class Mute(Command):
-    """An instrument or a player is not heard."""
+    """Silence an instrument or a player."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Solo(Command):
-    """Only this instrument or player is heard."""
+    """Silence all but an instrument or a player."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Unmute(Command):
-    """It is heard again; None: everything is."""
+    """End mute and solo; None: of everything."""
 
     name: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class Seed(Command):
-    """The number that every chance derives from."""
+    """Set the number from which all chance derives."""
 
     seed: int
 
@@ -245,29 +245,29 @@ class Seed(Command):
 
 @dataclass(frozen=True, slots=True)
 class Undo(Command):
-    """The version before."""
+    """Return to the version before."""
 
 
 @dataclass(frozen=True, slots=True)
 class Redo(Command):
-    """The version that was undone."""
+    """Restore the version that was undone."""
 
 
 @dataclass(frozen=True, slots=True)
 class History(Command):
-    """The versions, with the bars in which they began."""
+    """List the versions, with the bars in which they began."""
 
 
 @dataclass(frozen=True, slots=True)
 class Back(Command):
-    """So many versions back."""
+    """Go back by a number of versions."""
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
 class Keep(Command):
-    """What was played in the last `length` gets a name."""
+    """Write what was played in the last `length` as a score."""
 
     length: Length
     name: str
@@ -275,21 +275,21 @@ class Keep(Command):
 
 @dataclass(frozen=True, slots=True)
 class Save(Command):
-    """The score is written; None: to its own file."""
+    """Write the score; None: to its own file."""
 
     file: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class Load(Command):
-    """Another score takes the place of this one."""
+    """Open another score in place of this one."""
 
     file: str
 
 
 @dataclass(frozen=True, slots=True)
 class Reload(Command):
-    """The score's file is read again; what differs changes."""
+    """Read the score's files again; what differs changes."""
 
 
 # --- looking -------------------------------------------------------------------------------------
@@ -297,44 +297,44 @@ class Reload(Command):
 
 @dataclass(frozen=True, slots=True)
 class Look(Command):
-    """What a name is, drawn where it can be; nothing is played."""
+    """Draw a gesture or a take, or show where a name is defined; nothing is played."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Show(Command):
-    """What plays, or what there is of a name."""
+    """List who plays what, or show where a name is defined."""
 
     name: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class Trace(Command):
-    """A movement as it is now."""
+    """Draw the gesture that a player is playing."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Meters(Command):
-    """The level of every channel."""
+    """Show the level of every channel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Help(Command):
-    """The verbs, or one of them."""
+    """List the verbs, or explain one."""
 
     verb: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class Py(Command):
-    """A Python expression over the session."""
+    """Evaluate a Python expression."""
 
     expression: str
 
 
 @dataclass(frozen=True, slots=True)
 class Quit(Command):
-    """Hands lift, the session ends."""
+    """End the session."""

@@ -1,4 +1,4 @@
-"""What could be typed next, with a line about each: only what would be taken."""
+"""Completion: words that would be accepted next, each with a hint."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from ergon.repl.language.grammar import Hints, command
 from ergon.repl.language.lines import MAX_LINE, Line, comment, goes_on, lines
 from ergon.repl.language.scope import Scope
 
-MOST = 200  # in a menu; who looks for one of more types a letter
+MAX_SUGGESTIONS = 200  # in a menu; with more, another letter narrows them
 
-_APART = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
+_SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
 
 
 class Suggestion(NamedTuple):
-    """What takes the place of the characters from `start` to the cursor, and a line about it."""
+    """A completion: it replaces the characters from `start` to the cursor."""
 
     text: str
     start: int
@@ -24,24 +24,24 @@ class Suggestion(NamedTuple):
 
 
 def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
-    """What the word before the cursor may become. Raises nothing."""
+    """Completions of the word before the cursor. Raises nothing."""
     head = text[:cursor]
     first = _beginning(head)
     if len(head) - first > MAX_LINE or _in_comment(head):
         return []
-    start = max((m.end() for m in _APART.finditer(head, first)), default=first)
+    start = max((m.end() for m in _SEPARATOR.finditer(head, first)), default=first)
     hints = Hints(head[start:])
     try:
         line = next(lines(head[first:start]), Line("", 0))
         command(line, scope, hints)
     except TextError:
-        pass  # what was found before the mistake is offered
+        pass  # offer what was found before the mistake
     typed = hints.typed.lower()
     found: dict[str, Suggestion] = {}
     for offer in hints.found:
         if offer.text.lower().startswith(typed) and offer.text != hints.typed:
             found.setdefault(offer.text, Suggestion(offer.text, start, offer.hint))
-    return list(found.values())[:MOST]
+    return list(found.values())[:MAX_SUGGESTIONS]
 
 
 def _beginning(head: str) -> int:

@@ -13,17 +13,25 @@ from ergon.repl.language.values import Value
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A place of a form: which field its value is, and the word that leads into it.
+    """A place of a form: the field that its value is, how help names it, and its lead word.
 
     A `lead` that ends in "=" is one word with its value (`K=40N/m`); one without value stands alone
     (`off`). `many` takes all words up to the next lead.
     """
 
     field: str
+    placeholder: str
     value: Value | None = None
     lead: str = ""
     optional: bool = False
     many: bool = False
+
+    @property
+    def written(self) -> str:
+        """As help writes it: `[over LENGTH]`."""
+        joint = "" if self.lead[-1:] == "=" or not self.placeholder else " "
+        text = f"{self.lead}{joint}{self.placeholder}".strip()
+        return f"[{text}]" if self.optional else text
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +39,20 @@ class Form:
     """One way to write a verb. With `subject` its first slot stands before the verb."""
 
     verb: str
-    written: str
+    short: str
     effect: str
     example: str
     make: Callable[..., c.Command]
     slots: tuple[Slot, ...] = ()
     timed: bool = True  # may end in `now`, `at C` or `in 2`
     subject: bool = False
+
+    @property
+    def written(self) -> str:
+        """As help writes it: `rest PLAYER|all`."""
+        words = [slot.written for slot in self.slots]
+        words.insert(1 if self.subject else 0, self.verb)
+        return " ".join(words)
 
 
 Words = Mapping[str, c.Word]
@@ -67,7 +82,7 @@ def couple(
     """A REF with K, Z or both. Raises TextError."""
     if stiffness is None and viscosity is None:
         end = words["b"].end
-        raise TextError("a coupling has K or Z: couple k1 k2 K=40N/m", offset=end)
+        raise TextError("a coupling needs K, Z or both: couple k1 k2 K=40N/m", offset=end)
     return c.Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
 
 
@@ -77,6 +92,6 @@ def tempo(
     """A tempo, or a ramp with both its ends and its length. Raises TextError."""
     if (bpm[1] is None) != (over is None):
         word = words["over" if bpm[1] is None else "bpm"]
-        message = "a ramp says from where to where, and over which length: tempo 60 -> 84 over 4bar"
+        message = "a ramp needs two tempos and a length: tempo 60 -> 84 over 4bar"
         raise TextError(message, offset=word.start, length=len(word.text))
     return c.Tempo(*bpm, over, when=when, words=words)

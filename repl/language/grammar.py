@@ -19,18 +19,18 @@ from ergon.repl.language.scope import Scope
 
 _LEADS = {"at": v.POSITION, "in": v.LENGTH}  # of when a line acts
 _WHENS = (
-    v.Offer("now", "at the next tick"),
-    v.Offer("at", "at a position or a mark"),
-    v.Offer("in", "so much later"),
+    v.Completion("now", "at the next tick"),
+    v.Completion("at", "at a position or a mark"),
+    v.Completion("in", "so much later"),
 )
 
 
 @dataclass(slots=True)
 class Hints:
-    """What could stand where `typed` is being written."""
+    """Completions found for the word that begins with `typed`."""
 
     typed: str
-    found: list[v.Offer] = field(default_factory=list)
+    found: list[v.Completion] = field(default_factory=list)
 
 
 def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
@@ -39,7 +39,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     With `hints` the line ends before a word that is being typed: what could stand there is told,
     and None is returned.
     """
-    words = _apart(split(line))
+    words = _separated(split(line))
     if hints is not None and len(words) < 2:
         _first_hints(words, scope, hints)
     if not words:
@@ -47,7 +47,7 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
     verb, arguments = _verb(words, scope)
     after = words[-1].end
     refusals = []
-    for form in verbs.ways(verb):
+    for form in verbs.forms_of(verb):
         reading = _Reading(form, line, list(arguments), after, scope, hints)
         try:
             taken = reading.command()
@@ -58,11 +58,11 @@ def command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | N
                 return taken
     if hints is not None:
         return None
-    # The form that fits furthest is the one that was meant.
+    # The form that fits furthest is probably the intended one.
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
-def _apart(words: list[Word]) -> list[Word]:
+def _separated(words: list[Word]) -> list[Word]:
     """`knock=0@0` and `?lean` are written together, and are several words."""
     if not words:
         return words
@@ -91,12 +91,12 @@ def _verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
     second = words[1].text if len(words) > 1 else ""
     if second == "=":
         return "=", [words[0], *words[2:]]
-    about_player = verbs.meant(second, verbs.SUBJECT_VERBS) if second else ()
+    about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first in scope.players
     sure = second in verbs.SUBJECT_VERBS and first not in verbs.VERBS
     if about_player and (is_player or sure):
         return about_player[0], [words[0], *words[2:]]
-    some = verbs.meant(first, verbs.VERBS)
+    some = verbs.verbs_matching(first, verbs.VERBS)
     if len(some) == 1 and not (is_player and first != some[0]):
         return some[0], words[1:]
     raise _no_verb(words, some, scope)
@@ -108,23 +108,22 @@ def _no_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextErro
         second = words[1] if len(words) > 1 else None
         example = f"{first} plays {next(iter(scope.gestures), 'knock')}"
         if second is None:
-            return TextError(f"{first} plays or does what? {example}", offset=words[0].end)
+            return TextError(f"what does {first} play? write {example}", offset=words[0].end)
         near = nearest(second.text, verbs.SUBJECT_VERBS)
         message = f"unknown verb {quote(second.text)}"
         return TextError(
-            message if near else f"{message}; a player plays or does: {example}",
+            message if near else f"{message}; after a player write plays or do: {example}",
             offset=second.start,
             length=len(second.text),
             suggestion=near,
         )
     if some:
-        message = f"{quote(first)} may be {' or '.join(some)}"
-        return TextError(message, offset=place, length=len(first))
+        return verbs.ambiguous(first, some, place)
     if first in verbs.NOT_BUILT:
         return TextError(verbs.NOT_BUILT[first], offset=place, length=len(first))
     played = first in scope.gestures or first in scope.takes
     if played and (player := next(iter(scope.players), None)):
-        message = f"{quote(first)} is what a player plays"
+        message = f"{quote(first)} is not a verb; a player plays it"
         said = f"{player} plays {first}"
         return TextError(message, offset=place, length=len(first), suggestion=said)
     known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
@@ -138,22 +137,22 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
     if not words:
         hints.found.extend(v.listed(scope.players))
         for verb in verbs.VERBS:
-            hints.found.append(v.Offer(verb, verbs.ways(verb)[0].effect))
+            hints.found.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
         hints.found.extend(v.listed(scope.gestures))
         return
     first = words[0].text
     if first in scope.players:
-        effects = ((verb, verbs.ways(verb)[0].effect) for verb in verbs.SUBJECT_VERBS)
-        hints.found.extend(v.Offer(*pair) for pair in effects)
+        effects = ((verb, verbs.forms_of(verb)[0].effect) for verb in verbs.SUBJECT_VERBS)
+        hints.found.extend(v.Completion(*pair) for pair in effects)
     elif first in scope.gestures:
-        hints.found.append(v.Offer("=", "defines it anew"))
+        hints.found.append(v.Completion("=", "defines it anew"))
 
 
 # --- its places ----------------------------------------------------------------------------------
 
 
 class _Reading:
-    """A walk through the places of one form."""
+    """Reads the words of a line by the places of one form."""
 
     def __init__(
         self,
@@ -173,9 +172,9 @@ class _Reading:
         self.given: dict[str, Any] = {
             slot.field: None for slot in form.slots if slot.field and slot.optional
         }
-        self.said: dict[str, Word] = {}
+        self.as_written: dict[str, Word] = {}
         self.when: When = None
-        self.dated = False  # whether the words say when: nothing is offered after that
+        self.has_when = False  # whether the words include a time; nothing is offered after it
 
     def command(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
@@ -192,7 +191,7 @@ class _Reading:
             self._end_hints(options)
             return None
         self._nothing_left(options)
-        return self.form.make(**self.given, when=self.when, words=self.said)
+        return self.form.make(**self.given, when=self.when, words=self.as_written)
 
     def _when(self) -> None:
         """Take `now`, `at C` or `in 2` from the end."""
@@ -202,16 +201,16 @@ class _Reading:
         lead = self.words[-2].text if len(self.words) > 1 else ""
         if last.text == "now":
             self.when = NOW
-            self.dated, self.said["when"] = True, last
+            self.has_when, self.as_written["when"] = True, last
             del self.words[-1:]
         elif lead in _LEADS:
             self.when = self._read(_LEADS[lead], last)
-            self.dated, self.said["when"] = True, last
+            self.has_when, self.as_written["when"] = True, last
             del self.words[-2:]
         elif last.text in _LEADS:
             self._offer(_LEADS[last.text])
             what = _LEADS[last.text].what
-            raise TextError(f"'{last.text}' wants {what}", offset=last.start, length=len(last.text))
+            raise TextError(f"'{last.text}' needs {what}", offset=last.start, length=len(last.text))
 
     def _place(self, slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
         """Read a place that has its order; False where it is being typed."""
@@ -252,7 +251,7 @@ class _Reading:
         start, end = words[0].start, words[-1].end
         text = self.line.text[start - self.line.start : end - self.line.start]
         self._take(slot, Word(text, start, end))
-        self.dated |= any(word.text in _LEADS for word in words)
+        self.has_when |= any(word.text in _LEADS for word in words)
         return True
 
     def _option(self, options: list[Slot]) -> Slot | None:
@@ -275,13 +274,13 @@ class _Reading:
             if not self.words:
                 self._offer(option.value)
             what = option.value.what
-            raise TextError(f"'{option.lead}' wants {what}", offset=self.after)
+            raise TextError(f"'{option.lead}' needs {what}", offset=self.after)
         self._take(option, self.words.pop(0))
 
     def _take(self, slot: Slot, word: Word) -> None:
         assert slot.value is not None
         self.given[slot.field] = self._read(slot.value, word)
-        self.said[slot.field] = word
+        self.as_written[slot.field] = word
 
     def _read(self, value: v.Value, word: Word) -> Any:
         try:
@@ -301,7 +300,7 @@ class _Reading:
             return
         word = self.words[0]
         if not self.form.timed and word.text == "now" and len(self.words) == 1:
-            return  # as it does anyway
+            return  # the verb acts at once anyway
         raise self._unexpected(word, [option.lead for option in options])
 
     def _unexpected(self, word: Word, leads: list[str]) -> TextError:
@@ -317,19 +316,19 @@ class _Reading:
     # --- what could follow -----------------------------------------------------------------------
 
     def _offer(self, value: v.Value, before: tuple[str, ...] = ()) -> None:
-        if self.hints is not None and not self.dated:
-            spot = v.Spot(self.hints.typed, before, self.scope, self.given)
-            self.hints.found.extend(value.offers(spot))
+        if self.hints is not None and not self.has_when:
+            context = v.CompletionContext(self.hints.typed, before, self.scope, self.given)
+            self.hints.found.extend(value.offers(context))
 
     def _offer_lead(self, slot: Slot) -> None:
-        if self.hints is not None and not self.dated:
+        if self.hints is not None and not self.has_when:
             self.hints.found.append(
-                v.Offer(slot.lead, slot.value.what if slot.value else self.form.effect)
+                v.Completion(slot.lead, slot.value.what if slot.value else self.form.effect)
             )
 
     def _end_hints(self, options: list[Slot]) -> None:
         """What may stand when everything that must is there."""
-        if self.hints is None or self.words or self.dated:
+        if self.hints is None or self.words or self.has_when:
             return
         for option in options:
             self._offer_lead(option)
@@ -342,6 +341,6 @@ class _Reading:
         assert self.hints is not None
         assert option.value is not None
         typed = self.hints.typed[len(option.lead) :]
-        spot = v.Spot(typed, (), self.scope, self.given)
-        offers = option.value.offers(spot)
-        self.hints.found.extend(v.Offer(option.lead + text, hint) for text, hint in offers)
+        context = v.CompletionContext(typed, (), self.scope, self.given)
+        offers = option.value.offers(context)
+        self.hints.found.extend(v.Completion(option.lead + text, hint) for text, hint in offers)

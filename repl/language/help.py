@@ -6,29 +6,29 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from ergon.repl.language.playing import HINTS
-from ergon.repl.language.verbs import GROUPS, SHORTEST, ways
+from ergon.repl.language.playing import OPTION_HINTS
+from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
 from ergon.scores.gesture.words import OPTIONS
 
 WHEN = (
     ("", "at the next boundary of `quant`: the next bar, unless it was set"),
     ("now", "at the next tick"),
-    ("at C, at 9|1, at B+2", "at a mark, a bar and beat, a mark and beats"),
-    ("in 2, in 1bar", "so many beats or bars later"),
+    ("at C, at 9|1, at B+2", "at a mark, at a bar and beat, some beats after a mark"),
+    ("in 2, in 1bar", "this many beats or bars later"),
 )
 NOTATION = (
     ("6mm@1/8", "a point: 6 mm at an eighth of a beat; bare numbers are mm and beats"),
     ("6@+1/8", "an eighth after the point before"),
-    ("smooth, line, hold, throw", "the way into the points that follow; smooth unless said"),
-    ("( … )*4", "four times, each from the end of the one before"),
+    ("smooth, line, hold, throw", "the curve to the points that follow; smooth if none is written"),
+    ("( … )*4", "four times, each after the end of the one before"),
 )
 KEYS = (
     ("F12", "panic"),
-    ("Tab", "takes what is suggested, or completes"),
-    ("Ctrl-C", "clears the line, or drops the one that is computed; the sound goes on"),
-    ("Ctrl-D", "on an empty line: hands lift, and out"),
-    ("`\\` at the end", "the line goes on in the next one"),
+    ("Tab", "takes the line that was suggested, or completes the word"),
+    ("Ctrl-C", "clears the line, or cancels the one that is being computed; the sound goes on"),
+    ("Ctrl-D", "on an empty line: all hands lift, and the session ends"),
+    ("`\\` at the end", "continues the line in the next one"),
     ("#", "begins a comment"),
 )
 
@@ -39,14 +39,14 @@ def overview() -> tuple[str, ...]:
     for title, some in GROUPS.items():
         lines.append(f"{title}:")
         lines += [f"  {form.example:<39} {form.effect}" for form in some]
-    lines.append("any line may end in now, at C or in 2; `help VERB` says more")
+    lines.append("a line may end in now, at C or in 2; `help VERB` explains one verb")
     return tuple(lines)
 
 
 def about(verb: str) -> tuple[str, ...]:
     """One verb: how it is written, what it does, its words."""
     lines = []
-    for form in ways(verb):
+    for form in forms_of(verb):
         when = " [now | at WHERE | in LENGTH]" if form.timed else ""
         lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST[verb] != verb:
@@ -56,7 +56,7 @@ def about(verb: str) -> tuple[str, ...]:
 
 def _words(verb: str) -> tuple[tuple[str, str], ...]:
     if verb == "plays":
-        return tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in HINTS.items())
+        return tuple((f"{w} {OPTIONS[w] or ''}", hint) for w, hint in OPTION_HINTS.items())
     if verb == "do":
         return tuple((example, "") for example in EXAMPLES.values())
     return NOTATION if verb == "=" else ()
@@ -71,7 +71,9 @@ def sheet() -> str:
         lines += _table(title, ("write", "effect", "example", "in short"), rows)
     lines += _table("when a line acts", ("at its end", "effect"), WHEN)
     lines += _table("notation", ("write", "meaning"), NOTATION)
-    options = ((f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in HINTS.items())
+    options = (
+        (f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in OPTION_HINTS.items()
+    )
     lines += _table("further words of plays", ("write", "meaning"), options)
     lines += _table("keys", ("key", "effect"), KEYS)
     return "\n".join(lines).rstrip() + "\n"

@@ -63,9 +63,11 @@ def _verb(words: list[re.Match[str]], scope: Scope) -> int:
     if not words:
         return -1
     first, second = words[0].group(), words[1].group() if len(words) > 1 else ""
-    if second == "=" or (first in scope.players and verbs.meant(second, verbs.SUBJECT_VERBS)):
+    if second == "=" or (
+        first in scope.players and verbs.verbs_matching(second, verbs.SUBJECT_VERBS)
+    ):
         return 1
-    return 0 if len(verbs.meant(first, verbs.VERBS)) == 1 else -1
+    return 0 if len(verbs.verbs_matching(first, verbs.VERBS)) == 1 else -1
 
 
 def _kinds(word: str, scope: Scope) -> Iterator[Token]:

@@ -31,9 +31,9 @@ class Line(NamedTuple):
 def lines(text: str) -> Iterator[Line]:
     """Yield the lines of a submission. Raises TextError for what is too long or cannot be typed."""
     if len(text) > MAX_PASTE:
-        raise TextError(f"this has {len(text):,} characters; {MAX_PASTE:,} are the most")
+        raise TextError(f"this text has {len(text):,} characters; {MAX_PASTE:,} are the most")
     if text.count("\n") > MAX_LINES:
-        raise TextError(f"this has more than {MAX_LINES} lines")
+        raise TextError(f"this text has more than {MAX_LINES} lines")
     joined, start, offset = "", 0, 0
     for line in text.split("\n"):
         if len(joined) + len(line) > MAX_LINE:
@@ -81,7 +81,9 @@ def _refuse_strange(line: str, offset: int) -> None:
     strange = [i for i, c in enumerate(line) if not c.isprintable() and c not in "\t\r"]
     if strange:
         first, last = strange[0], strange[-1]
-        message = f"a character that means nothing here (U+{ord(line[first]):04X})"
+        message = (
+            f"this line contains a character that has no meaning here (U+{ord(line[first]):04X})"
+        )
         part = line[first : last + 1]
         clean = "".join(c if c.isprintable() else " " if c.isspace() else "" for c in part)
         raise TextError(message, offset=offset + first, length=len(part), suggestion=clean)

@@ -29,7 +29,7 @@ def parse(text: str, scope: Scope) -> tuple[Command, ...]:
 
 
 def mistake(text: str, scope: Scope) -> TextError | None:
-    """What would be refused first, without a search for something better."""
+    """The first mistake of a text; None where it is accepted."""
     try:
         for _ in _commands(text, scope):
             pass

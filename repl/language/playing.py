@@ -17,13 +17,13 @@ from ergon.scores.gesture.transforms import ARITY, Transform
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.part import PLAY, SHAPES
 
-# Options that are no business of a line: a key says its rate in the score.
-_ELSEWHERE = {"rate": "gestures are struck at the audio rate; leave out 'rate'"}
+# Options that a line may not set: the rate of a gesture belongs to the score.
+_ELSEWHERE = {"rate": "'rate' belongs to the score: leave it out here"}
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
-    """What is played and how; `written` says where each word stands, from the first one's start."""
+class ParsedPlay:
+    """What is played and how; `written` has the place of each word, relative to the first."""
 
     what: str
     options: Mapping[str, Any]
@@ -31,7 +31,7 @@ class Played:
     written: play_words.PlayWords
 
 
-def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Played:
+def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> ParsedPlay:
     said = play_words.parse(text)
     _at(said.what.offset, v.PLAYED, said.what.text, scope)
     options = {}
@@ -39,7 +39,7 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Played:
         if name in _ELSEWHERE:
             raise TextError(_ELSEWHERE[name], offset=word.offset, length=len(word.text))
         options[name] = _at(word.offset, _value(name), word.text, scope)
-    return Played(said.what.text, options, said.do, said)
+    return ParsedPlay(said.what.text, options, said.do, said)
 
 
 def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
@@ -50,7 +50,7 @@ def _at(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
         raise
 
 
-# Where a line knows more than a part's table: which marks there are, what can be offered.
+# Values for which a line knows more than a part's table: marks and completions.
 _HERE = {
     "at": v.POSITION,
     "until": v.POSITION,
@@ -67,33 +67,33 @@ def _value(option: str) -> v.Value:
     return v.of(shape)
 
 
-def _offers(spot: v.Spot) -> Iterator[v.Offer]:
-    """What goes on: a value after its option, else further options and transformations."""
-    if not spot.before:
-        yield from v.PLAYED.offers(spot)
+def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
+    """Completions: a value after its option, else options and transformations."""
+    if not context.before:
+        yield from v.PLAYED.offers(context)
         return
-    last = spot.before[-1]
+    last = context.before[-1]
     if play_words.OPTIONS.get(last) is not None and last not in _ELSEWHERE:
         shape = SHAPES.get(last)
         choices = shape.choices if isinstance(shape, Text) else ()
         if choices:
-            yield from (v.Offer(str(word), f"how '{last}' is") for word in choices)
+            yield from (v.Completion(str(word), f"how '{last}' is") for word in choices)
         else:
-            yield from _value(last).offers(spot)
+            yield from _value(last).offers(context)
         return
     if last not in ("do", ",") and not ARITY.get(last):
-        for option, hint in HINTS.items():
-            if option not in spot.before:
-                yield v.Offer(option, hint)
-    yield from v.transforms(spot)
+        for option, hint in OPTION_HINTS.items():
+            if option not in context.before:
+                yield v.Completion(option, hint)
+    yield from v.transforms(context)
 
 
 # The options of `plays`, each with a line about it.
-HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in (*_ELSEWHERE, "at")}
+OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in (*_ELSEWHERE, "at")}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 
-def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> Plays:
+def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) -> Plays:
     """The command. Raises TextError when it says twice when it begins."""
     options = dict(play.options)
     said = {"player": words["player"], "what": _word(play.written.what, words["play"])}
@@ -106,7 +106,7 @@ def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> P
         said["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
     at: Position | None = options.pop("at", None)
     if at is not None and when is not None:
-        message = "it is said twice when this begins"
+        message = "this line says twice when it begins: keep one"
         raise TextError(message, offset=said["at"].start, length=len(said["at"].text))
     if at is not None:
         said["when"] = said.pop("at")
@@ -124,7 +124,7 @@ def plays(player: str, play: Played, when: When, words: Mapping[str, Word]) -> P
     )
 
 
-def _as_in_a_part(said: Mapping[str, Word], play: Played) -> str:
+def _as_in_a_part(said: Mapping[str, Word], play: ParsedPlay) -> str:
     """What is played and how, without when."""
     options = [name for name in play.written.options if name != "at"]
     flags = [name for name in options if play_words.OPTIONS[name] is None]

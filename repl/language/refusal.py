@@ -1,9 +1,10 @@
-"""Why a line is not taken."""
+"""The refusal of a line that cannot be read."""
 
+from ergon.common.errors import ErgonError
 from ergon.common.terminal import printable
 
 
-class Refusal(Exception):
+class Refusal(ErgonError):
     """One sentence, the characters at fault, and the whole text to type instead, if one is near."""
 
     def __init__(

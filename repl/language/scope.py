@@ -1,10 +1,9 @@
-"""The names that a line may say, and what each of them is."""
+"""The scope of a line: the names that it may use."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
@@ -12,51 +11,12 @@ from ergon.notation.tables import kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.reading.piece import Gesture, Piece
 
-_AT_THE_BEGINNING = ("X0", "V0")  # they say where a mass starts, which is over
-
-
-class Scope(Protocol):
-    """Names of a session, each with a line about it."""
-
-    @property
-    def players(self) -> Mapping[str, str]:
-        """Hands."""
-        ...
-
-    @property
-    def gestures(self) -> Mapping[str, str]:
-        """What is written to be played."""
-        ...
-
-    @property
-    def takes(self) -> Mapping[str, str]:
-        """What was captured."""
-        ...
-
-    @property
-    def keys(self) -> Mapping[str, str]:
-        """What hands play on."""
-        ...
-
-    @property
-    def marks(self) -> Mapping[str, str]:
-        """Instants."""
-        ...
-
-    @property
-    def instruments(self) -> Mapping[str, str]:
-        """What sounds."""
-        ...
-
-    @property
-    def targets(self) -> Mapping[str, Text]:
-        """What `set` may change, such as `bell.m.K`, and how its value is read."""
-        ...
+_AT_THE_BEGINNING = ("X0", "V0")  # they set where a mass starts, which is over
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
-    """A scope as tables."""
+class Scope:
+    """The names of a session, each with a hint; `targets` are what `set` may change."""
 
     players: Mapping[str, str] = field(default_factory=dict)
     gestures: Mapping[str, str] = field(default_factory=dict)
@@ -67,9 +27,9 @@ class Names:
     targets: Mapping[str, Text] = field(default_factory=dict)
 
 
-def names(piece: Piece) -> Names:
+def scope_of(piece: Piece) -> Scope:
     """The names of a piece."""
-    return Names(
+    return Scope(
         players={p.name: f"{p.hand} hand on {p.key}" for p in piece.players.values()},
         gestures={name: _about(gesture) for name, gesture in piece.gestures.items()},
         takes={name: f"take, {take.path.name}" for name, take in piece.takes.items()},
@@ -80,22 +40,9 @@ def names(piece: Piece) -> Names:
     )
 
 
-def with_gesture(scope: Scope, name: str) -> Names:
+def with_gesture(scope: Scope, name: str) -> Scope:
     """The scope, and a gesture that a line above has defined."""
-    all_names = (
-        scope
-        if isinstance(scope, Names)
-        else Names(
-            scope.players,
-            scope.gestures,
-            scope.takes,
-            scope.keys,
-            scope.marks,
-            scope.instruments,
-            scope.targets,
-        )
-    )
-    return replace(all_names, gestures={**scope.gestures, name: "gesture"})
+    return replace(scope, gestures={**scope.gestures, name: "gesture"})
 
 
 def _about(gesture: Gesture) -> str:
@@ -124,7 +71,7 @@ def _fields(part: str, module: Module, ca: bool) -> Iterator[tuple[str, Text]]:
         yield f"{path}.{name}", k.NUMBER if ca else k.CONSTANT
 
 
-# The fields that are one number, which can glide.
+# Fields of one number, which can glide.
 QUANTITIES = frozenset(
     (
         k.MASS,

@@ -1,4 +1,4 @@
-"""What may stand in a place of a line: how it is read, and what completes it."""
+"""Values of a line: how each is read, and its completions."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
 from ergon.scores.gesture.words import OPTIONS
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
-# Words that follow a name in a line: a gesture or take that bears one could not be played.
+# Words that may follow a name in a line, so that no gesture or take may be called so.
 RESERVED = frozenset((*OPTIONS, *ARITY, "do", "now", "in", "over", "as", "off", "all"))
 MAX_COMPARED = 2_000  # names that did-you-mean compares with: about 10 ms
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:/\d*)?")
 
 
-class Offer(NamedTuple):
-    """A word that could come next, and a line about it."""
+class Completion(NamedTuple):
+    """A word that could come next, and a hint."""
 
     text: str
     hint: str
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
-    """Where a word is being typed: its beginning, what its place holds already, the scope.
+class CompletionContext:
+    """Where a word is completed: its beginning, the words before it in its place, the scope.
 
     `given` are the values of the line so far.
     """
@@ -54,7 +54,7 @@ class Value:
 
     what: str
     read: Callable[[str, Scope, Mapping[str, Any]], Any]
-    offers: Callable[[Spot], Iterable[Offer]]
+    offers: Callable[[CompletionContext], Iterable[Completion]]
 
 
 # --- names ---------------------------------------------------------------------------------------
@@ -71,31 +71,33 @@ def name(what: str, *sections: str) -> Value:
             raise unknown(text, what, names)
         return text
 
-    return Value(what, read, lambda spot: listed(known(spot.scope)))
+    return Value(what, read, lambda context: listed(known(context.scope)))
 
 
-def listed(names: Mapping[str, str]) -> Iterator[Offer]:
+def listed(names: Mapping[str, str]) -> Iterator[Completion]:
     """Names with their hints."""
-    return (Offer(text, hint) for text, hint in names.items())
+    return (Completion(text, hint) for text, hint in names.items())
 
 
 def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
-    """Why a word that is not among the known is refused."""
+    """The error of a word that is not a known name, with the nearest one."""
     known = list(names)[:MAX_COMPARED]
     near = nearest(text, known)
     message = f"{quote(text)} is not {what}"
     if near is None:
         some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
-        message += f"; there is {some}" if known else "; there is none"
+        message += f"; there are only {some}" if known else "; the score has none"
     return TextError(message, length=len(text), suggestion=near)
 
 
 def _new_name(text: str) -> str:
     if not NAME.fullmatch(text) or len(text) > MAX_NAME:
-        message = f"{quote(text)} is not a name: letters, digits, '-' and '_', first a letter"
+        message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(text))
     if text in RESERVED:
-        raise TextError(f"{quote(text)} is a word of these lines, not a name", length=len(text))
+        raise TextError(
+            f"{quote(text)} is a word of the language and cannot be a name", length=len(text)
+        )
     return text
 
 
@@ -107,7 +109,7 @@ def _free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         stem, count = (numbered[1], int(numbered[2]) + 1) if numbered else (text, 2)
         while f"{stem}-{count}" in taken:
             count += 1
-        message = f"{quote(text)} is taken"
+        message = f"the name {quote(text)} is in use"
         raise TextError(message, length=len(text), suggestion=f"{stem}-{count}")
     return text
 
@@ -116,7 +118,7 @@ def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text in scope.gestures:
         return text
     if text in scope.takes:
-        raise TextError(f"{quote(text)} is a take; a gesture has another name", length=len(text))
+        raise TextError(f"{quote(text)} is a take: give the gesture another name", length=len(text))
     return _new_name(text)
 
 
@@ -125,16 +127,18 @@ def _another(value: Value, field: str) -> Value:
 
     def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
         if text == given[field]:
-            raise TextError(f"{quote(text)} twice; there have to be two", length=len(text))
+            raise TextError(
+                f"{quote(text)} is named twice: name two different ones", length=len(text)
+            )
         return value.read(text, scope, given)
 
-    def offers(spot: Spot) -> Iterator[Offer]:
-        return (offer for offer in value.offers(spot) if offer.text != spot.given[field])
+    def offers(context: CompletionContext) -> Iterator[Completion]:
+        return (offer for offer in value.offers(context) if offer.text != context.given[field])
 
     return Value(value.what, read, offers)
 
 
-def _no_offers(_: Spot) -> tuple[Offer, ...]:
+def _no_offers(_: CompletionContext) -> tuple[Completion, ...]:
     return ()
 
 
@@ -142,7 +146,7 @@ PLAYER = name("a player", "players")
 PLAYER_OR_ALL = Value(
     "a player or all",
     lambda text, scope, given: None if text == "all" else PLAYER.read(text, scope, given),
-    lambda spot: (*PLAYER.offers(spot), Offer("all", "every player")),
+    lambda context: (*PLAYER.offers(context), Completion("all", "every player")),
 )
 PLAYED = name("a gesture or a take", "gestures", "takes")
 KEY = name("a key", "keys")
@@ -153,22 +157,24 @@ ANYTHING = name(
     "a name of this score", "gestures", "takes", "players", "keys", "instruments", "marks"
 )
 MOVING = name("a player, a key or an instrument", "players", "keys", "instruments")
-GESTURE_NAME = Value("a name", _defined, lambda spot: listed(spot.scope.gestures))
+GESTURE_NAME = Value("a name", _defined, lambda context: listed(context.scope.gestures))
 NEW_NAME = Value("a new name", _free_name, _no_offers)
 
 
 # --- quantities ----------------------------------------------------------------------------------
 
 
-def _with_units(example: str, units: Iterable[str], what: str) -> Callable[[Spot], Iterator[Offer]]:
+def _with_units(
+    example: str, units: Iterable[str], what: str
+) -> Callable[[CompletionContext], Iterator[Completion]]:
     words = [unit for unit in units if unit.isascii()]
 
-    def offers(spot: Spot) -> Iterator[Offer]:
-        match = _NUMBER.match(spot.typed)
+    def offers(context: CompletionContext) -> Iterator[Completion]:
+        match = _NUMBER.match(context.typed)
         if match is None:
-            yield Offer(example, what)
+            yield Completion(example, what)
         else:
-            yield from (Offer(match.group() + unit, what) for unit in words)
+            yield from (Completion(match.group() + unit, what) for unit in words)
 
     return offers
 
@@ -212,7 +218,9 @@ _LENGTH_UNITS = ("bar", "beats", "s", "ms")
 def _length(text: str, *_: Any) -> Length:
     length = parse_length(text)
     if not (length.bars or length.beats or length.seconds):
-        raise TextError(f"{quote(text)} is no time at all", length=len(text))
+        raise TextError(
+            f"the length {quote(text)} is zero: write one such as 1bar", length=len(text)
+        )
     return length
 
 
@@ -235,7 +243,7 @@ def _grid(text: str, *_: Any) -> Now | Length:
         raise unknown(text, "a boundary", (*_GRIDS, "2bar"))
     grid = _length(text)
     if grid.seconds:
-        message = "a boundary lies on beats or bars, not on seconds"
+        message = "a boundary lies on beats or bars, not on seconds: write one such as 2bar"
         raise TextError(message, length=len(text), suggestion="bar")
     return grid
 
@@ -248,10 +256,10 @@ def position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Pos
     return at
 
 
-def positions(spot: Spot) -> Iterator[Offer]:
+def positions(context: CompletionContext) -> Iterator[Completion]:
     """Marks, and how a bar is written."""
-    yield from listed(spot.scope.marks)
-    yield Offer("9|1", "bar 9, beat 1")
+    yield from listed(context.scope.marks)
+    yield Completion("9|1", "bar 9, beat 1")
 
 
 LENGTH = Value(
@@ -264,13 +272,13 @@ POSITION = Value("a position, such as 9|1, a mark or 12.5s", position, positions
 GRID = Value(
     "a boundary: now, beat, bar or a length such as 2bar",
     _grid,
-    lambda spot: listed(dict.fromkeys((*_GRIDS, "2bar"), "a boundary")),
+    lambda context: listed(dict.fromkeys((*_GRIDS, "2bar"), "a boundary")),
 )
-_BPM_OFFERS = {0: (Offer("72", "bpm"),), 1: (Offer("->", "to another tempo"),)}
+_BPM_OFFERS = {0: (Completion("72", "bpm"),), 1: (Completion("->", "to another tempo"),)}
 BPM = Value(
     "a tempo, such as 72 or 60 -> 84",
     lambda text, *_: k.BPM.parse(text),
-    lambda spot: _BPM_OFFERS.get(len(spot.before), ()),
+    lambda context: _BPM_OFFERS.get(len(context.before), ()),
 )
 STIFFNESS = of(k.STIFFNESS)
 DAMPING = of(k.DAMPING)
@@ -285,7 +293,7 @@ SEED = quantity(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
 
 def _near_targets(text: str, scope: Scope) -> list[str]:
-    """Those that begin like the path up to its last dot: one module's fields, or all."""
+    """The parameters of the same module as a wrong path, or all."""
     head = text.rpartition(".")[0]
     while head:
         some = [target for target in scope.targets if target.startswith(f"{head}.")]
@@ -307,29 +315,29 @@ def _change(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float | 
     return scope.targets[given["target"]].parse(text), None
 
 
-def _changes(spot: Spot) -> Iterator[Offer]:
-    if not spot.typed.startswith("x"):
-        yield from of(spot.scope.targets[spot.given["target"]]).offers(spot)
-    yield Offer("x1.5", "so many times what it is")
+def _changes(context: CompletionContext) -> Iterator[Completion]:
+    if not context.typed.startswith("x"):
+        yield from of(context.scope.targets[context.given["target"]]).offers(context)
+    yield Completion("x1.5", "so many times what it is")
 
 
-def _targets(spot: Spot) -> Iterator[Offer]:
+def _targets(context: CompletionContext) -> Iterator[Completion]:
     """Up to the next dot: a part, then its modules, then their parameters."""
-    typed = spot.typed
-    for target, shape in spot.scope.targets.items():
+    typed = context.typed
+    for target, shape in context.scope.targets.items():
         if target.startswith(typed):
             dot = target.find(".", len(typed))
             if dot < 0:
-                yield Offer(target, shape.what)
+                yield Completion(target, shape.what)
             else:
-                yield Offer(target[: dot + 1], "its parameters")
+                yield Completion(target[: dot + 1], "its parameters")
 
 
 TARGET = Value("a parameter, such as bell.m.K", _target, _targets)
 LOOKED_AT = Value(
     "a name of this score",
     lambda text, scope, given: text if text in scope.targets else ANYTHING.read(text, scope, given),
-    lambda spot: (*ANYTHING.offers(spot), *_targets(spot)),
+    lambda context: (*ANYTHING.offers(context), *_targets(context)),
 )
 CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _changes)
 
@@ -337,29 +345,29 @@ CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _chan
 # --- what is played ------------------------------------------------------------------------------
 
 
-def _points(spot: Spot) -> Iterator[Offer]:
-    match = _NUMBER.fullmatch(spot.typed.partition("@")[0])
-    if spot.typed and match is None:
-        yield from _curves(spot)
-    elif match is not None and "@" not in spot.typed:
-        yield from (Offer(f"{match.group()}{unit}@", "a position at …") for unit in _METRES)
-    elif not spot.typed:
-        yield Offer("6mm@+1/8" if spot.before else "0mm@0", "a point: position @ time")
-        yield from _curves(spot)
+def _points(context: CompletionContext) -> Iterator[Completion]:
+    match = _NUMBER.fullmatch(context.typed.partition("@")[0])
+    if context.typed and match is None:
+        yield from _curves(context)
+    elif match is not None and "@" not in context.typed:
+        yield from (Completion(f"{match.group()}{unit}@", "a position at …") for unit in _METRES)
+    elif not context.typed:
+        yield Completion("6mm@+1/8" if context.before else "0mm@0", "a point: position @ time")
+        yield from _curves(context)
 
 
-def _curves(spot: Spot) -> Iterator[Offer]:
-    if spot.before and spot.before[-1] not in CURVES:
-        yield from (Offer(word, "the way into the next points") for word in CURVES)
+def _curves(context: CompletionContext) -> Iterator[Completion]:
+    if context.before and context.before[-1] not in CURVES:
+        yield from (Completion(word, "the way into the next points") for word in CURVES)
 
 
-def transforms(spot: Spot) -> Iterator[Offer]:
+def transforms(context: CompletionContext) -> Iterator[Completion]:
     """The transformations, or what one of them wants first."""
-    last = spot.before[-1] if spot.before else ""
+    last = context.before[-1] if context.before else ""
     if ARITY.get(last):
-        yield Offer(EXAMPLES[last].split()[1], f"for instance {EXAMPLES[last]}")
+        yield Completion(EXAMPLES[last].split()[1], f"for instance {EXAMPLES[last]}")
     else:
-        yield from (Offer(word, f"for instance {EXAMPLES[word]}") for word in ARITY)
+        yield from (Completion(word, f"for instance {EXAMPLES[word]}") for word in ARITY)
 
 
 _METRES = [unit for unit in METRE if unit and unit.isascii()]
@@ -379,7 +387,7 @@ DO = Value(
 def _file(text: str, *_: Any) -> str:
     word = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
     if '"' in word:
-        raise TextError("this quote is not closed", offset=text.index('"'))
+        raise TextError("the quotation mark is not closed", offset=text.index('"'))
     return str(k.PATH.parse(word))
 
 

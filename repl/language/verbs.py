@@ -1,4 +1,4 @@
-"""The verbs: how each is written, what it does, and what it becomes. Help comes from here too."""
+"""The table of verbs. The grammar, help, completion, colours and the Python API derive from it."""
 
 from __future__ import annotations
 
@@ -10,22 +10,31 @@ from ergon.repl.language import forms
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
-from ergon.repl.language.values import Offer, Value
+from ergon.repl.language.values import Completion, Value
 
-_OVER = Slot("over", v.LENGTH, "over", optional=True)
-_PLAYER = Slot("player", v.PLAYER)
-_K = Slot("stiffness", v.STIFFNESS, "K=", optional=True)
-_Z = Slot("viscosity", v.DAMPING, "Z=", optional=True)
 VERB = Value(
     "a verb",
-    lambda text, *_: find(text),
-    lambda _: (Offer(form.verb, form.effect) for form in FORMS),
+    lambda text, *_: find_verb(text),
+    lambda _: (Completion(form.verb, form.effect) for form in FORMS),
 )
+_PLAYER = Slot("player", "PLAYER", v.PLAYER)
+_KEYS = Slot("a", "KEY", v.KEY), Slot("b", "KEY", v.OTHER_KEY)
+_LINK = (
+    Slot("stiffness", "STIFFNESS", v.STIFFNESS, "K=", optional=True),
+    Slot("viscosity", "VISCOSITY", v.DAMPING, "Z=", optional=True),
+)
+_OVER = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
+_OFF = Slot("", "", None, "off")
+_SOUNDING = Slot("name", "NAME", v.SOUNDING)
+_SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
+_SHOWN = Slot("name", "NAME", v.LOOKED_AT)
+_SHOWN_OR_ALL = Slot("name", "NAME", v.LOOKED_AT, optional=True)
+_PLAY = "NAME [from TIME] [every LENGTH] [times N] [until WHERE] [do …] [touch …]"
 
 
 def _form(
     verb: str,
-    written: str,
+    short: str,
     effect: str,
     example: str,
     make: Callable[..., c.Command],
@@ -33,356 +42,133 @@ def _form(
     timed: bool = True,
     subject: bool = False,
 ) -> Form:
-    return Form(verb, written, effect, example, make, slots, timed, subject)
+    return Form(verb, short, effect, example, make, slots, timed, subject)
 
 
-# By what they are about, in the order of the help.
+# By what they are about, in the order of the help. Each: the verb, the shortest beginning by which
+# it is understood, its effect, an example, what makes its command, its places. A short form is
+# fixed: a verb that is added later gets one that leaves these alone, so that habits stay true.
+# fmt: off
 GROUPS: dict[str, tuple[Form, ...]] = {
     "what is played": (
-        _form(
-            "plays",
-            "PLAYER plays NAME [from TIME] [every LENGTH] [times N] [until WHERE] [do …] [touch …]",
-            "a gesture or a take, in place of what was played",
-            "ada plays knock every 1 times 8",
-            plays,
-            _PLAYER,
-            Slot("play", PLAYING, many=True),
-            subject=True,
-        ),
-        _form(
-            "do",
-            "PLAYER do TRANSFORMATION, …",
-            "done to what is played, after what is done already",
-            "ada do scale 1.2, mirror",
-            c.Do,
-            _PLAYER,
-            Slot("do", v.DO, many=True),
-            subject=True,
-        ),
-        _form(
-            "=",
-            "NAME = NOTATION",
-            "defines or redefines a gesture, also while it sounds",
-            "knock = 0@0 smooth 7@1/8 smooth 0@1/4",
-            c.Define,
-            Slot("name", v.GESTURE_NAME),
-            Slot("notation", v.NOTATION, many=True),
-            subject=True,
-        ),
+        _form("plays", "p", "the player plays a gesture or a take, in place of the last",
+              "ada plays knock every 1 times 8", plays,
+              _PLAYER, Slot("play", _PLAY, PLAYING, many=True), subject=True),
+        _form("do", "d", "transforms further what the player plays",
+              "ada do scale 1.2, mirror", c.Do,
+              _PLAYER, Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),
+        _form("=", "=", "defines or redefines a gesture, also while it sounds",
+              "knock = 0@0 smooth 7@1/8 smooth 0@1/4", c.Define,
+              Slot("name", "NAME", v.GESTURE_NAME),
+              Slot("notation", "NOTATION", v.NOTATION, many=True), subject=True),
     ),
     "stopping": (
-        _form(
-            "rest",
-            "rest PLAYER|all",
-            "the player finishes this gesture and begins no other",
-            "rest ada",
-            c.Rest,
-            Slot("player", v.PLAYER_OR_ALL),
-        ),
-        _form("hush", "hush", "hands lift; what sounds rings out", "hush", c.Hush),
-        _form(
-            "damp",
-            "damp TIME",
-            "more viscosity everywhere, then silence",
-            "damp 3s",
-            c.Damp,
-            Slot("time", v.DURATION),
-        ),
-        _form(
-            "panic", "panic", "silence at once, no force on any key", "panic", c.Panic, timed=False
-        ),
-        _form(
-            "release",
-            "release",
-            "sound and forces again, after a panic",
-            "release",
-            c.Release,
-            timed=False,
-        ),
+        _form("rest", "res", "the player finishes this gesture and begins no other",
+              "rest ada", c.Rest, Slot("player", "PLAYER|all", v.PLAYER_OR_ALL)),
+        _form("hush", "hu", "all hands lift; what sounds rings out", "hush", c.Hush),
+        _form("damp", "d", "adds viscosity everywhere until all is silent",
+              "damp 3s", c.Damp, Slot("time", "TIME", v.DURATION)),
+        _form("panic", "pa", "silence at once, no force on any key",
+              "panic", c.Panic, timed=False),
+        _form("release", "rele", "switches sound and forces on again, after a stop",
+              "release", c.Release, timed=False),
     ),
     "time": (
-        _form(
-            "play",
-            "play [from WHERE]",
-            "the piece runs",
-            "play from B",
-            c.Play,
-            Slot("start", v.POSITION, "from", optional=True),
-            timed=False,
-        ),
-        _form("stop", "stop", "the piece stands still", "stop", c.Stop),
-        _form(
-            "tempo",
-            "tempo BPM | BPM -> BPM over LENGTH",
-            "a tempo, or a way from one to another",
-            "tempo 60 -> 84 over 4bar",
-            forms.tempo,
-            Slot("bpm", v.BPM, many=True),
-            _OVER,
-        ),
-        _form("tap", "tap", "a beat is now; four of them are a tempo", "tap", c.Tap, timed=False),
-        _form(
-            "nudge",
-            "nudge TIME",
-            "the beat comes so much later, or earlier with a minus",
-            "nudge -10ms",
-            c.Nudge,
-            Slot("by", v.SHIFT),
-            timed=False,
-        ),
-        _form(
-            "quant",
-            "quant now|beat|bar|LENGTH",
-            "where lines act that do not say when",
-            "quant 2bar",
-            c.Quant,
-            Slot("grid", v.GRID),
-            timed=False,
-        ),
+        _form("play", "pl", "runs the piece from a position, or from where it stands",
+              "play from B", c.Play,
+              Slot("start", "WHERE", v.POSITION, "from", optional=True), timed=False),
+        _form("stop", "st", "stops the piece where it is", "stop", c.Stop),
+        _form("tempo", "te", "sets the tempo, or a ramp from one tempo to another",
+              "tempo 60 -> 84 over 4bar", forms.tempo,
+              Slot("bpm", "BPM|BPM -> BPM", v.BPM, many=True), _OVER),
+        _form("tap", "ta", "marks a beat; three or more taps set the tempo",
+              "tap", c.Tap, timed=False),
+        _form("nudge", "n", "delays the beat, or with a minus brings it forward",
+              "nudge -10ms", c.Nudge, Slot("by", "TIME", v.SHIFT), timed=False),
+        _form("quant", "qua", "sets where lines take effect that do not say when",
+              "quant 2bar", c.Quant, Slot("grid", "now|beat|bar|LENGTH", v.GRID), timed=False),
     ),
     "matter": (
-        _form(
-            "set",
-            "set PATH VALUE|xFACTOR [over LENGTH]",
-            "a physical parameter glides to a value or by a factor",
-            "set bell.m.K x1.5 over 2bar",
-            forms.change,
-            Slot("target", v.TARGET),
-            Slot("change", v.CHANGE),
-            _OVER,
-        ),
-        _form(
-            "couple",
-            "couple KEY KEY K=STIFFNESS [Z=VISCOSITY]",
-            "two keys feel each other",
-            "couple k1 k2 K=40N/m",
-            forms.couple,
-            Slot("a", v.KEY),
-            Slot("b", v.OTHER_KEY),
-            _K,
-            _Z,
-        ),
-        _form(
-            "uncouple",
-            "uncouple KEY KEY",
-            "they no longer do",
-            "uncouple k1 k2",
-            c.Uncouple,
-            Slot("a", v.KEY),
-            Slot("b", v.OTHER_KEY),
-        ),
+        _form("set", "set", "a physical parameter glides to a value, or by a factor",
+              "set bell.m.K x1.5 over 2bar", forms.change,
+              Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
+        _form("couple", "c", "joins two keys by a spring and a damper",
+              "couple k1 k2 K=40N/m", forms.couple, *_KEYS, *_LINK),
+        _form("uncouple", "unc", "removes what joins two keys",
+              "uncouple k1 k2", c.Uncouple, *_KEYS),
     ),
     "hands": (
-        _form(
-            "record",
-            "record PLAYER as NAME",
-            "a real key is captured as a take",
-            "record remi as solo",
-            c.Record,
-            _PLAYER,
-            Slot("take", v.NEW_NAME, "as"),
-        ),
-        _form(
-            "record",
-            "record off",
-            "the recording ends",
-            "record off",
-            c.RecordOff,
-            Slot("", None, "off"),
-        ),
-        _form(
-            "guide",
-            "guide PLAYER PLAYER [K=STIFFNESS] [Z=VISCOSITY]",
-            "a real hand is led along what another player plays",
-            "guide remi ada K=30N/m",
-            c.Guide,
-            _PLAYER,
-            Slot("by", v.OTHER_PLAYER),
-            _K,
-            _Z,
-        ),
-        _form(
-            "guide",
-            "guide PLAYER off",
-            "the hand is free again",
-            "guide remi off",
-            c.Guide,
-            _PLAYER,
-            Slot("", None, "off"),
-        ),
+        _form("record", "rec", "records a real hand as a take",
+              "record remi as solo", c.Record, _PLAYER, Slot("take", "NAME", v.NEW_NAME, "as")),
+        _form("record", "rec", "ends the recording", "record off", c.RecordOff, _OFF),
+        _form("guide", "gu", "guides a real hand along what another player plays",
+              "guide remi ada K=30N/m", c.Guide,
+              _PLAYER, Slot("by", "PLAYER", v.OTHER_PLAYER), *_LINK),
+        _form("guide", "gu", "ends the guidance of a hand",
+              "guide remi off", c.Guide, _PLAYER, _OFF),
     ),
     "mix": (
-        _form(
-            "gain",
-            "gain [NAME] LEVEL|xFACTOR",
-            "the level of an instrument or a player, or of everything",
-            "gain bell -6dB",
-            c.Gain,
-            Slot("name", v.SOUNDING, optional=True),
-            Slot("ratio", v.LEVEL),
-        ),
-        _form(
-            "mute", "mute NAME", "it is not heard", "mute bell", c.Mute, Slot("name", v.SOUNDING)
-        ),
-        _form(
-            "solo", "solo NAME", "only it is heard", "solo bell", c.Solo, Slot("name", v.SOUNDING)
-        ),
-        _form(
-            "unmute",
-            "unmute [NAME]",
-            "it, or everything, is heard again",
-            "unmute bell",
-            c.Unmute,
-            Slot("name", v.SOUNDING, optional=True),
-        ),
-        _form("meters", "meters", "the level of every channel", "meters", c.Meters, timed=False),
+        _form("gain", "ga", "sets the level of an instrument, a player or everything",
+              "gain bell -6dB", c.Gain,
+              _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", v.LEVEL)),
+        _form("mute", "mu", "silences an instrument or a player", "mute bell", c.Mute, _SOUNDING),
+        _form("solo", "so", "silences everything but an instrument or a player",
+              "solo bell", c.Solo, _SOUNDING),
+        _form("unmute", "unm", "ends mute and solo, of one or of everything",
+              "unmute bell", c.Unmute, _SOUNDING_OR_ALL),
+        _form("meters", "me", "shows the level of every channel",
+              "meters", c.Meters, timed=False),
     ),
     "versions and files": (
-        _form("undo", "undo", "the version before", "undo", c.Undo),
-        _form("redo", "redo", "the version that was undone", "redo", c.Redo),
-        _form("back", "back N", "so many versions back", "back 3", c.Back, Slot("count", v.COUNT)),
-        _form(
-            "history", "history", "the versions, with their bars", "history", c.History, timed=False
-        ),
-        _form(
-            "keep",
-            "keep LENGTH as NAME",
-            "what was played last gets a name",
-            "keep 8bar as verse-2",
-            c.Keep,
-            Slot("length", v.LENGTH),
-            Slot("name", v.NEW_NAME, "as"),
-            timed=False,
-        ),
-        _form(
-            "save",
-            "save [FILE]",
-            "writes the score, comments and all",
-            "save scores/duet-live.yaml",
-            c.Save,
-            Slot("file", v.FILE, optional=True),
-            timed=False,
-        ),
-        _form("load", "load FILE", "another score", "load duet.yaml", c.Load, Slot("file", v.FILE)),
-        _form("reload", "reload", "reads the file again; what differs changes", "reload", c.Reload),
-        _form(
-            "seed",
-            "seed N",
-            "the number that every chance derives from",
-            "seed 7",
-            c.Seed,
-            Slot("seed", v.SEED),
-        ),
+        _form("undo", "und", "returns to the version before", "undo", c.Undo),
+        _form("redo", "red", "restores the version that was undone", "redo", c.Redo),
+        _form("back", "b", "goes back by a number of versions",
+              "back 3", c.Back, Slot("count", "N", v.COUNT)),
+        _form("history", "hi", "lists the versions, with their bars",
+              "history", c.History, timed=False),
+        _form("keep", "k", "writes what was played last as a score of its own",
+              "keep 8bar as verse-2", c.Keep, Slot("length", "LENGTH", v.LENGTH),
+              Slot("name", "NAME", v.NEW_NAME, "as"), timed=False),
+        _form("save", "sa", "writes the score, comments and all",
+              "save scores/duet-live.yaml", c.Save,
+              Slot("file", "FILE", v.FILE, optional=True), timed=False),
+        _form("load", "lo", "opens another score in place of this one",
+              "load duet.yaml", c.Load, Slot("file", "FILE", v.FILE)),
+        _form("reload", "relo", "reads the score's files again; what differs changes",
+              "reload", c.Reload),
+        _form("seed", "see", "sets the number from which all chance derives",
+              "seed 7", c.Seed, Slot("seed", "N", v.SEED)),
     ),
     "looking": (
-        _form(
-            "?",
-            "? NAME",
-            "what a name is, drawn; nothing is played",
-            "? lean",
-            c.Look,
-            Slot("name", v.LOOKED_AT),
-            timed=False,
-        ),
-        _form(
-            "show",
-            "show [NAME]",
-            "what plays, or all about a name",
-            "show ada",
-            c.Show,
-            Slot("name", v.LOOKED_AT, optional=True),
-            timed=False,
-        ),
-        _form(
-            "scope",
-            "scope NAME",
-            "how a key or an instrument moves now",
-            "scope ada",
-            c.Trace,
-            Slot("name", v.MOVING),
-            timed=False,
-        ),
-        _form(
-            "help",
-            "help [VERB]",
-            "the verbs, or one of them",
-            "help plays",
-            c.Help,
-            Slot("verb", VERB, optional=True),
-            timed=False,
-        ),
-        _form(
-            "py",
-            "py EXPRESSION",
-            "a Python expression over the session",
-            "py piece.seed",
-            c.Py,
-            Slot("expression", v.EXPRESSION, many=True),
-            timed=False,
-        ),
-        _form("quit", "quit", "hands lift, the session ends", "quit", c.Quit, timed=False),
+        _form("?", "?", "draws a gesture, or shows where a name is defined",
+              "? lean", c.Look, _SHOWN, timed=False),
+        _form("show", "sh", "lists who plays what, or shows where a name is defined",
+              "show ada", c.Show, _SHOWN_OR_ALL, timed=False),
+        _form("scope", "sc", "draws the gesture that a player is playing now",
+              "scope ada", c.Trace, Slot("name", "NAME", v.MOVING), timed=False),
+        _form("help", "he", "lists the verbs, or explains one",
+              "help plays", c.Help, Slot("verb", "VERB", VERB, optional=True), timed=False),
+        _form("py", "py", "evaluates a Python expression in which `session` is known",
+              "py session.state().tempo", c.Py,
+              Slot("expression", "EXPRESSION", v.EXPRESSION, many=True), timed=False),
+        _form("quit", "qui", "all hands lift, and the session ends",
+              "quit", c.Quit, timed=False),
     ),
 }
+# fmt: on
 FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in some)
-
-# The shortest beginning by which each is understood. Fixed: a verb that is added later gets
-# one that leaves these alone, so that what fingers have learnt stays true.
-SHORTEST = {
-    "plays": "p",  # after a player
-    "do": "d",  # after a player
-    "=": "=",
-    "?": "?",
-    "rest": "res",
-    "hush": "hu",
-    "damp": "d",
-    "panic": "pa",
-    "release": "rele",
-    "play": "pl",
-    "stop": "st",
-    "tempo": "te",
-    "tap": "ta",
-    "nudge": "n",
-    "quant": "qua",
-    "set": "set",
-    "couple": "c",
-    "uncouple": "unc",
-    "record": "rec",
-    "guide": "gu",
-    "gain": "ga",
-    "mute": "mu",
-    "solo": "so",
-    "unmute": "unm",
-    "meters": "me",
-    "undo": "und",
-    "redo": "red",
-    "back": "b",
-    "history": "hi",
-    "keep": "k",
-    "save": "sa",
-    "load": "lo",
-    "reload": "relo",
-    "seed": "see",
-    "show": "sh",
-    "scope": "sc",
-    "help": "he",
-    "py": "py",
-    "quit": "qui",
-}
-SUBJECT_VERBS = tuple(
-    dict.fromkeys(form.verb for form in FORMS if form.subject and form.verb != "=")
-)
-VERBS = tuple(
-    dict.fromkeys(form.verb for form in FORMS if not form.subject)
-)  # those that begin a line
-NOT_BUILT = {"link": "sharing tempo with other machines (link) is not built yet"}
+SHORTEST = {form.verb: form.short for form in FORMS}
+SUBJECT_VERBS = tuple(form.verb for form in FORMS if form.subject and form.verb != "=")
+VERBS = tuple(dict.fromkeys(form.verb for form in FORMS if not form.subject))  # they begin a line
+NOT_BUILT = {"link": "ergon cannot share its tempo with other machines (link) yet"}
 
 
-def ways(verb: str) -> tuple[Form, ...]:
-    """All ways to write a verb."""
+def forms_of(verb: str) -> tuple[Form, ...]:
+    """All forms of a verb."""
     return tuple(form for form in FORMS if form.verb == verb)
 
 
-def meant(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
+def verbs_matching(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
     """The verbs that a word may be the beginning of; one where it is long enough for one."""
     if word in among:
         return (word,)
@@ -391,13 +177,18 @@ def meant(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
     return sure or begun
 
 
-def find(word: str) -> str:
-    """The verb that is asked about. Raises TextError."""
+def find_verb(word: str) -> str:
+    """The verb that a word stands for. Raises TextError."""
     every = (*VERBS, *SUBJECT_VERBS, "=")
-    some = meant(word, every)
+    some = verbs_matching(word, every)
     if len(some) > 1:
-        message = f"{quote(word)} may be {' or '.join(some)}"
-        raise TextError(message, length=len(word))
+        raise ambiguous(word, some)
     if not some:
         raise v.unknown(word, "a verb", every)
     return some[0]
+
+
+def ambiguous(word: str, verbs: tuple[str, ...], offset: int = 0) -> TextError:
+    """Why a word that begins several verbs is refused."""
+    message = f"{quote(word)} may be {' or '.join(verbs)}: write more of it"
+    return TextError(message, offset=offset, length=len(word))

@@ -11,9 +11,9 @@ from prompt_toolkit.lexers import Lexer
 from prompt_toolkit.styles import Style
 
 from ergon.common.terminal import clean
-from ergon.repl.face import Face
+from ergon.repl.session_protocol import SessionProtocol
 
-# A mistake is underlined: no meaning by colour alone, and none is left under NO_COLOR.
+# A mistake is underlined, so that NO_COLOR and colour blindness hide nothing.
 STYLE = Style.from_dict(
     {
         "verb": "bold",
@@ -25,16 +25,16 @@ STYLE = Style.from_dict(
         "comment": "ansibrightblack",
     }
 )
-_COLOURED_MAX = 2_000  # characters of a line; words are found anew at every key
+_COLOURED_MAX = 2_000  # characters of a line; it is coloured again at every key
 _HINT_MAX = 60
 
 
 class Colours(Lexer):
     """Each word of a line in the style of its kind."""
 
-    def __init__(self, face: Face) -> None:
-        """By what a session knows."""
-        self._face = face
+    def __init__(self, session: SessionProtocol) -> None:
+        """Ask a session."""
+        self._session = session
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
         """Lines on demand: of a block only those in sight are looked at."""
@@ -46,7 +46,7 @@ class Colours(Lexer):
             return [("", line)]
         fragments: StyleAndTextTuples = []
         at = 0
-        for start, end, kind in self._face.tokens(line):
+        for start, end, kind in self._session.tokens(line):
             if at <= start < end:  # gaps between words have no kind
                 fragments += [("", line[at:start]), (f"class:{kind}", line[start:end])]
                 at = end
@@ -56,15 +56,15 @@ class Colours(Lexer):
 class Completions(Completer):
     """How the line under the cursor may go on, each with its hint."""
 
-    def __init__(self, face: Face) -> None:
-        """By what a session knows."""
-        self._face = face
+    def __init__(self, session: SessionProtocol) -> None:
+        """Ask a session."""
+        self._session = session
 
     def get_completions(
         self, document: Document, complete_event: CompleteEvent
     ) -> Iterable[Completion]:
-        """All at once; there are some hundred at most."""
+        """Yield all completions; there are some hundred at most."""
         column = document.cursor_position_col
-        for found in self._face.complete(document.current_line, column):
+        for found in self._session.complete(document.current_line, column):
             hint = clean(found.hint)[:_HINT_MAX]
             yield Completion(found.text, found.start - column, display_meta=hint)

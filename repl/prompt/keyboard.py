@@ -16,29 +16,29 @@ from prompt_toolkit.input import Input, create_input
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.keys import Keys
 
-from .words import F12
+from .output import F12
 
 TEXT_MAX = 20_000  # characters of a block: the screen is drawn anew at every key
 _BEGIN, _END = "\x1b[200~", "\x1b[201~"
 _CTRL_C = "\x03"
-# What is one key, and what no hand types at once.
+# One key; or a run of characters that no hand types at once.
 _KEY_OR_RUN = re.compile(
     "(?P<key>\x1b\\[[0-9;]*[@-~]|\x1bO?.)|([^\x00-\x1f\x7f-\x9f]{16,})", re.DOTALL
 )
-_ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # where the cursor is
+_ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # the terminal's report of the cursor
 
 
-class Deeds(Protocol):
+class KeyActions(Protocol):
     """What keys do."""
 
     def panic(self) -> None:
-        """Silence at once."""
+        """End sound and force at once."""
 
     def clear(self) -> None:
         """Forget what is typed."""
 
     def leave(self) -> None:
-        """Go, when all lines are done; at the second time at once."""
+        """Leave when all lines are done; the second time at once."""
 
     def enter(self) -> None:
         """The line is typed."""
@@ -50,34 +50,34 @@ class Deeds(Protocol):
         """A paste of so many characters did not fit."""
 
 
-def bindings(deeds: Deeds) -> KeyBindings:
-    """Keys that mean something else here than in other prompts."""
+def bindings(actions: KeyActions) -> KeyBindings:
+    """The key bindings that differ from other prompts."""
     keys = KeyBindings()
     typing = has_focus(DEFAULT_BUFFER)
     empty = Condition(lambda: not get_app().current_buffer.text)
     full = Condition(lambda: len(get_app().current_buffer.text) >= TEXT_MAX)
 
-    def does(deed: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
-        return lambda event: deed()
+    def does(action: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
+        return lambda event: action()
 
-    keys.add("f12", eager=True)(does(deeds.panic))
-    keys.add("c-c", filter=typing)(does(deeds.clear))
-    keys.add("<sigint>")(does(deeds.clear))
-    keys.add("c-d", filter=typing & empty)(does(deeds.leave))
-    keys.add("enter", filter=typing)(does(deeds.enter))
-    keys.add("tab", filter=typing)(does(deeds.complete))
-    # Habits from elsewhere: suspend, freeze, go on. None of them may hold a performance.
+    keys.add("f12", eager=True)(does(actions.panic))
+    keys.add("c-c", filter=typing)(does(actions.clear))
+    keys.add("<sigint>")(does(actions.clear))
+    keys.add("c-d", filter=typing & empty)(does(actions.leave))
+    keys.add("enter", filter=typing)(does(actions.enter))
+    keys.add("tab", filter=typing)(does(actions.complete))
+    # Suspend, freeze and continue elsewhere; here nothing may halt a performance.
     for key in ("c-z", "c-s", "c-q"):
         keys.add(key)(does(lambda: None))
     keys.add(Keys.Any, filter=full)(does(lambda: None))
 
     @keys.add(Keys.BracketedPaste)
     def _(event: KeyPressEvent) -> None:
-        text = _ANSWER.sub("", event.data)  # that came in two pieces
+        text = _ANSWER.sub("", event.data)  # a report that came in two pieces
         text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
         buffer = event.current_buffer
         if len(buffer.text) + len(text) > TEXT_MAX:
-            deeds.too_long(len(text))
+            actions.too_long(len(text))
         else:
             buffer.insert_text(text)
 
@@ -124,7 +124,7 @@ if sys.platform != "win32":
         comes: Callable[[str], None]
         _open = False
         _answers = ""
-        _tail = ""  # of what was read last: marks come in two pieces as well
+        _tail = ""  # of the last read: marks may come in two pieces
 
         def read(self, count: int = 1024) -> str:
             """What has been typed since the last call."""
@@ -136,7 +136,7 @@ if sys.platform != "win32":
             seen, in_two = self._tail + data, "\x1b" in self._tail
             self._tail = seen[1 - len(_BEGIN) :]
             begun, ended = seen.rfind(_BEGIN), seen.rfind(_END)
-            if begun != ended:  # one of them is there
+            if begun != ended:  # a mark is in the text
                 self._open = begun > ended
             if self._open or begun != ended:
                 return self._without_answers(data)

@@ -13,34 +13,34 @@ from types import FrameType
 from typing import TextIO
 
 from ergon.common.terminal import clean
-from ergon.repl.face import Reply
-from ergon.repl.turns import Turn, Turns
+from ergon.repl.line_queue import LineQueue, QueuedLine
+from ergon.repl.session_protocol import Reply
 
-from .ahead import Ahead
-from .calm import Calm
-from .folded import Folded
+from .error_boundary import ErrorBoundary
+from .line_reader import LineReader
+from .message_throttle import MessageThrottle
+from .output import echo, lines_of
 from .signals import Ended, Watch, at_work, handled, left_to_me
-from .words import echo, lines_of
 
 _LISTENED = 0.1  # s between two looks at what happened
 
 
 class Plain:
-    """A session by lines that come in and lines that go out."""
+    """A prompt that reads and prints lines."""
 
-    def __init__(self, face: Calm, source: TextIO, sink: TextIO, watch: Watch) -> None:
-        """Over a face; what a file or a pipe says is repeated, so that a log tells it too."""
-        self._face = face
+    def __init__(self, session: ErrorBoundary, source: TextIO, sink: TextIO, watch: Watch) -> None:
+        """Serve a session; lines from a file or a pipe are echoed, so that a log holds them."""
+        self._session = session
         self._source, self._sink, self._watch = source, sink, watch
         self._by_hand = source.isatty()
-        self._folded = Folded()
+        self._throttle = MessageThrottle()
         self._over = threading.Event()
         self._writing = threading.Lock()
         self._prompt = ""  # that waits in the last line
         self._reading = False
-        self._turns: Turns[None] = Turns(face)
-        self._ahead = Ahead(source, self._turns)
-        if isinstance(sink, io.TextIOWrapper):  # no byte and no locale is an error here
+        self._queue: LineQueue[None] = LineQueue(session)
+        self._reader = LineReader(source, self._queue)
+        if isinstance(sink, io.TextIOWrapper):  # never fail on a character that the locale lacks
             sink.reconfigure(errors="replace")
 
     def run(self) -> int:
@@ -49,42 +49,42 @@ class Plain:
         listener = threading.Thread(target=self._listen, name="ergon-messages", daemon=True)
         with left_to_me():
             listener.start()
-            self._ahead.start()
+            self._reader.start()
         try:
             with self._terminal():
-                while (turn := self._whole_line()) is not None:
-                    if not turn.text.strip():
+                while (queued := self._whole_line()) is not None:
+                    if not queued.text.strip():
                         continue
-                    reply = self._done(turn)
+                    reply = self._done(queued)
                     refusals += not reply.taken
                     self._print(lines_of(reply, plain=True))
                     if reply.leaves:
                         break
         finally:
-            self._ahead.stop()
+            self._reader.stop()
             self._over.set()
             listener.join()
-        self._print([clean(line) for line in self._folded.rest()])
+        self._print([clean(line) for line in self._throttle.rest()])
         return refusals
 
     def end(self) -> None:
-        """Leave at once, from a signal's handler."""
+        """Leave at once; called by a signal handler."""
         raise Ended
 
-    def _done(self, turn: Turn[None]) -> Reply:
+    def _done(self, queued: QueuedLine[None]) -> Reply:
         if not self._by_hand:
-            return self._face.submit(turn.text, releases=turn.releases)
+            return self._session.submit(queued.text, releases=queued.releases)
         with at_work(self._watch):
-            return self._face.submit(turn.text, releases=turn.releases)
+            return self._session.submit(queued.text, releases=queued.releases)
 
-    def _whole_line(self) -> Turn[None] | None:
+    def _whole_line(self) -> QueuedLine[None] | None:
         """A line with those that go on from it; None at the end of input."""
-        lines: list[Turn[None]] = []
+        lines: list[QueuedLine[None]] = []
         while True:
             try:
                 line = self._line()
             except KeyboardInterrupt:
-                if not self._by_hand:  # a script is ended by it
+                if not self._by_hand:  # Ctrl-C ends a script
                     raise
                 lines.clear()
                 continue
@@ -93,32 +93,32 @@ class Plain:
             text = "\n".join(line.text for line in lines)
             if line is None and not text:
                 return None
-            if line is None or self._face.is_whole(text):
-                return Turn(None, text, all(line.releases for line in lines))
+            if line is None or self._session.is_whole(text):
+                return QueuedLine(None, text, all(line.releases for line in lines))
 
-    def _line(self) -> Turn[None] | None:
+    def _line(self) -> QueuedLine[None] | None:
         """The next line; None at the end of input."""
-        where = f"{self._face.state().where} > "
-        turn = None
+        where = f"{self._session.state().where} > "
+        queued = None
         try:
-            self._reading = True  # before anybody sees that it does
+            self._reading = True  # before the prompt is visible
             with self._writing:
                 self._prompt = where
                 self._write(where)
-            turn = self._turns.next()
-            self._ahead.taken()
+            queued = self._queue.next()
+            self._reader.taken()
         finally:
             self._reading = False
             with self._writing:
                 self._prompt = ""
-                if not (self._by_hand and turn):  # a terminal shows by itself what is typed
-                    self._write(echo("", turn.text.rstrip() if turn else "") + "\n")
-        return turn
+                if not (self._by_hand and queued):  # a terminal echoes by itself
+                    self._write(echo("", queued.text.rstrip() if queued else "") + "\n")
+        return queued
 
     def _print(self, lines: Sequence[str]) -> None:
         if lines:
             with self._writing:
-                # Below a prompt that waits, which then stands again below them.
+                # Print below the waiting prompt, and the prompt again.
                 self._write("\n" * bool(self._prompt) + "\n".join(lines) + "\n" + self._prompt)
 
     def _write(self, text: str) -> None:
@@ -126,11 +126,11 @@ class Plain:
         self._sink.flush()
 
     def _listen(self) -> None:
-        """A thread of its own: it tells what happens while nothing is typed."""
-        with contextlib.suppress(OSError, ValueError):  # nobody reads any more
+        """Print messages, in a thread of its own."""
+        with contextlib.suppress(OSError, ValueError):  # the output was closed
             while not self._over.wait(_LISTENED):
-                self._folded.take(self._face.messages())
-                self._print([clean(line) for line in self._folded.due(time.monotonic())])
+                self._throttle.take(self._session.messages())
+                self._print([clean(line) for line in self._throttle.due(time.monotonic())])
 
     @contextlib.contextmanager
     def _terminal(self) -> Iterator[None]:
@@ -146,16 +146,16 @@ class Plain:
 
     def _interrupted(self, number: int, frame: FrameType | None) -> None:
         if not self._reading:
-            self._face.let_go()
-            self._face.cancel()  # a line is dropped as a whole, never in the middle of what it does
+            self._session.let_go()
+            self._session.cancel()  # a line is dropped as a whole, never half done
             return
         _forget(self._source.fileno())
-        self._ahead.forget()
+        self._reader.forget()
         raise KeyboardInterrupt
 
 
 def _forget(terminal: int) -> None:
-    """What is typed and not yet entered is gone."""
+    """Drop what is typed and not yet entered."""
     if sys.platform != "win32":
         import termios
 
@@ -173,7 +173,7 @@ def _unfrozen(terminal: int) -> Iterator[None]:
     before = termios.tcgetattr(terminal)
     changed = termios.tcgetattr(terminal)
     changed[0] &= ~termios.IXON
-    # By itself a terminal throws away what is being printed too, and so the next prompt at times.
+    # Without this, Ctrl-C also discards output, sometimes the next prompt.
     changed[3] |= termios.NOFLSH
     termios.tcsetattr(terminal, termios.TCSANOW, changed)
     try:

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.common.terminal import clean
-from ergon.repl.face import Face
+from ergon.repl.session_protocol import SessionProtocol
 
-from .calm import Calm
+from .error_boundary import ErrorBoundary
 from .plain import Plain
 from .signals import Watch, put_off, unstopped, unwatched
 
@@ -22,7 +22,7 @@ REFUSED = 1  # the exit code under `strict` when a line was not taken
 
 
 def run(
-    face: Face,
+    session: SessionProtocol,
     *,
     plain: bool = False,
     strict: bool = False,
@@ -38,7 +38,7 @@ def run(
     is at work it lets go of every hand.
     """
     refused = 0
-    calm = Calm(face)
+    calm = ErrorBoundary(session)
     server = _server(calm, plain or not drawable(), history, watch)
     with put_off(server.end, watch), unstopped(watch):
         try:
@@ -50,12 +50,14 @@ def run(
     return REFUSED if strict and refused else 0
 
 
-def _server(face: Calm, plain: bool, history: Path | None, watch: Watch) -> Plain | Screen:
+def _server(
+    session: ErrorBoundary, plain: bool, history: Path | None, watch: Watch
+) -> Plain | Screen:
     if plain:
-        return Plain(face, sys.stdin, sys.stdout, watch)
+        return Plain(session, sys.stdin, sys.stdout, watch)
     from .screen import Screen
 
-    return Screen(face, history, watch)
+    return Screen(session, history, watch)
 
 
 def drawable() -> bool:
@@ -67,7 +69,7 @@ def drawable() -> bool:
 def history_of_user(environment: Mapping[str, str] = os.environ) -> Path | None:
     """$XDG_STATE_HOME/ergon/history, or ~/.local/state/ergon/history."""
     base = environment.get("XDG_STATE_HOME", "")
-    if Path(base).is_absolute():  # others are to be ignored, says the specification
+    if Path(base).is_absolute():  # the specification says to ignore relative paths
         return Path(base) / "ergon" / "history"
     try:
         return Path.home() / ".local" / "state" / "ergon" / "history"

@@ -24,17 +24,17 @@ from prompt_toolkit.history import InMemoryHistory
 from prompt_toolkit.patch_stdout import StdoutProxy
 
 from ergon.common.terminal import clean
-from ergon.repl.face import Reply
-from ergon.repl.turns import Turns
+from ergon.repl.line_queue import LineQueue
+from ergon.repl.session_protocol import Reply
 
 from .assist import STYLE, Colours, Completions
-from .calm import Calm
-from .folded import Folded
+from .error_boundary import ErrorBoundary
+from .history import LineHistory
 from .keyboard import TEXT_MAX, bindings, keyboard
-from .past import Past
+from .message_throttle import MessageThrottle
+from .output import INDENT, continuation, echo, lines_of, typed
 from .signals import Watch, at_work
 from .status import status
-from .words import INDENT, continuation, echo, lines_of, typed
 
 _REDRAWN = 0.25  # s between two drawings while nobody types
 _LISTENED = 0.05  # s between two looks at what happened
@@ -45,13 +45,13 @@ _BUNDLED = 0.005  # s in which what is printed is printed at once: each time the
 class Screen:
     """A session in a terminal."""
 
-    def __init__(self, face: Calm, history: Path | None, watch: Watch) -> None:
-        """Over a face, with the lines of earlier sessions from a file."""
-        self._face = face
+    def __init__(self, session: ErrorBoundary, history: Path | None, watch: Watch) -> None:
+        """Show a session, with the lines of earlier sessions from a file."""
+        self._session = session
         self._watch = watch
-        self._turns: Turns[None] = Turns(face)
+        self._queue: LineQueue[None] = LineQueue(session)
         self._at_work = False
-        self._folded = Folded()
+        self._throttle = MessageThrottle()
         self._refused = ("", "")  # the line, and what to type instead
         self._refusals = 0
         self._leaving = False
@@ -61,14 +61,16 @@ class Screen:
             self._before,
             multiline=True,
             prompt_continuation=lambda width, _, wraps: "" if wraps else continuation(width),
-            lexer=Colours(self._face),
-            completer=Completions(self._face),
+            lexer=Colours(self._session),
+            completer=Completions(self._session),
             complete_while_typing=False,
             style=STYLE,
             include_default_pygments_style=False,
-            history=InMemoryHistory() if history is None else Past(history),
+            history=InMemoryHistory() if history is None else LineHistory(history),
             key_bindings=bindings(self),
-            bottom_toolbar=lambda: status(self._face.state(), self._app.output.get_size().columns),
+            bottom_toolbar=lambda: status(
+                self._session.state(), self._app.output.get_size().columns
+            ),
             input=keyboard(self._comes),
         )
         self._app = self._prompt.app
@@ -76,10 +78,10 @@ class Screen:
 
     def run(self) -> int:
         """Serve until somebody leaves; the number of lines that were refused."""
-        self._watch([signal.SIGINT], ends=None)  # it clears what is typed
+        self._watch([signal.SIGINT], ends=None)  # Ctrl-C clears what is typed
         asyncio.run(self._run())
         self._watch([signal.SIGINT], ends=True)
-        for line in self._folded.rest():
+        for line in self._throttle.rest():
             print(clean(line))
         return self._refusals
 
@@ -103,11 +105,11 @@ class Screen:
                 await asyncio.wait({serving}, timeout=_LISTENED)
                 self._listen()
                 if self._app.is_done:
-                    # It waits for ever for a terminal that was closed while something was printed.
+                    # If the terminal was closed while printing, prompt_toolkit waits for ever.
                     await asyncio.wait({serving}, timeout=_PATIENCE)
                     serving.cancel()
             proxy.close()
-            # What was printed last is still on its way through the loop.
+            # The last output is still on its way through the loop.
             if under_way := asyncio.all_tasks() - {asyncio.current_task()}:
                 await asyncio.wait(under_way, timeout=_PATIENCE)
             with contextlib.suppress(EOFError, asyncio.CancelledError), _hung_up():
@@ -115,9 +117,9 @@ class Screen:
 
     def _listen(self) -> None:
         """Tell what happened, and now and then how things are."""
-        self._folded.take(self._face.messages())
+        self._throttle.take(self._session.messages())
         now = time.monotonic()
-        for line in self._folded.due(now):
+        for line in self._throttle.due(now):
             print(clean(line))
         if now - self._drawn >= _REDRAWN:
             self._drawn = now
@@ -126,26 +128,26 @@ class Screen:
     # --- what keys do ---------------------------------------------------------------------------
 
     def panic(self) -> None:
-        """Silence at once."""
-        self._turns.panic()
+        """End sound and force at once."""
+        self._queue.panic()
 
     def clear(self) -> None:
         """Forget what is typed; while a line is at work, drop it, and let go of every hand."""
         if self._at_work:
-            self._face.let_go()
-            self._face.cancel()
+            self._session.let_go()
+            self._session.cancel()
         self._buffer.reset()
 
     def leave(self) -> None:
-        """Go, when all lines are done; at the second time at once."""
+        """Leave when all lines are done; the second time at once."""
         if self._leaving:
             self._go()
         self._leaving = True
-        self._turns.end()
+        self._queue.end()
 
     def enter(self) -> None:
         """A whole line is done; another one goes on."""
-        if self._face.is_whole(self._buffer.text):
+        if self._session.is_whole(self._buffer.text):
             self._buffer.validate_and_handle()
         else:
             self._buffer.insert_text("\n")
@@ -163,13 +165,13 @@ class Screen:
     def too_long(self, length: int) -> None:
         """A paste of so many characters did not fit."""
         why = f"not taken: a paste of {length:,} characters (a line has {TEXT_MAX:,} at most)"
-        self._folded.take([INDENT + why])
+        self._throttle.take([INDENT + why])
 
     def _comes(self, data: str) -> None:
         """What was typed, before keys are made of it, which takes longer than a stop may."""
         line, enter, _ = data.partition("\r")
         if enter:
-            self._turns.look(typed(self._buffer.text + line))
+            self._queue.stop_now(typed(self._buffer.text + line))
 
     # --- lines and replies ----------------------------------------------------------------------
 
@@ -180,26 +182,26 @@ class Screen:
     def _before(self) -> str:
         """The prompt: it follows the clock until something is typed, which it must not move."""
         if not self._where or not self._buffer.text:
-            self._where = self._face.state().where
+            self._where = self._session.state().where
         return f"{self._where} > "
 
     def _entered(self, buffer: Buffer) -> bool:
         """Do the line when those before it are done."""
         text = typed(buffer.text)
-        print(echo(f"{self._face.state().where} > ", text))
+        print(echo(f"{self._session.state().where} > ", text))
         if text.strip():
-            self._turns.enter(text, None)
+            self._queue.enter(text, None)
         return False  # the buffer is emptied
 
     def _work(self, loop: asyncio.AbstractEventLoop) -> None:
-        """A thread of its own: a line may take a while, and typing goes on."""
-        with contextlib.suppress(RuntimeError):  # somebody left at once: the loop is closed
-            while (turn := self._turns.next()) is not None:
+        """Do lines, in a thread of its own, because a line may take a while."""
+        with contextlib.suppress(RuntimeError):  # the loop is closed: the user left at once
+            while (queued := self._queue.next()) is not None:
                 self._at_work = True
                 with at_work(self._watch):
-                    reply = self._face.submit(turn.text, releases=turn.releases)
+                    reply = self._session.submit(queued.text, releases=queued.releases)
                 self._at_work = False
-                loop.call_soon_threadsafe(self._answer, turn.text, reply)
+                loop.call_soon_threadsafe(self._answer, queued.text, reply)
                 if reply.leaves:
                     return
             loop.call_soon_threadsafe(self._go)
@@ -218,7 +220,7 @@ class Screen:
 
     def _went_wrong(self, context: dict[str, Any]) -> None:
         """An error in a key or a drawing; the prompt goes on."""
-        self._face.mistake(context.get("exception") or RuntimeError(context["message"]))
+        self._session.mistake(context.get("exception") or RuntimeError(context["message"]))
 
 
 @contextlib.contextmanager

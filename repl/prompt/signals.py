@@ -16,22 +16,22 @@ Handler = Callable[[int, FrameType | None], object]
 
 
 class Watch(Protocol):
-    """Has signals stop forces before Python knows of them, as `_core.stop_on_signals` does.
+    """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does.
 
     It is to be asked whenever a handler was set, for that takes the signal over.
     """
 
     def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
-        """Every force and sound where the program `ends`, else every force; None: nothing."""
+        """End every force and sound where the program `ends`, else every force; None: nothing."""
 
 
 def unwatched(signals: Sequence[int], *, ends: bool | None) -> None:
-    """Nothing here has a force."""
+    """Do nothing: no force is near."""
 
 
 @contextlib.contextmanager
 def at_work(watch: Watch) -> Iterator[None]:
-    """A line is at work: Ctrl-C, which clears a line that is typed, lets go of every hand."""
+    """While a line is being done, Ctrl-C ends every force instead of clearing what is typed."""
     watch([signal.SIGINT], ends=False)
     try:
         yield
@@ -41,7 +41,7 @@ def at_work(watch: Watch) -> Iterator[None]:
 
 @contextlib.contextmanager
 def handled(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
-    """Another handler for signals; the one before comes back. Nothing outside the main thread."""
+    """Set a handler for signals in this block; do nothing outside the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -55,7 +55,7 @@ def handled(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
 
 @contextlib.contextmanager
 def left_to_me() -> Iterator[None]:
-    """Threads that begin in this block leave signals to the one that begins them.
+    """Let threads that begin in this block leave signals to the thread that begins them.
 
     Where two come at once the system may give the second to another thread; then the first alone
     wakes whoever waits for a line, who goes back to wait.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from ergon.common.terminal import clean
-from ergon.repl.face import State
+from ergon.repl.session_protocol import State
 
 _BETWEEN = "  "
-_LEAST = 12  # characters that who plays what keeps
+_LEAST = 12  # characters that the list of players keeps
 
 
 def status(state: State, width: int) -> str:
@@ -16,9 +16,9 @@ def status(state: State, width: int) -> str:
 
     Where there is no room, what plays is shortened, then what is at the end left out.
     """
-    before = ["PANIC: release ends it"] if state.panicked else []
+    before = ["PANIC: type release"] if state.panicked else []
     if state.let_go and not state.panicked:
-        before = ["NO FORCE: release ends it"]
+        before = ["NO FORCE: type release"]
     # Tenths are cut, not rounded: 4.96 is still beat 4.
     before += [f"{state.bar}|{math.floor(10 * state.beat) / 10:.1f}", f"{state.tempo:g} bpm"]
     after = [f"load {state.load:.0%}", f"late {state.late}", _level(state.level)]

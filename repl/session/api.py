@@ -6,33 +6,34 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
-from ergon.repl.face import Face, Reply, State
+from ergon.common.errors import ErgonError
 from ergon.repl.language import building
-from ergon.repl.language.verbs import ways
+from ergon.repl.language.verbs import forms_of
+from ergon.repl.session_protocol import Reply, SessionProtocol, State
 
 
-class NotTaken(Exception):
-    """A line was refused, and nothing has changed; `reply` is what was said."""
+class NotTaken(ErgonError):
+    """A line was refused and has changed nothing; `reply` says why."""
 
     def __init__(self, reply: Reply) -> None:
-        """Why, and what to type instead where that is known."""
+        """Make the message of a reply, with the line to type instead if there is one."""
         super().__init__(reply.text + (f"; try: {reply.try_}" if reply.try_ else ""))
         self.reply = reply
 
 
-class Typed:
+class SessionProxy:
     """A session to call: `s("ada plays knock every 1")` is `s.plays("ada", "knock", every=1)`.
 
     Every verb is a method; `NAME = NOTATION` is `define`, `? NAME` is `look`.
     """
 
-    def __init__(self, face: Face) -> None:
-        """Over a face; whoever has this closes it."""
-        self._face = face
+    def __init__(self, session: SessionProtocol) -> None:
+        """Wrap a session; whoever makes this closes it."""
+        self._session = session
 
     def __call__(self, line: str) -> Reply:
         """Do a line, or a block of lines as one version. Raises NotTaken."""
-        reply = self._face.submit(line)
+        reply = self._session.submit(line)
         if not reply.taken:
             raise NotTaken(reply)
         if reply.leaves:
@@ -50,29 +51,30 @@ class Typed:
 
         call.__name__ = call.__qualname__ = name
         call.__doc__ = "\n\n".join(
-            f"{form.written}: {form.effect}.\n\nAs a line: {form.example}" for form in ways(verb)
+            f"{form.written}: {form.effect}.\n\nAs a line: {form.example}"
+            for form in forms_of(verb)
         )
         return call
 
     def __dir__(self) -> list[str]:
-        """The verbs too, for who completes names."""
+        """List the verbs too, for completion."""
         return sorted({*super().__dir__(), *building.FUNCTIONS})
 
     @property
     def state(self) -> State:
-        """Where it is and what is heard."""
-        return self._face.state()
+        """Position, tempo, what plays, load and level."""
+        return self._session.state()
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call, a sentence each."""
-        return self._face.messages()
+        """Messages since the last call, one sentence each."""
+        return self._session.messages()
 
     def close(self) -> None:
-        """End it; of one in another process, leave it."""
-        self._face.close()
+        """End the session; a session in another process goes on."""
+        self._session.close()
 
     def __enter__(self) -> Self:
-        """Itself."""
+        """The proxy itself."""
         return self
 
     def __exit__(
@@ -81,5 +83,8 @@ class Typed:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Close it."""
+        """Close the session."""
         self.close()
+
+
+Typed = SessionProxy  # the earlier name, for cli/notebook.py until it moves

@@ -1,4 +1,4 @@
-"""What a real hand does between two lines becomes a take, which written hands can play."""
+"""Takes: what a real hand does between `record` and `record off`, for written players to play."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ergon.repl.session.version import NotTakenError
 if TYPE_CHECKING:
     from ergon.repl.session.commits import Commits
 
-# What was done is read so long after it: the recording is written five times a second [s].
+# The recording is written five times a second; a take is read this long after its end [s].
 _SETTLED = 0.6
 
 
 @dataclass(slots=True)
 class Capture:
-    """From frame `start` to `stop`; until then it goes on."""
+    """A take from frame `start` to `stop`, which is None while it is being recorded."""
 
     player: str
     name: str
@@ -28,7 +28,7 @@ class Capture:
     stop: int | None = None
 
     def seconds(self, frame: int, rate: float) -> float | None:
-        """How long it has lasted; None before it begins."""
+        """Its length so far [s]; None before it begins."""
         return None if frame < self.start else (frame - self.start) / rate
 
 
@@ -43,23 +43,23 @@ class Captures:
     now: Capture | None = None
 
     def begin(self, player: str, name: str, start: int) -> None:
-        """A take begins at a frame. Raises NotTakenError."""
+        """Begin a take at a frame. Raises NotTakenError."""
         if self.now is not None:
-            raise NotTakenError(f"{self.now.name} is being recorded", "record off")
+            raise NotTakenError(f"the take {self.now.name} is still being recorded", "record off")
         self.now = Capture(player, name, start)
 
     def end(self, stop: int) -> Capture:
-        """It ends at a frame. Raises NotTakenError."""
+        """End the take at a frame. Raises NotTakenError."""
         if self.now is None:
-            raise NotTakenError("nothing is being recorded")
+            raise NotTakenError("no take is being recorded; `record PLAYER as NAME` begins one")
         if stop <= self.now.start:
             self.now = None
-            raise NotTakenError("it had not begun: nothing is kept")
+            raise NotTakenError("the take ended before it began: nothing was recorded")
         self.now.stop = stop
         return self.now
 
     def ready(self, commits: Commits) -> Capture | None:
-        """A take that has ended and can be read."""
+        """The take that has ended and whose recording is on the disk, once; else None."""
         own = self.now
         if own is None or own.stop is None:
             return None
@@ -76,9 +76,9 @@ class Captures:
         try:
             found = _core.read_recording(self.path, (own.start // every, own.stop // every))
             if not is_below(target, folder):
-                raise RefusedError(f"{target} leads out of the folder of the score")
+                raise RefusedError(f"{target} is outside the folder of the score")
             with writing(target, binary=True) as file:
                 file.write(found.to_bytes())
         except (RefusedError, _core.EngineError, OSError) as error:
-            raise NotTakenError(f"{own.name} is not kept: {error}") from None
+            raise NotTakenError(f"the take {own.name} was not written: {error}") from None
         return target

@@ -1,4 +1,4 @@
-"""Where the piece is while the engine goes on, and where the next boundary lies."""
+"""The beat of the piece at an instant of the engine, and the next boundary of a grid."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The piece goes, its beginning at the engine's second `by`; or it stands at beat `at`."""
+    """A running piece began at second `by` of the engine; a stopped one is at beat `at`."""
 
     by: float | None = None
     at: float = 0.0
 
     @property
     def goes(self) -> bool:
-        """Whether time passes in the piece."""
+        """Whether the piece is running."""
         return self.by is not None
 
     def tempo(self, tempo: TempoMap, now: float) -> TempoMap:
-        """The tempo map by seconds of the engine, which is at `now`."""
+        """The tempo map in seconds of the engine, which is at second `now`."""
         if self.by is not None:
             return Shifted(tempo, self.by)
         return Standing(tempo, self.at, now)
@@ -37,13 +37,13 @@ class Clock:
         return self.at if self.by is None else max(0.0, tempo.beats(seconds - self.by))
 
     def seconds(self, tempo: TempoMap, beat: float) -> float:
-        """The engine's instant of a beat; of a piece that goes."""
+        """The engine's second of a beat; the piece must be running."""
         assert self.by is not None
         return tempo.seconds(beat) + self.by
 
 
 def started(tempo: TempoMap, beat: float, seconds: float) -> Clock:
-    """Going from a beat on, at an instant of the engine."""
+    """A piece that runs from a beat, which is at a second of the engine."""
     return Clock(seconds - tempo.seconds(beat), beat)
 
 

@@ -1,4 +1,4 @@
-"""Lines that were taken and wait for their boundary, and how they come into effect there."""
+"""Accepted lines that wait for their boundary, and how they take effect there."""
 
 from __future__ import annotations
 
@@ -24,37 +24,37 @@ if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
     from ergon.scores.staging.live import Real
 
-# What waits is made again shortly before it is due, on what then plays [s].
+# How long before it is due a waiting line is handed to the engine [s].
 _AHEAD = 0.3
 
-# A line that is to act now is made in twice the time that the slowest of the last ones took.
+# A line that acts now is given twice the time that the slowest of the last lines took.
 _AGAIN, _FORGET = 2.0, 0.8
 
-# What a line is refused by, once it is read.
+# Errors by which a line is refused after it was parsed.
 REFUSALS = (NotTakenError, StageError, EditError, EngineError, StoppedError)
 
-# A line: what it makes of the version before it, when it takes effect at a beat.
-Deed = Callable[[Version, float], Version]
+# Makes a version from the one before it and the beat at which it takes effect.
+VersionEdit = Callable[[Version, float], Version]
 
 
 @dataclass(slots=True)
 class Waiting:
-    """A line between Enter and its boundary.
+    """An accepted line that has not taken effect yet.
 
-    `goes`: the piece begins to go, from beat `beat`, or stands from there; None: as before. One
-    that `resets` finds all masses where they are written to begin; one that `is_now` was to act as
-    soon as it can.
+    `goes` starts the piece at beat `beat` (True) or stops it there (False). A line
+    that `resets` puts all masses at their start; a line that `is_now` was to act as
+    soon as possible.
     """
 
     line: str
-    deed: Deed
+    edit: VersionEdit
     beat: float
     start: int
     goes: bool | None = None
     resets: bool = False
     is_now: bool = False
     made: Running | None = None
-    on: Running | None = None  # what it was made to follow
+    on: Running | None = None  # the version that `made` follows
     number: int = 0
 
 
@@ -68,18 +68,18 @@ class Commits:
     engine: Engine
     running: Running
     real: Real
-    # Frames from asking for a change to the first in which it can be; where hands are real, with
-    # the time in which their forces fall to what a stiffer scene leaves them.
+    # Frames from the request of a change to the first at which it can be made; with real hands
+    # including the time in which their forces fall to what a stiffer scene allows.
     margin: int
     head: Version
     waiting: list[Waiting] = field(default_factory=list)
-    # By ticket: what was handed over, and on what.
-    handed: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
-    took: float = 0.0  # what making a version takes [s]
-    lost: list[tuple[Waiting, str]] = field(default_factory=list)  # and why
+    # Changes under way: the ticket, the lines, and the version that played before.
+    under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
+    making_seconds: float = 0.0  # the time to make a version, the slowest of the last ones [s]
+    dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
 
     def __post_init__(self) -> None:
-        """Leave real hands their time."""
+        """Add to the margin the time in which forces on real hands fall."""
         if self.real and self.margin:
             self.margin += int(FORCE_FALL_TIME * self.rate)
 
@@ -92,15 +92,15 @@ class Commits:
 
     @property
     def lead(self) -> float:
-        """By how much a version takes over before its beat [s]."""
-        return JOIN + self.engine.every / self.rate
+        """How long before its beat a version takes over [s]."""
+        return JOIN + self.engine.tick_frames / self.rate
 
     def soonest(self) -> int:
-        """The first frame at which a change can still be made: a multiple of the tick."""
-        return self.first(_AGAIN * self.took)
+        """The first frame at which a new change can take effect: a multiple of the tick."""
+        return self.first(_AGAIN * self.making_seconds)
 
     def now(self) -> float:
-        """The beat of the piece that is computed now."""
+        """The beat of the piece that the engine computes now."""
         return self.running.beat(self.engine.frame)
 
     def place(self, when: When, grid: Length | None) -> tuple[float, int]:
@@ -118,20 +118,22 @@ class Commits:
             beat = self._resolved(when)
             if beat < first - SAME:
                 here = tempo.written(self.now())
-                raise NotTakenError(f"{when.text or tempo.written(beat)} is past: it is {here}")
+                raise NotTakenError(
+                    f"{when.text or tempo.written(beat)} is past: the piece is at {here}"
+                )
         elif isinstance(when, Length):
             beat = max(first, tempo.after(self.now(), when))
         else:
             beat = first if when is NOW or grid is None else boundary(tempo, first, grid)
         frames = (clock.seconds(tempo, beat) - lead) * self.rate
-        every = self.engine.every
+        every = self.engine.tick_frames
         return beat, max(start, math.floor(frames / every + SAME) * every)
 
     def frame(self, beat: float) -> int:
-        """The first frame of the tick of a beat; of a piece that stands the soonest."""
+        """The first frame of the tick of a beat; the soonest frame where the piece is stopped."""
         if not self.running.clock.goes:
             return self.soonest()
-        tempo, every = self.head.piece.tempo_map, self.engine.every
+        tempo, every = self.head.piece.tempo_map, self.engine.tick_frames
         return int(self.running.clock.seconds(tempo, beat) * self.rate) // every * every
 
     def _resolved(self, position: Position) -> float:
@@ -143,33 +145,33 @@ class Commits:
     # --- taking a line ---------------------------------------------------------------------------
 
     def take(self, waiting: Waiting) -> Running:
-        """Put a line in its place among those that wait, and make all that comes of it.
+        """Insert a line among those that wait, and make its version and those before it.
 
         Raises NotTakenError or StageError, and then nothing has changed.
         """
         place = sum(one.beat <= waiting.beat + SAME for one in self.waiting)
         before, after = self.waiting[:place], self.waiting[place:]
-        made = self._made([*before, waiting])
-        self._fold([*before, waiting], made, after)
+        made = self._make_all([*before, waiting])
+        self._replace_queue([*before, waiting], made, after)
         return made[-1][0]
 
     def drop(self, waiting: Waiting) -> None:
-        """Take a line back before its boundary."""
+        """Remove a waiting line."""
         place = self.waiting.index(waiting)
         before, after = self.waiting[:place], self.waiting[place + 1 :]
-        self._fold(before, self._made(before), after)
+        self._replace_queue(before, self._make_all(before), after)
 
-    def _fold(
+    def _replace_queue(
         self,
         queue: list[Waiting],
         made: list[tuple[Running, Running]],
         after: list[Waiting],
     ) -> None:
-        """Lines that are made, and those after them, whose stage is made when they are due."""
+        """Replace the waiting lines: `queue`, whose versions are `made`, and `after`."""
         version = made[-1][0].version if made else self.running.version
         for one in after:
             version = self._version(version, one)
-        # Nothing can fail any more.
+        # From here on nothing can fail, so the queue may change.
         for one, (running, on) in zip(queue, made, strict=True):
             one.made, one.on = running, on
         for one in after:
@@ -180,9 +182,9 @@ class Commits:
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
         before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None)
-        return one.deed(before, one.beat)
+        return one.edit(before, one.beat)
 
-    def _made(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
+    def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
         on, found = self.running, []
         for one in queue:
             is_made = one.made is not None and one.on is on
@@ -201,25 +203,25 @@ class Commits:
             tempo = version.piece.tempo_map
             clock = started(tempo, enter, seconds + self.lead) if one.goes else Clock(None, leave)
         made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
-        # Every version comes by here: none takes over that a real hand's key does not bear.
+        # Every version is made here, so none plays that a real hand's key cannot bear.
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
         made = replace(made, bearings=borne)
-        if self.margin:  # else the engine waits
-            self.took = max(time.perf_counter() - began, _FORGET * self.took)
+        if self.margin:  # without a margin the engine waits, and the time does not matter
+            self.making_seconds = max(time.perf_counter() - began, _FORGET * self.making_seconds)
         return made
 
     # --- handing over ----------------------------------------------------------------------------
 
     def tick(self) -> list[Waiting]:
-        """Hand over what is due soon, and put on the timeline what comes after the horizon.
+        """Hand due versions to the engine, and extend the timeline beyond its horizon.
 
-        Lines that were not ready in time, and wait again.
+        Returns the lines that were not ready in time and wait again.
         """
         late = []
         while self.waiting and self.waiting[0].start <= self._soon():
             one = self.waiting[0]
             if one.start < self.first(0.0):
-                self.took = max(2.0 * self.took, 1.0 / self.rate)
+                self.making_seconds = max(2.0 * self.making_seconds, 1.0 / self.rate)
                 beat, one.start = self.place(None, None if one.is_now else Length(bars=1.0))
                 one.beat, one.made = beat if one.goes is None else one.beat, None
                 self.waiting.sort(key=lambda other: other.start)
@@ -241,8 +243,8 @@ class Commits:
         return late
 
     def first(self, making: float) -> int:
-        """The first tick that a change can reach, when it takes so long to make [s]."""
-        every = self.engine.every
+        """The first frame that a change can reach which takes `making` [s] to compute."""
+        every = self.engine.tick_frames
         ahead = self.margin + int(making * self.rate)
         return -(-max(self.engine.frame + ahead, self.running.start + 1) // every) * every
 
@@ -250,14 +252,14 @@ class Commits:
         return self.engine.frame + self.margin + int(_AHEAD * self.rate)
 
     def _hand(self, group: Sequence[Waiting]) -> None:
-        """Lines of one boundary come into effect together: the last is what all of them made."""
+        """Hand the lines of one boundary to the engine as one change."""
         before = on = self.running
         for one in group:
             is_made = one.made is not None and one.on is on
             try:
                 on = one.made if is_made and one.made is not None else self._follow(on, one)
-            except REFUSALS as error:  # a line between has taken away what it needs
-                self.lost.append((one, str(error)))
+            except REFUSALS as error:  # an earlier line removed what it needs
+                self.dropped.append((one, str(error)))
         if on is before:
             return
         change = Change(
@@ -269,37 +271,37 @@ class Commits:
             damp=on.version.damp,
             bearings=on.bearings,
         )
-        self.handed.append((self.engine.change(change), group, before))
+        self.under_way.append((self.engine.change(change), group, before))
         self.running = on
         if not self.waiting:
             self.head = on.version
 
     def late(self, ticket: int) -> list[Waiting]:
-        """A change came too late: it and all that were built on it wait again; which they are."""
-        index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
+        """Queue a change that came too late again, with all that follow it; the lines of these."""
+        index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         if index is None:
             return []
-        back = [one for _, group, _ in self.handed[index:] for one in group]
-        self.running = self.handed[index][2]
-        del self.handed[index:]
+        back = [one for _, group, _ in self.under_way[index:] for one in group]
+        self.running = self.under_way[index][2]
+        del self.under_way[index:]
         for one in back:
             one.made = one.on = None
         self.waiting = [*back, *self.waiting]
         return back
 
     def done(self, ticket: int) -> Sequence[Waiting]:
-        """A change was made: which lines'."""
-        index = next((i for i, (own, *_) in enumerate(self.handed) if own == ticket), None)
-        return () if index is None else self.handed.pop(index)[1]
+        """Forget a change that was made; the lines whose it was."""
+        index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
+        return () if index is None else self.under_way.pop(index)[1]
 
 
-def faders(running: Running) -> dict[int, float]:
-    """The ratio of each group of routes."""
-    desk = running.version.desk
-    return {group: desk.ratio(part) for group, part in enumerate(running.stage.listening.parts())}
+def fader_ratios(running: Running) -> dict[int, float]:
+    """The ratio of each group of routes, by its number."""
+    faders = running.version.faders
+    return {group: faders.ratio(part) for group, part in enumerate(running.stage.listening.parts())}
 
 
 def _moved(before: Running, after: Running) -> dict[int, float]:
-    """Groups of routes whose faders stand elsewhere than before; all of a new mixer."""
-    old = faders(before) if after.stage.network is before.stage.network else {}
-    return {group: to for group, to in faders(after).items() if to != old.get(group)}
+    """Groups of routes whose ratio differs from before; all groups where the mixer is new."""
+    old = fader_ratios(before) if after.stage.network is before.stage.network else {}
+    return {group: to for group, to in fader_ratios(after).items() if to != old.get(group)}

@@ -1,4 +1,4 @@
-"""What a line may take: it is computed within a time, and can be dropped from another thread."""
+"""Time limits of lines: a computation ends at its limit, or when another thread cancels it."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Iterator
 from ergon._core import StoppedError, Work
 
 LINE = 2.0  # [s] for a line
-FILES = 30.0  # [s] for one that reads files, goes back to a version, or lets a piece begin
+FILES = 30.0  # [s] for a line that reads files, restores a version or starts the piece
 
 
 class Computing:
     """The computations of a session, the innermost last."""
 
     def __init__(self) -> None:
-        """Begin with none."""
-        self.seconds: float | None = None  # that the last one had
+        """Begin with no computation."""
+        self.seconds: float | None = None  # the limit of the last computation
         self._works: list[Work] = []
 
     @contextlib.contextmanager
     def within(self, seconds: float | None) -> Iterator[None]:
-        """Compute for so long at most [s]; what takes longer raises StoppedError."""
+        """Limit the computation in this block [s]. Raises StoppedError beyond the limit."""
         self.seconds = seconds
         work = Work(seconds)
         self._works.append(work)
@@ -32,7 +32,7 @@ class Computing:
             self._works.remove(work)
 
     def cancel(self) -> bool:
-        """End what is being computed, from any thread; whether anything is."""
+        """Cancel what is being computed, from any thread; False where nothing is."""
         works = self._works[:]
         for work in works:
             work.cancel()
@@ -42,7 +42,10 @@ class Computing:
         """Why a line that was stopped is not taken."""
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
-        said = f"this line needs more than {self.seconds:g} s; nothing has changed"
+        said = f"this line takes more than {self.seconds:g} s to compute; nothing has changed"
         if self.seconds != LINE:
             return said
-        return f"{said} (ask for less, or write it into the score: `reload` has {FILES:g} s)"
+        return (
+            f"{said} (make it smaller, or write it into the score and type "
+            f"`reload`, which has {FILES:g} s)"
+        )

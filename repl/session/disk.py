@@ -1,4 +1,4 @@
-"""What a session knows of its files on the disk, and which of them it may write."""
+"""The state of a session's files on the disk, and which of them it may write."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.text import document, edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.files import is_below, is_shipped, shipped
-from ergon.repl.session.named import name_of
+from ergon.repl.session.journal_names import journal_name
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits.texts import SECTIONS
 
@@ -25,40 +25,40 @@ class Disk:
     """The hash of every text that was last read from a file, or written to it."""
 
     def __init__(self, known: Mapping[str, str] | None = None) -> None:
-        """By the names of files as texts have them."""
+        """Begin with hashes by file name."""
         self._known = dict(known or {})
 
     @classmethod
     def of(cls, texts: Texts) -> Disk:
-        """Of texts that have just been read."""
+        """The state after texts were read."""
         disk = cls()
-        disk.saw(texts)
+        disk.note_read(texts)
         return disk
 
-    def saw(self, texts: Texts) -> None:
-        """Texts were read from the disk."""
-        self.wrote({texts.path: texts.text, **texts.overlay})
+    def note_read(self, texts: Texts) -> None:
+        """Note that texts were read from the disk."""
+        self.note_written({texts.path: texts.text, **texts.overlay})
 
-    def wrote(self, files: Mapping[str, str]) -> None:
-        """Files say this now."""
+    def note_written(self, files: Mapping[str, str]) -> None:
+        """Note that files were written with these texts."""
         self._known.update((file, of_text(text)) for file, text in files.items())
 
     def hashes(self) -> Mapping[str, str]:
-        """By file; in hexadecimal."""
+        """Hashes by file, in hexadecimal."""
         return self._known
 
-    def said(self, texts: Texts) -> dict[str, str]:
-        """As a journal says it, for a score: hashes by name."""
+    def hashes_by_name(self, texts: Texts) -> dict[str, str]:
+        """Hashes by the names that a journal uses for the files of a score."""
         folder = Path(texts.path).parent
-        found = {name_of(file, folder): known for file, known in self._known.items()}
+        found = {journal_name(file, folder): known for file, known in self._known.items()}
         return {name: known for name, known in found.items() if not name.startswith("..")}
 
-    def claim(self, hashes: Mapping[str, str]) -> None:
-        """What a journal says of files; they are held against it before one is written."""
+    def add_hashes(self, hashes: Mapping[str, str]) -> None:
+        """Add hashes from a journal; `check` compares files with them before one is written."""
         self._known.update(hashes)
 
     def changed(self, texts: Texts) -> dict[str, str]:
-        """What the session has changed and not saved: the score and files that it uses."""
+        """Unsaved texts of the score and the files that it uses, by file."""
         folder = Path(texts.path).parent
         return {
             file: text
@@ -70,25 +70,31 @@ class Disk:
         """Raise NotTakenError where the session of a score may not write a file."""
         path = Path(file)
         if is_shipped(path):
-            raise NotTakenError(f"{file} ships with ergon and is never written: `save NAME`")
-        # A score that is a link is written where it leads; all else lies below the score's folder.
+            raise NotTakenError(
+                f"{file} ships with ergon and is never changed; `save NAME` writes a copy"
+            )
+        # A score that is a link is written to its target; other files must be in its folder.
         if path != score and not is_below(path, score.parent):
             raise NotTakenError(f"{file} is outside the folder of the score, {score.parent}")
         if not os.path.lexists(file):
             if file in self._known:
-                raise NotTakenError(f"{file} is not there any more; `save NAME` writes another")
+                raise NotTakenError(
+                    f"{file} was deleted since it was read; `save NAME` writes another file"
+                )
             return
         known = self._known.get(file)
         if known is None:
-            raise NotTakenError(f"{file} is there already and was not written by this session")
+            raise NotTakenError(
+                f"{file} already exists, and this session did not write it: choose another name"
+            )
         found = on_disk(path)
         if found is None or of_text(found) != known:
             raise NotTakenError(
                 f"{file} was changed on the disk since it was read: "
-                "`save NAME` writes another file, `reload` takes what is there"
+                "`save NAME` writes another file, `reload` reads the changed one"
             )
         if not is_score(found):
-            raise NotTakenError(f"{file} is no score of ergon and is not replaced")
+            raise NotTakenError(f"{file} is not a score, so `save` does not replace it")
 
 
 def of_text(text: str) -> str:
@@ -103,7 +109,7 @@ def home(file: str, folder: Path) -> str:
 
 
 def on_disk(path: Path) -> str | None:
-    """The text of a file as it is read; None where it is none."""
+    """The text of a file; None where it cannot be read as text."""
     try:
         return path.read_bytes().decode("utf-8-sig") if path.is_file() else None
     except (OSError, UnicodeError):
@@ -111,7 +117,7 @@ def on_disk(path: Path) -> str | None:
 
 
 def as_written(file: str, text: str) -> bytes:
-    """The bytes of a text in the place of a file, which keeps its byte order mark."""
+    """The bytes of a text that replaces a file; the file's byte order mark is kept."""
     try:
         with Path(file).open("rb") as old:
             mark = old.read(len(_BOM)) == _BOM
@@ -121,7 +127,7 @@ def as_written(file: str, text: str) -> bytes:
 
 
 def is_score(text: str) -> bool:
-    """Whether a text has sections of a score, and nothing else."""
+    """Whether all top-level keys of a text are sections of a score."""
     try:
         root = edit.read(text, "").root
     except EditError:

@@ -1,4 +1,4 @@
-"""What sounds while lines are typed: a performance on hardware, or the same in steps, by hand."""
+"""The engine that a session plays on: its protocol, and one that is stepped by its caller."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What is different from frame `at` on, a multiple of the engine's tick.
+    """A change of what plays from frame `at` on, a multiple of the engine's tick.
 
-    `stage` takes over from what plays `before`, or where it `resets` begins anew; `gains` (ratios)
-    are of groups of routes; `damp` [s] is the T60 that all is given besides its own; `bearings` are
-    what real hands get of it.
+    `stage` takes over from `before`, or begins anew where it `resets`; `gains` (ratios)
+    are of groups of routes; `damp` [s] is a T60 added to all that sounds; `bearings` are
+    the forces that real hands may get from it.
     """
 
     at: int
@@ -35,10 +35,10 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Led:
+class GuidedPath:
     """What leads a hand: `path` (n_ticks,) [m] is where to, tick by tick.
 
-    `steps`: after how many ticks which shares of its guide's stiffness and viscosity act (0 to 1).
+    `steps`: (tick, share of stiffness, share of viscosity) from which on they hold, 0 to 1.
     """
 
     path: NDArray[np.float64]
@@ -46,8 +46,8 @@ class Led:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """How it goes: load as a share of real time, late ticks, peaks of channels as ratios.
+class EngineStatus:
+    """Load as a share of real time, late ticks, peaks of channels as ratios.
 
     `away` are players whose keys are gone.
     """
@@ -60,8 +60,8 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """Something that happened: a change was done, or came too late; or a sentence to be read."""
+class EngineEvent:
+    """A change that was made or came too late (by its ticket), or a sentence for the player."""
 
     frame: int
     ticket: int | None = None
@@ -70,10 +70,10 @@ class Told:
 
 
 class Engine(Protocol):
-    """What a session plays on."""
+    """What a session needs of an engine."""
 
     @property
-    def every(self) -> int:
+    def tick_frames(self) -> int:
         """Frames of a tick."""
 
     @property
@@ -83,84 +83,87 @@ class Engine(Protocol):
     def bearings(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
     ) -> Sequence[Bearing]:
-        """What real hands get of a stage that takes over at frame `start`. Raises NotTakenError."""
+        """The forces that real hands may get from a stage that takes over at frame `start`.
+
+        Raises NotTakenError where a key cannot bear the stage.
+        """
 
     def change(self, change: Change) -> int:
-        """Ask for a change; its ticket."""
+        """Request a change; its ticket."""
 
-    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
-        """Lead hands of players otherwise from frame `at` on; a ticket."""
+    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
+        """Guide players' hands by new paths from frame `at` on; the ticket."""
 
-    def faders(self, gains: Mapping[int, float]) -> None:
-        """Where the faders of groups of routes stand at the beginning, as ratios."""
+    def set_faders(self, gains: Mapping[int, float]) -> None:
+        """Set the faders of groups of routes at the beginning, as ratios."""
 
-    def told(self) -> Sequence[Told]:
-        """What happened since the last call."""
+    def events(self) -> Sequence[EngineEvent]:
+        """Events since the last call."""
 
-    def look(self) -> Look:
-        """How it goes."""
+    def status(self) -> EngineStatus:
+        """Load, late ticks, peaks, and keys that are gone."""
 
     def panic(self) -> None:
-        """Silence within 5 ms, no force."""
+        """Silence sound within 5 ms, and end every force."""
 
     def let_go(self) -> None:
-        """No force."""
+        """End every force; the sound goes on."""
 
     def release(self) -> None:
-        """Sound and force again."""
+        """Switch sound and force on again."""
 
     def close(self) -> None:
-        """End."""
+        """End the engine."""
 
 
-class Steps:
-    """The engine by hand: frames are computed when they are asked for.
+class SteppedEngine:
+    """An engine whose frames are computed when its caller asks for them.
 
-    What `render` makes of a journal, and what a live engine must be equal to.
+    `render` uses it for journals; a live engine must give the same samples.
     """
 
-    def __init__(self, stage: Stage, *, every: int, highpass: float | None) -> None:
+    def __init__(self, stage: Stage, *, tick_frames: int, highpass: float | None) -> None:
         """Begin with a stage at frame 0."""
-        self.every = every
+        self.tick_frames = tick_frames
         self.frame = 0
         self.n_channels = stage.n_channels
         self._simulation: _core.Simulation = stage.simulation
         self._highpass = highpass
         self._mixer = stage.mixer(highpass=highpass)
         self._coming: list[tuple[int, Change]] = []
-        self._told: list[Told] = []
+        self._events: list[EngineEvent] = []
         self._tickets = 0
 
     def bearings(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
     ) -> Sequence[Bearing]:
-        """No hand is real here."""
+        """Do nothing: no hand is real here."""
         return ()
 
     def change(self, change: Change) -> int:
-        """Ask for a change; one whose frame has passed is told to be late, and not done."""
+        """Request a change; one whose frame has passed is reported as late and not made."""
         self._tickets += 1
         if change.at < self.frame:
-            self._told.append(Told(self.frame, self._tickets, is_late=True))
+            self._events.append(EngineEvent(self.frame, self._tickets, is_late=True))
         else:
             self._coming.append((self._tickets, change))
             self._coming.sort(key=lambda one: (one[1].at, one[0]))
         return self._tickets
 
-    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
-        """No hand is real here."""
+    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
+        """Do nothing: no hand is real here."""
         self._tickets += 1
         return self._tickets
 
-    def faders(self, gains: Mapping[int, float]) -> None:
-        """Where the faders of groups of routes stand at the beginning, as ratios."""
+    def set_faders(self, gains: Mapping[int, float]) -> None:
+        """Set the faders of groups of routes at the beginning, as ratios."""
         for group, gain in gains.items():
             self._mixer.set_gain(group, gain)
 
-    def told(self) -> list[Told]:
-        """What happened since the last call."""
-        told, self._told = self._told, []
-        return told
+    def events(self) -> list[EngineEvent]:
+        """Events since the last call."""
+        events, self._events = self._events, []
+        return events
 
     def process(self, n_frames: int) -> NDArray[np.float64]:
         """The next frames (n_frames, n_channels), before the gain and the limiter."""
@@ -183,7 +186,7 @@ class Steps:
         while self._coming and self._coming[0][1].at == self.frame:
             ticket, change = self._coming.pop(0)
             self._do(change)
-            self._told.append(Told(self.frame, ticket))
+            self._events.append(EngineEvent(self.frame, ticket))
 
     def _do(self, change: Change) -> None:
         new = change.stage.simulation
@@ -197,18 +200,18 @@ class Steps:
             self._mixer.set_gain(group, gain)
         new.damp(change.damp)
 
-    def look(self) -> Look:
-        """Nothing is late that is done by hand."""
-        return Look()
+    def status(self) -> EngineStatus:
+        """Nothing is ever late here."""
+        return EngineStatus()
 
     def panic(self) -> None:
-        """Nothing sounds here that could hurt."""
+        """Do nothing: no sound card is open."""
 
     def let_go(self) -> None:
-        """No hand is here."""
+        """Do nothing: no hand is real here."""
 
     def release(self) -> None:
-        """Nothing was silenced."""
+        """Do nothing: nothing was silenced."""
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: nothing is open."""

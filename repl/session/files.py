@@ -1,4 +1,4 @@
-"""What a session writes: its score as it stands, and what was changed of the files that it uses."""
+"""Saving: the score of a version, and the changed files that it uses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ergon.exchange.safe import RefusedError
 from ergon.exchange.together import write_all
 from ergon.notation.text.files import is_shipped
-from ergon.repl.session import apart
+from ergon.repl.session import save_as
 from ergon.repl.session.disk import as_written, home
 from ergon.repl.session.version import NotTakenError, piece_of
 from ergon.scores.edits import keeping, parts
@@ -17,38 +17,13 @@ from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
     from ergon.notation.clock.positions import Length
-    from ergon.repl.session.session import Session
+    from ergon.repl.session.core import SessionCore
 
 _SUFFIXES = (".yaml", ".yml")
 
 
-class Watch:
-    """Whether the score, or a file that it uses, was saved by somebody else."""
-
-    def __init__(self, texts: Texts) -> None:
-        """From now on."""
-        self._files = [Path(name) for name in texts.load().files]
-        self._seen = self._stamps()
-
-    def has_changed(self) -> bool:
-        """Whether one was saved since the last look."""
-        now = self._stamps()
-        changed, self._seen = now != self._seen, now
-        return changed
-
-    def _stamps(self) -> list[int]:
-        return [_stamp(path) for path in self._files]
-
-
-def _stamp(path: Path) -> int:
-    try:
-        return path.stat().st_mtime_ns
-    except OSError:  # an editor puts a new file in its place
-        return 0
-
-
-def keep(session: Session, length: Length, name: str) -> list[str]:
-    """Write the last bars as a score of their own beside this one; the files that were written."""
+def keep(session: SessionCore, length: Length, name: str) -> list[str]:
+    """Write the last bars as a score beside this one; the names of the files written."""
     version, now = session.commits.head, session.commits.now()
     tempo = version.piece.tempo_map
     beats = tempo.after(0.0, length) if not length.seconds else None
@@ -57,14 +32,16 @@ def keep(session: Session, length: Length, name: str) -> list[str]:
     piece_of(kept)
     target = _target(kept, Path(name))
     if target is None:
-        raise NotTakenError(f"{name} is the score itself: give what is kept another name")
+        raise NotTakenError(
+            f"{name} is this score's own name: choose another name for the bars that are kept"
+        )
     return _write(session, kept, target)
 
 
-def save(session: Session, target: Path | None) -> list[str]:
-    """Write the score of the latest version, what goes on ended here; the files that were written.
+def save(session: SessionCore, target: Path | None) -> list[str]:
+    """Write the latest version, endless parts ended here; the names of the files written.
 
-    Without a target over its own file, and over those that it uses, where they were changed.
+    Without a target it replaces its own file, and the changed files that it uses.
     """
     version = session.commits.head
     texts = parts.finish(version.texts, version.piece, session.commits.now())
@@ -73,13 +50,13 @@ def save(session: Session, target: Path | None) -> list[str]:
 
 
 def folder_of(texts: Texts) -> Path:
-    """Where what a session makes of a score is written; of one that ships, where we are."""
+    """The folder that a session writes to: the score's; for a score that ships, the current one."""
     path = Path(texts.path)
     return Path() if is_shipped(path) else path.parent
 
 
 def _target(texts: Texts, target: Path) -> Path | None:
-    """Where a name leads; None where it is the score itself. Raises NotTakenError."""
+    """The file of a name; None where it is the score itself. Raises NotTakenError."""
     own, folder = Path(texts.path), folder_of(texts)
     path = folder / target if target.parent == Path() else target
     if path.suffix == "":
@@ -87,27 +64,29 @@ def _target(texts: Texts, target: Path) -> Path | None:
     try:
         real, is_inside = path.resolve(), path.resolve().parent == folder.resolve()
         is_own = real == own.resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or no name at all
+    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
     if not is_inside:
         raise NotTakenError(
-            f"the files that it uses are named from {folder.resolve()}: save it there",
+            f"save the score in {folder.resolve()}: it names the files that it uses from there",
             f"save {path.name}",
         )
     return None if is_own else folder / path.name
 
 
-def _write(session: Session, texts: Texts, target: Path | None) -> list[str]:
-    """Write texts over their files, or as another score; nothing at all where one is refused."""
+def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:
+    """Write texts over their files, or as another score: all of them or none."""
     own, disk = Path(texts.path), session.disk
     changed = disk.changed(texts)
     files: Mapping[str, str]
     if target is None:
         if texts.path not in disk.hashes():
-            raise NotTakenError(f"{own} was never read here: `save NAME` writes a file beside it")
+            raise NotTakenError(
+                f"this session has not read {own}: `save NAME` writes a file beside it"
+            )
         score, files = own, {home(file, own.parent): text for file, text in changed.items()}
     else:
-        score, files = target, apart.files(texts, changed.keys() - {texts.path}, target)
+        score, files = target, save_as.files(texts, changed.keys() - {texts.path}, target)
     if not files:
         return []
     _proven(texts, changed, score, files)
@@ -118,20 +97,21 @@ def _write(session: Session, texts: Texts, target: Path | None) -> list[str]:
         )
     except (RefusedError, OSError) as error:
         raise NotTakenError(str(error)) from None
-    disk.wrote(files)
-    session.wrote(texts)
+    disk.note_written(files)
+    session.note_written(texts)
     return [*files]
 
 
 def _proven(
     texts: Texts, changed: Mapping[str, str], score: Path, files: Mapping[str, str]
 ) -> None:
-    """Whether what will lie on the disk is what plays. Raises NotTakenError."""
+    """Check that the written files will say the piece that plays. Raises NotTakenError."""
     left = {file: text for file, text in texts.overlay.items() if file not in changed}
     text = files.get(str(score), texts.text)
     there = Texts(str(score), text, {**left, **files}, sealed=True).load().piece
     if there is None or there.digest() != piece_of(texts).digest():
         names = ", ".join(sorted(Path(file).name for file in changed))
         raise NotTakenError(
-            f"{names}: what was changed cannot stand beside {score.name}; `save` writes it in place"
+            f"{score.name} would not read the changes to {names}; `save` "
+            "without a name writes them in place"
         )

@@ -1,8 +1,8 @@
-"""session.jsonl: what was typed and when it came into effect, as it happens.
+"""session.jsonl: every line that was typed, and when it took effect, written as it happens.
 
-A line is handed to the system at once, so that it survives whatever ends the program; a thread of
-the journal's own brings it to the disk, for that takes some milliseconds, on a busy disk some
-hundred. What a power failure takes are the lines of that time.
+A line is handed to the system at once, so that it survives the end of the program; a thread of
+the journal's own brings it to the disk, which takes some milliseconds, on a busy disk some
+hundred. A power failure loses the lines of that time.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ import contextlib
 import itertools
 import json
 import os
-import stat
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, NoReturn
+
+from ergon.common.errors import ErgonError
+from ergon.common.regular import NotRegularError, open_regular
 
 VERSION = 1
 MAX_BYTES = 1 << 28  # an hour of lines takes some hundred kilobytes
@@ -24,15 +26,15 @@ MAX_LINE = 1 << 25  # bytes; a score and all files that it uses are one line
 _LATEST = 1e12  # no number of a journal is larger
 
 
-class JournalError(Exception):
-    """A journal cannot be written, or what is to be read is none: one sentence."""
+class JournalError(ErgonError):
+    """A journal cannot be written or read: one sentence says why."""
 
 
 class Journal:
-    """A journal that is being written; what was told survives whatever ends the program."""
+    """A journal that is being written; its events survive whatever ends the program."""
 
     def __init__(self, path: Path) -> None:
-        """Begin one where no file may be. Raises JournalError."""
+        """Begin a journal in a new file. Raises JournalError."""
         try:
             self._file: IO[str] = path.open("x", encoding="utf-8")
         except OSError as error:
@@ -46,9 +48,9 @@ class Journal:
 
     @classmethod
     def begun(cls, path: Path) -> Journal:
-        """Begin one under the first free name of `name`, `name-2`, `name-3` … Raises JournalError.
+        """Begin a journal under the first free of `name`, `name-2`, … Raises JournalError.
 
-        Of several that begin at once each gets a name of its own.
+        Several journals that begin at once get different names.
         """
         for found in names(path):
             try:
@@ -56,13 +58,16 @@ class Journal:
             except JournalError as error:
                 if not isinstance(error.__cause__, FileExistsError):
                     raise
-        raise AssertionError  # names do not end
+        raise AssertionError  # the sequence of names is endless
 
     def tell(self, event: str, **fields: Any) -> None:
-        """Append an event; where that fails the music goes on, and `trouble` says so once."""
+        """Append an event; a failure is reported once by `trouble`, and stops nothing."""
         line = json.dumps({"v": VERSION, "event": event, **fields}, ensure_ascii=True)
         if len(line) >= MAX_LINE:
-            self._trouble = f"the journal lacks a line: a '{event}' of {len(line):,} bytes"
+            self._trouble = (
+                "the journal lacks an event that is too long for it: "
+                f"'{event}', {len(line):,} bytes"
+            )
             return
         try:
             self._file.write(line + "\n")
@@ -72,25 +77,25 @@ class Journal:
         self._told.set()
 
     def trouble(self) -> str:
-        """What kept it from being written since the last call, if anything."""
+        """Why writing has failed since the last call; empty where it has not."""
         trouble, self._trouble = self._trouble, ""
         return trouble
 
     def close(self) -> None:
-        """End it, on the disk."""
+        """End the journal, and bring it to the disk."""
         self._over = True
         self._told.set()
         self._thread.join()
-        with contextlib.suppress(OSError):  # told already
+        with contextlib.suppress(OSError):  # `trouble` has reported it
             self._file.close()
 
     def _settle(self) -> None:
-        """Bring to the disk what was told, all lines of a while at once."""
+        """Bring events to the disk, all that have come meanwhile at once."""
         is_over = False
         while not is_over:
             self._told.wait()
             self._told.clear()
-            is_over = self._over  # what was told before is among what comes to the disk now
+            is_over = self._over  # events before `close` are synced below
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
@@ -111,45 +116,47 @@ class Event:
         raise JournalError(f"{self.file}, line {self.number}: {sentence}") from None
 
     def get(self, name: str, kind: type, default: Any = None) -> Any:
-        """A field of a kind. Raises JournalError where it is another, or missing."""
+        """A field of a type. Raises JournalError where it is missing or of another type."""
         value = self.fields.get(name, default)
         if value is None:
-            self.wrong(f"{name} is missing")
+            self.wrong(f"the field '{name}' is missing")
         if kind is float and type(value) is int and abs(value) <= _LATEST:
             value = float(value)
         if type(value) is not kind:
-            self.wrong(f"{name} is not what a journal says there")
+            self.wrong(f"the field '{name}' has the wrong type or value")
         if kind is str and not _is_text(value):
-            self.wrong(f"{name} is no text in Unicode")
+            self.wrong(f"the field '{name}' is not valid Unicode text")
         return value
 
     def number_of(self, name: str, kind: type, low: float, high: float, default: Any = None) -> Any:
         """A number within bounds. Raises JournalError."""
         value = self.get(name, kind, default)
-        if not low <= value <= high:  # NaN neither
-            self.wrong(f"{name} is {str(value)[:20]}, which is not from {low:g} to {high:g}")
+        if not low <= value <= high:  # also refuses NaN
+            self.wrong(
+                f"the field '{name}' is {str(value)[:20]}; it must be from {low:g} to {high:g}"
+            )
         return value
 
     def mapping(self, name: str, kind: type, most: int = 10_000) -> dict[str, Any]:
-        """Values of a kind by name; empty where none is given. Raises JournalError."""
+        """Values of one type by name; empty where the field is missing. Raises JournalError."""
         found: dict[str, Any] = self.get(name, dict, {})
         fits = _is_text if kind is str else _is_ratio
         if len(found) > most or not all(_is_text(word) and fits(x) for word, x in found.items()):
-            self.wrong(f"{name} is not what a journal says there")
+            self.wrong(f"the field '{name}' has the wrong type or value")
         return {word: kind(x) for word, x in found.items()}
 
     def words(self, name: str) -> frozenset[str]:
-        """A set of names; empty where none is given. Raises JournalError."""
+        """A set of names; empty where the field is missing. Raises JournalError."""
         found: list[Any] = self.get(name, list, [])
         if not all(map(_is_text, found)):
-            self.wrong(f"{name} is not what a journal says there")
+            self.wrong(f"the field '{name}' has the wrong type or value")
         return frozenset(found)
 
 
 def _is_text(value: object) -> bool:
     try:
         return isinstance(value, str) and value.encode() is not None
-    except UnicodeEncodeError:  # a half of a pair
+    except UnicodeEncodeError:  # half of a surrogate pair
         return False
 
 
@@ -160,21 +167,14 @@ def _is_ratio(value: object) -> bool:
 def read(path: Path) -> Iterator[Event]:
     """Events of a journal; a last line that was cut off is left out. Raises JournalError."""
     try:
-        with _opened(path) as file:
+        with open_regular(path) as file:
+            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+                raise JournalError(f"{path} is larger than any session's journal")
             yield from _events(path, file)
+    except NotRegularError:
+        raise JournalError(f"{path} is not a regular file, so it is no journal") from None
     except OSError as error:
         raise JournalError(f"{path}: {error.strerror or error}") from None
-
-
-def _opened(path: Path) -> IO[bytes]:
-    """A regular file: what is a device or a pipe may never end."""
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
-    found = os.fstat(handle)
-    if stat.S_ISREG(found.st_mode) and found.st_size <= MAX_BYTES:
-        return open(handle, "rb")
-    os.close(handle)
-    why = "is larger than any session's journal" if stat.S_ISREG(found.st_mode) else "is no file"
-    raise JournalError(f"{path} {why}")
 
 
 def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:
@@ -189,11 +189,13 @@ def _events(path: Path, file: IO[bytes]) -> Iterator[Event]:
         try:
             fields = json.loads(line.decode())
         except (ValueError, RecursionError):
-            if not line.endswith(b"\n") and len(line) < MAX_LINE:  # it was being written
+            if (
+                not line.endswith(b"\n") and len(line) < MAX_LINE
+            ):  # the program ended while it was written
                 return
             fields = None
         if not isinstance(fields, dict) or fields.get("v") != VERSION:
-            raise JournalError(f"{path}, line {number}: this is no journal of a session")
+            raise JournalError(f"{path}, line {number}: this is not a session's journal")
         name = fields.get("event")
         yield Event(str(path), number, name if isinstance(name, str) else "", fields)
 
@@ -206,5 +208,5 @@ def names(path: Path) -> Iterator[Path]:
 
 
 def free(path: Path) -> Path:
-    """The first of its names that is not there now."""
+    """The first of `name`, `name-2`, … that does not exist now."""
     return next(found for found in names(path) if not os.path.lexists(found))

@@ -1,4 +1,4 @@
-"""The engine on hardware: one performance that goes on while its simulation is exchanged."""
+"""The engine on hardware: one performance, whose simulation is exchanged while it goes on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ergon.live.display import told as said
 from ergon.live.display import too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import Order, bars, every, perform
-from ergon.repl.session.engine import Change, Led, Look, Told
+from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from ergon.scores.staging.gliding import Glide
     from ergon.scores.staging.stage import Stage
 
-_BARS = 120.0  # [s] for which bars are told: a hand that comes back waits for the next one
-_PATIENCE = 2.0  # [s] that what is in the ring may take to be heard
+_BARS = 120.0  # [s] of bars sent ahead: a hand that reconnects waits for the next bar
+_PATIENCE = 2.0  # [s] to play out the ring buffer
 
 
-class Live:
-    """A stage on a sound card and keys."""
+class LiveEngine:
+    """A performance of stages on a sound card and keys."""
 
     def __init__(self, stage: Stage, order: Order) -> None:
-        """Begin to sound. Raises EngineError."""
-        self.every = every(stage)
+        """Begin to play a stage. Raises EngineError."""
+        self.tick_frames = every(stage)
         self._highpass = order.highpass
         self._n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
@@ -43,13 +43,13 @@ class Live:
         self.guard = Guard(self._performance.hand_limit, reaches, numbers)
         self._boards = [board.url for board in order.boards]
         self._sound = 0
-        # Once it is closed: how it was, and what had not been told.
+        # Once it is closed: its last status, and the events that were not reported.
         self._last: _core.Status | None = None
         self._left: list[tuple[int, str, float]] = []
 
     @property
     def performance(self) -> _core.Performance:
-        """The performance itself, for those who look on."""
+        """The performance itself, for OSC and tests."""
         return self._performance
 
     @property
@@ -60,7 +60,10 @@ class Live:
     def bearings(
         self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
     ) -> Sequence[Bearing]:
-        """What real hands get of a stage that takes over at frame `start`. Raises NotTakenError."""
+        """The forces that real hands may get from a stage that takes over at frame `start`.
+
+        Raises NotTakenError where a key cannot bear the stage.
+        """
         found = self.guard.bearings(stage, start, glides, before)
         for one in found:
             if not one.least.is_enough:
@@ -68,7 +71,7 @@ class Live:
         return found
 
     def change(self, change: Change) -> int:
-        """Hand a change to the physics thread; its ticket."""
+        """Send a change to the physics thread; its ticket."""
         stage, before = change.stage, change.before
         is_new = stage.network is not before.network
         return self._performance.change(
@@ -86,45 +89,49 @@ class Live:
         by_player = {one.player: one.bounds for one in bearings}
         return [list(by_player.get(player, ())) for player in self._players]
 
-    def lead(self, at: int, leads: Mapping[str, Led]) -> int:
-        """Lead hands of players otherwise from a frame on; the ticket."""
+    def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
+        """Guide players' hands by new paths from a frame on; the ticket."""
         import numpy as np
 
-        led = [leads.get(player, Led(np.zeros(0), ())) for player in self._players]
+        guided = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
         return self._performance.change(
             at,
-            standins=[one.path for one in led],
-            guidance=[one.steps for one in led],
+            standins=[one.path for one in guided],
+            guidance=[one.steps for one in guided],
         )
 
-    def faders(self, gains: Mapping[int, float]) -> None:
-        """Where the faders of groups of routes stand at the beginning, as ratios."""
+    def set_faders(self, gains: Mapping[int, float]) -> None:
+        """Set the faders of groups of routes at the beginning, as ratios."""
         for group, gain in gains.items():
             self._performance.part_gain(group, gain)
 
-    def look(self) -> Look:
-        """How it goes."""
+    def status(self) -> EngineStatus:
+        """Load, late ticks, peaks, and keys that are gone."""
         status = self._status()
         hands = zip(self._players, status.hands, strict=False)
         away = frozenset(
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
         peaks = status.peaks[: self._n_channels]
-        return Look(status.load, status.late, peaks, away, bool(self._real) and has_let_go())
+        return EngineStatus(
+            status.load, status.late, peaks, away, bool(self._real) and has_let_go()
+        )
 
-    def told(self) -> Sequence[Told]:
-        """What happened since the last call."""
+    def events(self) -> Sequence[EngineEvent]:
+        """Events since the last call."""
         found = []
         for event in self._left if self._last else self._performance.events():
             frame, what, number = event
             if what in ("changed", "late"):
-                found.append(Told(frame, int(number), is_late=what == "late"))
+                found.append(EngineEvent(frame, int(number), is_late=what == "late"))
             elif sentence := said(event, self._players, self._boards):
-                found.append(Told(frame, sentence=sentence))
+                found.append(EngineEvent(frame, sentence=sentence))
         self._left = []
         if self._last is None:
             sound = self._performance.sound_events()
-            found += [Told(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]]
+            found += [
+                EngineEvent(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]
+            ]
             self._sound = len(sound)
         return found
 
@@ -132,19 +139,19 @@ class Live:
         return self._last or self._performance.status()
 
     def panic(self) -> None:
-        """Silence within 5 ms, no force."""
+        """Silence sound within 5 ms, and end every force."""
         self._performance.panic()
 
     def let_go(self) -> None:
-        """No force."""
+        """End every force; the sound goes on."""
         let_go()
 
     def release(self) -> None:
-        """Sound and force again."""
+        """Switch sound and force on again."""
         self._performance.release()
 
     def close(self) -> None:
-        """Let what is in the ring be heard, and end."""
+        """Play out what is in the ring buffer, and end."""
         self._last = self._performance.status()
         self._performance.stop()
         self._left = self._performance.close(_PATIENCE)

@@ -1,4 +1,4 @@
-"""What plays: stretches of versions, each with its own tempo and gestures."""
+"""What plays: a version staged on an engine, with what goes on of those before it."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
-# What repeats is put on the timeline for so many bars, and for as many again when half are over:
-# a version of four players costs some 10 ms.
+# Endless parts are put on the timeline this many bars ahead, again when half of them are over:
+# for four players this takes some 10 ms.
 HORIZON = 32
-# A curve that joins a gesture begins before it; what takes over does so before that [s].
+# The joining curve before a gesture [s]; a version takes over before it begins.
 JOIN = 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A version from an engine's frame `start` on, and stretches of those before it.
+    """A version that plays from frame `start` on, and stretches of earlier ones that go on.
 
-    Occurrences up to beat `until` are on the timeline; `bearings` are what real hands get of it.
+    The timeline holds occurrences up to beat `until`; `bearings` are the forces on real hands.
     """
 
     version: Version
@@ -45,7 +45,7 @@ class Running:
     bearings: Sequence[Bearing] = ()
 
     def beat(self, frame: int) -> float:
-        """Where the piece is at a frame."""
+        """The beat of the piece at a frame."""
         return self.clock.beat(self.version.piece.tempo_map, frame / self.stage.rate)
 
     def in_flight(self, frame: int) -> tuple[tuple[str, str], ...]:
@@ -56,7 +56,7 @@ class Running:
 
 
 def rehearsal(piece: Piece) -> Piece:
-    """A piece that plays nothing, with every gesture once on every player's key: how loud it is."""
+    """A piece in which each player plays each gesture once: for measuring how loud it is."""
     plays, starts, beat = [], [], 0.0
     for player in piece.players.values():
         for gesture in piece.gestures.values():
@@ -70,7 +70,7 @@ def rehearsal(piece: Piece) -> Piece:
 
 
 def begin(version: Version, clock: Clock, real: Real, store: Store | None) -> Running:
-    """A version whose piece stands, at the engine's first frame."""
+    """Stage a version whose piece is stopped, at frame 0."""
     staged = _staged(version, clock, (), None, 0, real, store)
     return Running(version, clock, (), staged, 0, clock.at)
 
@@ -85,9 +85,9 @@ def follow(
     enter: float,
     real: Real,
 ) -> Running:
-    """A version that takes over at frame `start`.
+    """Stage a version that takes over at frame `start`.
 
-    What the one before began by beat `leave` goes on, and the new one plays from beat `enter`.
+    What the version before began by beat `leave` goes on; the new one plays from beat `enter`.
     """
     after = start / before.stage.rate
     old = () if version.cuts else tuple(_left(before, leave, after))
@@ -102,7 +102,7 @@ def follow(
 
 
 def _left(before: Running, leave: float, after: float) -> Sequence[Span]:
-    """Stretches that were before, up to a beat, of which something goes on after an instant [s]."""
+    """Earlier stretches, cut at a beat, of which something goes on after `after` [s]."""
     on = [(gesture.start, gesture.stop) for gesture in before.stage.gestures]
     kept = []
     for index, (piece, window) in enumerate(before.spans):

@@ -1,62 +1,87 @@
-"""What ends sound and force at once, and what brings them back."""
+"""Panic and release: ending sound and force at once, and switching them on again."""
 
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
-from ergon.repl.language.commands import NOW
-from ergon.repl.session import deeds
+from ergon.repl.language.commands import NOW, When
+from ergon.repl.session import version_edits
 from ergon.repl.session.commits import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.session import Session
+    from ergon.repl.session.commits import Commits, VersionEdit
+    from ergon.repl.session.computing import Computing
 
-PANIC = "panic: silent, no force; `release`, then `play`"
-LET_GO = "no force on any hand; `release` brings it back"
+PANIC = "panic: no sound, no force; `release` ends the panic, then `play` starts the piece"
+LET_GO = "forces on all hands are off; `release` switches them on"
+
+
+class Stopped(Protocol):
+    """What a stop acts on: a session's lines, its engine, and its messages."""
+
+    commits: Commits
+    computing: Computing
+    lock: threading.RLock
+    number: int
+
+    def say(self, message: str) -> None:
+        """Add a message."""
+
+    def queue(
+        self,
+        line: str,
+        edit: VersionEdit,
+        when: When = None,
+        *,
+        goes: bool | None = None,
+        resets: bool = False,
+        is_limited: bool = True,
+    ) -> object:
+        """Let a line wait for its boundary."""
 
 
 class Stops:
-    """The stops of a session. `panic` and `let_go` wait for no lock, so for no line at work."""
+    """The stops of a session; `panic` and `let_go` take no lock, so they wait for no line."""
 
-    def __init__(self, session: Session) -> None:
-        """Nothing is stopped."""
+    def __init__(self, session: Stopped) -> None:
+        """Begin with nothing stopped."""
         self._session = session
         self._count = 0
-        self._panics = self._forgotten = 0  # panics, and those after which all was forgotten
-        self._hushed: int | None = None  # lines at that time, while nothing came after it
-        # Of the line at work: whether it may release, and the stops before it.
+        self._panics = self._forgotten = 0  # panics, and those whose reset is done
+        self._hushed: int | None = None  # the number of lines at the last reset
+        # Of the line that is being done: whether it may release, and the stops before it.
         self._line = (True, 0)
-        self._told = False  # that hands are let go
+        self._told = False  # that forces are off
         self.panicked = False
 
     @property
     def count(self) -> int:
-        """Stops so far."""
+        """How many stops there have been."""
         return self._count
 
     def begins(self, releases: bool, count: int) -> None:
-        """A line is at work that was entered after so many stops."""
+        """Note that a line begins which was entered after `count` stops."""
         self._line = releases, count
 
     @property
     def let_go_is_on(self) -> bool:
         """Whether no force is sent, by `let_go` or by a signal."""
-        return self._session.commits.engine.look().let_go
+        return self._session.commits.engine.status().let_go
 
     @property
     def is_stopped(self) -> bool:
-        """Whether sound or force waits for `release`."""
+        """Whether sound or force is off until `release`."""
         return self.panicked or self.let_go_is_on
 
     @property
     def may_release(self) -> bool:
-        """Whether no stop was entered after the line at work."""
+        """Whether no stop was entered after the line that is being done."""
         releases, count = self._line
         return releases and count == self._count
 
     def panic(self) -> None:
-        """Silence and no force; all that waits and plays is forgotten soon after."""
+        """End sound and force now; waiting lines and gestures are dropped soon after."""
         self._session.commits.engine.panic()
         self._session.computing.cancel()
         self._count += 1
@@ -65,7 +90,7 @@ class Stops:
         threading.Thread(target=self.forget, daemon=True).start()
 
     def panic_in_turn(self) -> None:
-        """The line `panic` itself: lines before it, begun after the stop, are forgotten too."""
+        """Do the line `panic` in its turn: what lines before it have begun is dropped too."""
         self._session.commits.engine.panic()
         self._panics += 1
         self._say_panic()
@@ -85,14 +110,14 @@ class Stops:
             self._session.say(LET_GO)
 
     def release(self) -> None:
-        """Sound and force again."""
+        """Switch sound and force on again."""
         self.forget()
         self._hushed = None
         self._session.commits.engine.release()
         self.panicked = self._told = False
 
     def forget(self) -> None:
-        """After a panic: nothing waits, nothing plays, every mass is where it begins."""
+        """Reset after a panic: no line waits, no gesture plays, every mass is at its start."""
         session = self._session
         with session.lock:
             if self._forgotten == self._panics:
@@ -104,7 +129,9 @@ class Stops:
             commits.waiting.clear()
             commits.head = commits.running.version
             try:
-                session.queue("panic", deeds.hushed, NOW, goes=False, resets=True, is_limited=False)
+                session.queue(
+                    "panic", version_edits.hushed, NOW, goes=False, resets=True, is_limited=False
+                )
             except REFUSALS as error:
-                session.say(f"what played is not forgotten: {error}")
+                session.say(f"the piece could not be reset after the panic: {error}")
             self._hushed = session.number

@@ -1,10 +1,12 @@
-"""What a session plays: the texts of a score, the piece they say, and the faders."""
+"""A version of a session: the texts of a score, the piece they say, and the faders."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
+
+from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
@@ -16,8 +18,8 @@ if TYPE_CHECKING:
 GLIDE = 0.02
 
 
-class NotTakenError(Exception):
-    """A line changes nothing: one sentence why, and the line to type instead."""
+class NotTakenError(ErgonError):
+    """A line is refused and changes nothing: one sentence why, and the line to type instead."""
 
     def __init__(self, message: str, try_: str | None = None) -> None:
         """Keep what to type instead."""
@@ -26,8 +28,8 @@ class NotTakenError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Desk:
-    """Faders of instruments: ratios, who is muted, and who alone is heard."""
+class Faders:
+    """Faders of instruments: ratios, which are muted, and which alone are heard."""
 
     gains: Mapping[str, float] = field(default_factory=dict)
     muted: frozenset[str] = frozenset()
@@ -35,14 +37,14 @@ class Desk:
     master: float = 1.0
 
     def ratio(self, part: str) -> float:
-        """How loud an instrument is."""
+        """The ratio of an instrument."""
         is_heard = part not in self.muted and (not self.solo or part in self.solo)
         return self.master * self.gains.get(part, 1.0) if is_heard else 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class Lead:
-    """Who leads a hand, by which shares (0 to 1) of the stiffness and viscosity of its guide."""
+class HandGuide:
+    """Who guides a hand, and by which shares (0 to 1) of the strongest stiffness and viscosity."""
 
     by: str
     stiffness: float
@@ -53,47 +55,50 @@ class Lead:
 class Version:
     """What one accepted line (or block of lines) made of the version before it.
 
-    One that `cuts` lets nothing go on that was in flight; `damp` [s] is the T60 that it gives to
-    all that sounds; parameters that differ from those before glide for `glide` [s]; `leads` says by
-    player who leads a real hand; `read` is what the line read from the disk.
+    A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
+    that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
+    player who guides a real hand; `read` is what the line read from the disk.
     """
 
     number: int
     line: str
     texts: Texts
     piece: Piece
-    desk: Desk = Desk()
+    faders: Faders = Faders()
     cuts: bool = False
     damp: float | None = None
     glide: float = GLIDE
-    leads: Mapping[str, Lead] = field(default_factory=dict)
+    guides: Mapping[str, HandGuide] = field(default_factory=dict)
     read: Texts | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Past:
-    """What a version is made from again: a piece is a thousand times as large as its text.
+class PastVersion:
+    """What an earlier version is restored from: its piece, 1000 times as large, is left out.
 
-    `where` is the beat on which it began, as written.
+    `where` is the beat at which it took effect, as written.
     """
 
     number: int
     line: str
     texts: Texts
-    desk: Desk
-    leads: Mapping[str, Lead]
+    faders: Faders
+    guides: Mapping[str, HandGuide]
     where: str = ""
 
     @classmethod
-    def of(cls, version: Version, where: str = "") -> Past:
-        """A version that may come back."""
-        of = version
-        return cls(of.number, of.line, of.texts, of.desk, of.leads, where)
+    def of(cls, version: Version, where: str = "") -> PastVersion:
+        """Keep a version for `undo`."""
+        return cls(
+            version.number, version.line, version.texts, version.faders, version.guides, where
+        )
 
     def restored(self, version: Version, beat: float) -> Version:
-        """As it was, in the place of another version."""
+        """The version as it was, in place of another."""
         piece = piece_of(self.texts)
-        return replace(version, texts=self.texts, piece=piece, desk=self.desk, leads=self.leads)
+        return replace(
+            version, texts=self.texts, piece=piece, faders=self.faders, guides=self.guides
+        )
 
 
 def piece_of(texts: Texts) -> Piece:

@@ -25,7 +25,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.repl.face import Reply, State
+from ergon.common.errors import ErgonError
+from ergon.repl.session_protocol import Reply, State
 
 VERSION = 1
 MAX_LINE = 2_000_000  # bytes; any text that a prompt takes fits in with room to spare
@@ -34,11 +35,11 @@ MAX_ID = 200  # characters; whole numbers are those that every JSON reader keeps
 _WHOLE = 1 << 53
 
 
-class ProtocolError(Exception):
-    """What came is no line of this protocol: one sentence."""
+class ProtocolError(ErgonError):
+    """A line does not follow the protocol: one sentence."""
 
 
-# What may be asked: the fields of each request, and their types.
+# The fields of each request, and their types; the comment is the answer.
 REQUESTS: dict[str, dict[str, type]] = {
     "submit": {"text": str},  # a reply, when the line is done
     "state": {},  # as below
@@ -53,13 +54,13 @@ REQUESTS: dict[str, dict[str, type]] = {
     "end": {},  # true; the session ends, for all
 }
 
-# Fields that may be left out, and what they are then.
-UNSAID: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
+# Optional fields and their defaults.
+OPTIONAL_FIELDS: dict[str, dict[str, bool]] = {"submit": {"releases": True}}
 
 
 @dataclass(frozen=True, slots=True)
-class Offered:
-    """How a line may go on."""
+class RemoteSuggestion:
+    """Completions of a line."""
 
     text: str
     start: int
@@ -76,13 +77,13 @@ def decode(line: bytes) -> dict[str, Any]:
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError):
-        raise ProtocolError("this is no line of JSON") from None
+        raise ProtocolError("this line is not JSON") from None
     if not isinstance(fields, dict):
-        raise ProtocolError("a line is an object: {...}")
+        raise ProtocolError("a line must be a JSON object: {...}")
     return fields
 
 
-def number_of(fields: dict[str, Any]) -> int | str | None:
+def request_id(fields: dict[str, Any]) -> int | str | None:
     """The id of a request, as its answer repeats it. Raises ProtocolError."""
     number = fields.get("id")
     if number is None:
@@ -91,37 +92,37 @@ def number_of(fields: dict[str, Any]) -> int | str | None:
         return number
     if isinstance(number, str) and len(number) <= MAX_ID:
         return number
-    raise ProtocolError(f"an id is a whole number, or a word of {MAX_ID} characters at most")
+    raise ProtocolError(f"an id must be a whole number, or a word of {MAX_ID} characters at most")
 
 
-def asked(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """What a request asks for, and its fields. Raises ProtocolError."""
+def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """The name of a request, and its fields. Raises ProtocolError."""
     do = fields.get("do")
     wanted = REQUESTS.get(do) if isinstance(do, str) else None
     if not isinstance(do, str) or wanted is None:
-        raise ProtocolError(f"nothing is done by this; {', '.join(REQUESTS)} are")
+        raise ProtocolError(f"unknown request; known are {', '.join(REQUESTS)}")
     given = {}
     for name, kind in wanted.items():
         value = fields.get(name)
-        if type(value) is not kind:  # true is no number here
-            raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: {kind.__name__}")
+        if type(value) is not kind:  # bool is not int here
+            raise ProtocolError(f"the field '{name}' of '{do}' must be of type {kind.__name__}")
         if isinstance(value, str) and len(value) > MAX_TEXT:
             raise ProtocolError(too_long(value))
         given[name] = value
-    for name, unsaid in UNSAID.get(do, {}).items():
+    for name, unsaid in OPTIONAL_FIELDS.get(do, {}).items():
         given[name] = fields.get(name, unsaid)
         if type(given[name]) is not bool:
-            raise ProtocolError(f"'{name}' of '{do}' is not what it has to be: bool")
+            raise ProtocolError(f"the field '{name}' of '{do}' must be of type bool")
     return do, given
 
 
 def too_long(text: str) -> str:
     """Why a text is refused."""
-    return f"this has {len(text):,} characters; {MAX_TEXT:,} are the most"
+    return f"this text has {len(text):,} characters; {MAX_TEXT:,} are the most"
 
 
-def reply_out(reply: Reply) -> dict[str, Any]:
-    """A reply as JSON says it."""
+def encode_reply(reply: Reply) -> dict[str, Any]:
+    """A reply as JSON."""
     return {
         "taken": reply.taken,
         "text": reply.text,
@@ -131,21 +132,21 @@ def reply_out(reply: Reply) -> dict[str, Any]:
     }
 
 
-def reply_in(said: Any) -> Reply:
-    """A reply that JSON says. Raises ProtocolError."""
+def decode_reply(said: Any) -> Reply:
+    """A reply from JSON. Raises ProtocolError."""
     try:
         lines = tuple(map(str, said["lines"]))
         try_ = None if said["try"] is None else str(said["try"])
         return Reply(bool(said["taken"]), str(said["text"]), try_, lines, bool(said["leaves"]))
     except (KeyError, TypeError):
-        raise ProtocolError("this is no reply") from None
+        raise ProtocolError("the session's answer is not a reply") from None
 
 
 _NUMBERS = ("bar", "beat", "tempo", "load", "late")
 
 
-def state_out(state: State) -> dict[str, Any]:
-    """A state as JSON says it; silence, which no number of JSON is, as null."""
+def encode_state(state: State) -> dict[str, Any]:
+    """A state as JSON; a level of -inf (silence) is null."""
     return {
         **{name: getattr(state, name) for name in _NUMBERS},
         "playing": [list(pair) for pair in state.playing],
@@ -157,8 +158,8 @@ def state_out(state: State) -> dict[str, Any]:
     }
 
 
-def state_in(said: Any) -> State:
-    """A state that JSON says. Raises ProtocolError."""
+def decode_state(said: Any) -> State:
+    """A state from JSON. Raises ProtocolError."""
     try:
         return State(
             bar=int(said["bar"]),
@@ -174,4 +175,4 @@ def state_in(said: Any) -> State:
             let_go=bool(said.get("let_go")),
         )
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
-        raise ProtocolError("this is no state") from None
+        raise ProtocolError("the session's answer is not a state") from None

@@ -1,4 +1,4 @@
-"""A session in another process, as a face: whatever becomes of it, the prompt stays."""
+"""A session in another process; the prompt stays when that process ends."""
 
 from __future__ import annotations
 
@@ -11,41 +11,48 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ergon.repl.face import Reply, State, Suggestion
+from ergon.repl.session_protocol import Reply, State, Suggestion
 
-from .link import GoneError, Link, Refused
-from .place import PlaceError
-from .protocol import MAX_TEXT, Offered, ProtocolError, reply_in, state_in, too_long
+from .connection import Connection, ConnectionLostError, Refused
+from .local_socket import SocketError
+from .protocol import (
+    MAX_TEXT,
+    ProtocolError,
+    RemoteSuggestion,
+    decode_reply,
+    decode_state,
+    too_long,
+)
 
 _LOOK = 0.05  # [s] between two looks at state and messages
 _AGAIN = 0.5  # [s] between two tries to connect again
-_SOON = 0.2  # [s] for what is asked while somebody types
-_LONG = 5.0  # [s] without an answer that are told
+_SOON = 0.2  # [s] to wait for answers while a line is typed
+_LONG = 5.0  # [s] without an answer before a message says so
 Answer = TypeVar("Answer")
 
 
 class Remote:
-    """A session at a socket. Leaving it lets it go on."""
+    """A session at a socket; closing this leaves the session running."""
 
     def __init__(self, path: Path, command: str) -> None:
-        """Connect; `command` is what joins it again.
+        """Connect; `command` is the shell command that connects again.
 
-        Raises NobodyError, PlaceError, ProtocolError.
+        Raises NoSessionError, SocketError, ProtocolError.
         """
         self._path = path
         self._command = command
-        self._link = Link(path)
-        self.about = self._link.about
-        self._told: deque[str] = deque(maxlen=1000)
+        self._connection = Connection(path)
+        self.about = self._connection.about
+        self._messages: deque[str] = deque(maxlen=1000)
         self._over = threading.Event()
         self._ended = ""
-        self._slow = False  # a quick question was not answered; so none is asked until one is
+        self._slow = False  # a quick request timed out; none is sent until one is answered
         self._away = False
         try:
-            self._state = state_in(self._link.ask("state").result(_LONG))
-        except (GoneError, Refused, TimeoutError) as error:
-            self._link.close()
-            raise ProtocolError("what is there does not answer") from error
+            self._state = decode_state(self._connection.ask("state").result(_LONG))
+        except (ConnectionLostError, Refused, TimeoutError) as error:
+            self._connection.close()
+            raise ProtocolError("the process at the socket does not answer") from error
         self._thread = threading.Thread(target=self._look_on, name="ergon remote", daemon=True)
         self._thread.start()
 
@@ -57,49 +64,54 @@ class Remote:
             return Reply(False, too_long(text))
         if self._ended:
             return Reply(False, "the session has ended", leaves=True)
-        if self._link.gone:
-            return Reply(False, f"no session answers at {self._path}; it is looked for")
+        if self._connection.gone:
+            return Reply(False, f"no session answers at {self._path}; ergon tries to connect again")
         try:
-            reply = reply_in(self._link.ask("submit", text=text, releases=releases).result())
+            reply = decode_reply(
+                self._connection.ask("submit", text=text, releases=releases).result()
+            )
             if reply.leaves:
                 self._ended = text
             return reply
-        except GoneError:
-            if self._link.ended:
+        except ConnectionLostError:
+            if self._connection.ended:
                 return Reply(False, "the session has ended", leaves=True)
-            return Reply(False, "the session went away; whether the line was taken is not known")
+            return Reply(
+                False,
+                "the connection broke before the answer came; the line may have been taken or not",
+            )
         except (Refused, ProtocolError) as error:
             return Reply(False, str(error))
 
     def state(self) -> State:
-        """Where it is, or was last."""
+        """The last state that the session sent."""
         return self._state
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call."""
+        """Events since the last call."""
         found = []
-        while self._told:
-            found.append(self._told.popleft())
+        while self._messages:
+            found.append(self._messages.popleft())
         return found
 
     def panic(self) -> None:
-        """Silence at once."""
-        if self._link.gone:
-            self._told.append("panic: no session answers; one that was killed is silent")
+        """End sound and force at once."""
+        if self._connection.gone:
+            self._messages.append("panic: no session answers; a session that was killed is silent")
         else:
-            self._link.ask("panic")
+            self._connection.ask("panic")
 
     def cancel(self) -> bool:
         """Drop the line of this prompt that is being computed; whether one may be."""
-        if self._link.gone:
+        if self._connection.gone:
             return False
-        self._link.ask("cancel")
+        self._connection.ask("cancel")
         return True
 
     def let_go(self) -> None:
         """No force on any hand, at once."""
-        if not self._link.gone:
-            self._link.ask("let_go")
+        if not self._connection.gone:
+            self._connection.ask("let_go")
 
     def input_ends(self) -> None:
         """The session goes on, with other prompts or with none."""
@@ -111,81 +123,81 @@ class Remote:
         self._over.set()
         self._thread.join()
         if not self._ended and self._quickly(False, "leave"):
-            self._told.append(f"the music goes on; `{self._command}` comes back to it")
-        self._link.close()
+            self._messages.append(f"the music goes on; `{self._command}` connects to it again")
+        self._connection.close()
 
     def end(self) -> None:
         """End the session, for all."""
-        if not self._link.gone:
+        if not self._connection.gone:
             self._quickly(True, "end")
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
-        """How a line may go on at a column."""
+        """Completions of a line at a column."""
         found: list[tuple[str, int, str]] = self._quickly([], "complete", line=line, cursor=cursor)
-        return [Offered(text, start, hint) for text, start, hint in found]
+        return [RemoteSuggestion(text, start, hint) for text, start, hint in found]
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
-        """What a line's words are, for colours."""
+        """The kinds of a line's words, for colours."""
         found: list[tuple[int, int, str]] = self._quickly([], "tokens", line=line)
         return [(start, end, kind) for start, end, kind in found]
 
     def is_whole(self, text: str) -> bool:
-        """Whether Enter ends it."""
+        """Whether Enter ends the text."""
         return self._quickly(True, "is_whole", text=text)
 
     def _quickly(self, otherwise: Answer, do: str, **fields: Any) -> Answer:
-        """An answer that is wanted while somebody types, or another one: nobody may wait."""
-        if self._link.gone or self._slow:
+        """The answer to a quick request, or `otherwise` where it does not come at once."""
+        if self._connection.gone or self._slow:
             return otherwise
         try:
-            found: Answer = self._link.ask(do, **fields).result(_SOON)
+            found: Answer = self._connection.ask(do, **fields).result(_SOON)
         except TimeoutError:
             self._slow = True
             return otherwise
-        except (GoneError, Refused):
+        except (ConnectionLostError, Refused):
             return otherwise
         return found
 
     # --- looking on ------------------------------------------------------------------------------
 
     def _look_on(self) -> None:
-        state = messages = _Asked()
+        state = messages = _PendingAnswer()
         while not self._over.wait(_AGAIN if self._away else _LOOK) and not self._ended:
-            if self._link.gone:
-                self._gone()
+            if self._connection.gone:
+                self._reconnect()
                 continue
-            link = self._link
-            if state.is_due(self._told.append):
-                state = _Asked(link.ask("state"), self._looked)
+            link = self._connection
+            if state.is_due(self._messages.append):
+                state = _PendingAnswer(link.ask("state"), self._looked)
             if messages.is_due():
-                messages = _Asked(link.ask("messages"), self._told.extend)
+                messages = _PendingAnswer(link.ask("messages"), self._messages.extend)
 
     def _looked(self, said: Any) -> None:
-        self._state = state_in(said)
+        self._state = decode_state(said)
         self._slow = False
 
-    def _gone(self) -> None:
-        """Say so, and look for it."""
-        if self._link.ended:
-            self._ended = self._link.ended
-            self._told.append(f"the session has ended ({self._ended})")
+    def _reconnect(self) -> None:
+        """Report a lost connection, and try to connect again."""
+        if self._connection.ended:
+            self._ended = self._connection.ended
+            self._messages.append(f"the session has ended ({self._ended})")
             return
         if not self._away:
             self._away = True
             journal = self.about.get("journal", "JOURNAL")
-            how = f"`{self._command} --resume {journal}` elsewhere brings it back"
-            self._told.append(f"the session went away; {how}")
+            how = f"`{self._command} --resume {journal}` in another terminal restores it"
+            self._messages.append(f"the session no longer answers; {how}")
         try:
-            link = Link(self._path)
-        except (PlaceError, ProtocolError):
+            connection = Connection(self._path)
+        except (SocketError, ProtocolError):
             return
-        self._link, self.about = link, link.about
+        self._connection, self.about = connection, connection.about
         self._away = self._slow = False
-        self._told.append("the session is back")
+        self._messages.append("the session answers again")
 
 
-class _Asked:
-    """A question and what to do with its answer; the next is asked when it has come."""
+class _PendingAnswer:
+    """A request under way and the use of its answer."""
 
     def __init__(
         self, answer: Future[Any] | None = None, use: Callable[[Any], object] | None = None
@@ -195,7 +207,7 @@ class _Asked:
         self._is_told = False
 
     def is_due(self, tell: Callable[[str], object] | None = None) -> bool:
-        """Use an answer that came; whether the next can be asked."""
+        """Use the answer if it has come; whether the next request can be sent."""
         if self._answer is None:
             return True
         if not self._answer.done():

@@ -1,4 +1,4 @@
-"""A session that is met at a socket: prompts come and go, and none of them can hold it up."""
+"""Serving a session at a socket: prompts come and go, and none can block the session."""
 
 from __future__ import annotations
 
@@ -10,43 +10,43 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
-from ergon.repl.face import Face, Reply
-from ergon.repl.turns import Turns
+from ergon.repl.line_queue import LineQueue
+from ergon.repl.session_protocol import Reply, SessionProtocol
 
-from . import place
+from . import local_socket
 from .protocol import (
     MAX_LINE,
     VERSION,
     ProtocolError,
-    asked,
     decode,
     encode,
-    number_of,
-    reply_out,
-    state_out,
+    encode_reply,
+    encode_state,
+    parse_request,
+    request_id,
 )
 
 MAX_PROMPTS = 16
-_MESSAGES = 1000  # that wait for a prompt; of more the oldest are lost
-_LINES = 64  # of one prompt that wait to be done
-_LOOK = 0.05  # [s] between two looks at what happened
+_MESSAGES = 1000  # that wait for a prompt; the oldest beyond are lost
+_LINES = 64  # of one prompt that may wait
+_LOOK = 0.05  # [s] between two checks for messages
 _UNREAD = 4 * MAX_LINE  # [bytes] that a prompt may leave unread before it is dropped
-_LAST = 1.0  # [s] in which the last line is to be read
-_TOLD = 200  # characters of a line that others are told
+_LAST = 1.0  # [s] for a prompt to read its last line
+_TOLD = 200  # characters of a line that other prompts see
 
 
-class Prompt:
-    """One that is connected."""
+class PromptConnection:
+    """A connected prompt."""
 
     def __init__(self, number: int, writer: asyncio.StreamWriter) -> None:
-        """By number of arrival."""
+        """Number prompts in the order in which they connect."""
         self.number = number
         self.messages: deque[str] = deque(maxlen=_MESSAGES)
         self.waiting = 0  # lines
         self._writer = writer
 
     def send(self, **fields: Any) -> None:
-        """Say a line; never waits. Who does not read is dropped."""
+        """Send a line without waiting; a prompt that does not read is disconnected."""
         if self._writer.is_closing():
             return
         self._writer.write(encode(**fields))
@@ -54,68 +54,72 @@ class Prompt:
             self._writer.transport.abort()
 
     async def close(self) -> None:
-        """Let go, when what was said last is read, or soon."""
+        """Disconnect when the last line is read, or after a second."""
         try:
             async with asyncio.timeout(_LAST):
                 await self._writer.drain()
                 self._writer.close()
                 await self._writer.wait_closed()
         except (OSError, TimeoutError):
-            pass  # it reads nothing, or has gone
+            pass  # it does not read, or has disconnected
         finally:
             self._writer.transport.abort()
 
 
 class Watch(Protocol):
-    """Has signals stop forces before Python knows of them, as `_core.stop_on_signals` does."""
+    """Makes signals end forces before Python handles them, as `_core.stop_on_signals` does."""
 
     def __call__(self, signals: Sequence[int], *, ends: bool | None) -> None:
-        """Every force and sound where the program `ends`."""
+        """End every force and sound where the program `ends`."""
 
 
-class Served:
-    """A session served; `about` is told to each prompt as it comes."""
+class SessionServer:
+    """A session that is served; `about` is sent to each prompt as it connects."""
 
     def __init__(
-        self, face: Face, door: place.Door, about: Mapping[str, str], watch: Watch | None = None
+        self,
+        session: SessionProtocol,
+        door: local_socket.ServerSocket,
+        about: Mapping[str, str],
+        watch: Watch | None = None,
     ) -> None:
-        """Over a face that nobody else submits lines to; `watch` for signals that end it."""
-        self._face = face
+        """Serve a session that nobody else submits lines to; `watch` for signals that end it."""
+        self._session = session
         self._watch = watch
         self._door = door
         self._about = dict(about)
-        self._prompts: dict[int, Prompt] = {}
+        self._prompts: dict[int, PromptConnection] = {}
         self._came = 0
-        self._turns: Turns[tuple[Prompt, Any, bool]] = Turns(face)
-        self._why = ""  # it ended
-        self._now: Prompt | None = None  # whose line is being done
+        self._queue: LineQueue[tuple[PromptConnection, Any, bool]] = LineQueue(session)
+        self._why = ""  # why the session ended
+        self._now: PromptConnection | None = None  # the prompt whose line is being done
         self._over = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._does: Mapping[str, Callable[..., Any]] = {
-            "state": lambda prompt: state_out(self._face.state()),
+            "state": lambda prompt: encode_state(self._session.state()),
             "messages": _taken,
             "panic": lambda prompt: self._panic(prompt),
             "cancel": self._cancel,
             "let_go": lambda prompt: self._let_go(),
             "complete": self._complete,
-            "tokens": lambda prompt, line: [list(one) for one in self._face.tokens(line)],
-            "is_whole": lambda prompt, text: bool(self._face.is_whole(text)),
+            "tokens": lambda prompt, line: [list(one) for one in self._session.tokens(line)],
+            "is_whole": lambda prompt, text: bool(self._session.is_whole(text)),
             "leave": lambda prompt: True,
             "end": lambda prompt: self._ends(f"ended by prompt {prompt.number}"),
         }
 
     def run(self) -> None:
-        """Serve until the session ends, and close it. Of the main thread, also until SIGTERM."""
+        """Serve until the session ends, then close it; in the main thread SIGTERM ends it too."""
         try:
             asyncio.run(self._run())
         finally:
-            self._face.close()
+            self._session.close()
             self._door.close()
 
     def end(self, why: str) -> None:
-        """End it, from any thread."""
+        """End the session, from any thread."""
         if self._loop is not None:
-            with contextlib.suppress(RuntimeError):  # it has ended by itself
+            with contextlib.suppress(RuntimeError):  # the loop has ended already
                 self._loop.call_soon_threadsafe(self._ends, why)
 
     # --- the loop ---------------------------------------------------------------------------------
@@ -132,14 +136,14 @@ class Served:
             listener = asyncio.create_task(self._listen())
             await self._over.wait()
             listener.cancel()
-            # Who is just being let in is told as well; a server that is closed would lose it.
+            # A prompt that is just connecting gets the last line too, so the server stays open.
             self._loop.remove_reader(self._door.socket)
             await asyncio.sleep(_LOOK)
             server.close()
             for prompt in self._prompts.values():
                 prompt.send(ended=self._why)
             await asyncio.gather(*(prompt.close() for prompt in self._prompts.values()))
-            self._turns.end()
+            self._queue.end()
 
     def _ends(self, why: str) -> bool:
         self._why = self._why or why
@@ -154,11 +158,11 @@ class Served:
 
     def _messages(self) -> list[str]:
         try:
-            return list(self._face.messages())
+            return list(self._session.messages())
         except Exception as error:
             return [f"internal error: {type(error).__name__}: {error}"]
 
-    def _tell(self, message: str, but: Prompt | None = None) -> None:
+    def _tell(self, message: str, but: PromptConnection | None = None) -> None:
         for prompt in self._prompts.values():
             if prompt is not but:
                 prompt.messages.append(message)
@@ -167,7 +171,7 @@ class Served:
 
     async def _met(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._came += 1
-        prompt = Prompt(self._came, writer)
+        prompt = PromptConnection(self._came, writer)
         try:
             if why := self._unwelcome(writer):
                 prompt.send(error=why)
@@ -176,40 +180,40 @@ class Served:
             prompt.send(ergon=VERSION, prompt=prompt.number, **self._about)
             await self._serve(prompt, reader)
         except OSError:
-            pass  # it vanished
+            pass  # the prompt disconnected
         finally:
             self._prompts.pop(prompt.number, None)
-            if self._over.is_set():  # all are closed together
+            if self._over.is_set():  # `_run` closes all prompts together
                 writer.transport.abort()
             else:
                 await prompt.close()
 
     def _unwelcome(self, writer: asyncio.StreamWriter) -> str:
-        if not place.is_ours(writer.get_extra_info("socket")):
-            return "this session is another user's"
+        if not local_socket.is_same_user(writer.get_extra_info("socket")):
+            return "this session belongs to another user"
         if len(self._prompts) >= MAX_PROMPTS:
-            return f"{MAX_PROMPTS} prompts are connected, and no more can be"
+            return f"{MAX_PROMPTS} prompts are connected, which is the maximum"
         return ""
 
-    async def _serve(self, prompt: Prompt, reader: asyncio.StreamReader) -> None:
+    async def _serve(self, prompt: PromptConnection, reader: asyncio.StreamReader) -> None:
         while True:
             try:
                 line = await reader.readline()
-            except ValueError:  # what follows would be read from its middle
+            except ValueError:  # the rest of the long line could not be told from a new one
                 prompt.send(id=None, error=f"a line has {MAX_LINE:,} bytes at most")
                 return
-            if not line.endswith(b"\n"):  # the end, or it was cut off by it
+            if not line.endswith(b"\n"):  # the end of input
                 return
             if self._answer(prompt, line) == "leave":
                 return
 
-    def _answer(self, prompt: Prompt, line: bytes) -> str:
-        """Do what a line asks for; what that was."""
+    def _answer(self, prompt: PromptConnection, line: bytes) -> str:
+        """Do the request of a line; its name, empty where it was refused."""
         number = None
         try:
             fields = decode(line)
-            number = number_of(fields)
-            do, given = asked(fields)
+            number = request_id(fields)
+            do, given = parse_request(fields)
             if do == "submit":
                 self._wait(prompt, number, **given)
             else:
@@ -217,41 +221,41 @@ class Served:
             return do
         except ProtocolError as error:
             prompt.send(id=number, error=str(error))
-        except Exception as error:  # of the session; it goes on
+        except Exception as error:  # an error of the session, which goes on
             prompt.send(id=number, error=f"internal error: {type(error).__name__}: {error}")
         return ""
 
-    def _complete(self, prompt: Prompt, line: str, cursor: int) -> list[list[Any]]:
+    def _complete(self, prompt: PromptConnection, line: str, cursor: int) -> list[list[Any]]:
         cursor = max(0, min(cursor, len(line)))
-        return [[one.text, one.start, one.hint] for one in self._face.complete(line, cursor)]
+        return [[one.text, one.start, one.hint] for one in self._session.complete(line, cursor)]
 
     def _let_go(self) -> bool:
-        self._turns.let_go()
+        self._queue.let_go()
         return True
 
-    def _panic(self, prompt: Prompt) -> bool:
-        self._turns.panic()
+    def _panic(self, prompt: PromptConnection) -> bool:
+        self._queue.panic()
         self._tell(f"panic, by prompt {prompt.number}", but=prompt)
         return True
 
-    def _cancel(self, prompt: Prompt) -> bool:
-        """Of the prompt whose line it is: nobody drops another's."""
-        return self._now is prompt and self._face.cancel()
+    def _cancel(self, prompt: PromptConnection) -> bool:
+        """Cancel the line that is being done, if it is this prompt's own."""
+        return self._now is prompt and self._session.cancel()
 
     # --- lines ------------------------------------------------------------------------------------
 
-    def _wait(self, prompt: Prompt, number: Any, text: str, releases: bool) -> None:
+    def _wait(self, prompt: PromptConnection, number: Any, text: str, releases: bool) -> None:
         if prompt.waiting >= _LINES:
-            raise ProtocolError(f"{_LINES} of your lines wait already")
+            raise ProtocolError(f"{_LINES} lines of this prompt are waiting already")
         prompt.waiting += 1
-        self._turns.enter(text, (prompt, number, releases))
+        self._queue.enter(text, (prompt, number, releases))
 
     def _work(self) -> None:
-        """A thread of its own: a line may take a while, and everything else goes on."""
-        while (turn := self._turns.next()) is not None:
-            (prompt, number, releases), text = turn.who, turn.text
+        """Do lines, in a thread of its own, because a line may take a while."""
+        while (queued := self._queue.next()) is not None:
+            (prompt, number, releases), text = queued.who, queued.text
             self._now = prompt
-            reply = self._submitted(text, releases and turn.releases)
+            reply = self._submitted(text, releases and queued.releases)
             self._now = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
@@ -261,13 +265,15 @@ class Served:
 
     def _submitted(self, text: str, releases: bool) -> Reply:
         try:
-            return self._face.submit(text, releases=releases)
-        except BaseException as error:  # a face raises nothing; if one does, the others go on
+            return self._session.submit(text, releases=releases)
+        except (
+            BaseException
+        ) as error:  # a session raises nothing; if it does, the other prompts go on
             return Reply(False, f"internal error: {type(error).__name__}: {error}")
 
-    def _done(self, prompt: Prompt, number: Any, text: str, reply: Reply) -> None:
+    def _done(self, prompt: PromptConnection, number: Any, text: str, reply: Reply) -> None:
         prompt.waiting -= 1
-        prompt.send(id=number, **{"is": reply_out(reply)})
+        prompt.send(id=number, **{"is": encode_reply(reply)})
         if text.strip():
             became = f"{'' if reply.taken else 'not taken: '}{reply.text}"
             line = " / ".join(text.split("\n"))
@@ -277,7 +283,7 @@ class Served:
             self._ends(f"prompt {prompt.number}: {text.strip()[:_TOLD]}")
 
 
-def _taken(prompt: Prompt) -> list[str]:
+def _taken(prompt: PromptConnection) -> list[str]:
     taken = list(prompt.messages)
     prompt.messages.clear()
     return taken
@@ -287,7 +293,7 @@ def _taken(prompt: Prompt) -> list[str]:
 def _ended_by_signals(
     loop: asyncio.AbstractEventLoop, end: Callable[[str], object], watch: Watch | None
 ) -> Iterator[None]:
-    """SIGTERM and Ctrl-C end the session well; the end of whoever started it does not."""
+    """SIGTERM and Ctrl-C end the session in order; SIGHUP is ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

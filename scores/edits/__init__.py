@@ -1,1 +1,1 @@
-"""What each verb that changes the music does to the texts of a score."""
+"""Edits of a score's text, one for each verb that changes the music."""

@@ -1,4 +1,4 @@
-"""A line of a part as written, in a list or in a table: read, closed, taken away, added."""
+"""Entries of a part, in a list or in a table: read, ended, removed, added."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ergon.scores.reading.piece import Piece, Play
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What is played and how, every field as its text; transformations one by one."""
+    """An entry of a part: each field as its text, and its transformations."""
 
     fields: Mapping[str, str]  # at, play and options, in the order written
     do: tuple[str, ...] = ()
 
-    def said(self, **fields: str | None) -> Entry:
-        """The same with other fields; None takes one away."""
+    def with_fields(self, **fields: str | None) -> Entry:
+        """The entry with other fields; None removes one."""
         said = {**self.fields, **fields}
         return replace(self, fields={name: text for name, text in said.items() if text is not None})
 
@@ -98,7 +98,7 @@ def lines(texts: Texts, piece: Piece, player: str) -> list[Line]:
 def stop(
     texts: Texts, player: str, until: str, closed: Sequence[Line], dropped: Sequence[Line] = ()
 ) -> Texts:
-    """Some entries play until a position, others go."""
+    """End some entries at a position, and remove others."""
     path = ("parts", player)
     if isinstance(_part(texts, player), Scalar):
         rows: dict[int, str | None] = {line.number: _closed(line, until) for line in closed}
@@ -109,13 +109,13 @@ def stop(
     for line in closed:
         try:
             texts = texts.put((*path, line.number, "until"), until)
-        except EditError:  # an alias: this one is written out
-            texts = texts.put((*path, line.number), line.entry.said(until=until).flow())
+        except EditError:  # an alias cannot be edited: write the entry out
+            texts = texts.put((*path, line.number), line.entry.with_fields(until=until).flow())
     return texts.remove(*((*path, line.number) for line in dropped)) if dropped else texts
 
 
 def add(texts: Texts, player: str, entry: Entry) -> Texts:
-    """One more entry, as the part's others are written."""
+    """Add an entry, written as the others of the part are."""
     node = _part(texts, player)
     path = ("parts", player)
     if not isinstance(node, Scalar) or node.is_empty:
@@ -161,7 +161,7 @@ def _closed(line: Line, until: str) -> str:
 
 
 def _aligned(entry: Entry, table: str) -> str:
-    """A row whose words stand below those of the last one."""
+    """A row of an entry, aligned with the last row of its table."""
     width = 0
     for row, _ in words.rows(table):
         cell = re.match(r"\S+\s+", row.strip())

@@ -1,4 +1,4 @@
-"""Some bars of what was played, as a score of their own that can be played again.
+"""Keeping some bars of a score as a score of their own.
 
 It is the whole score with the same keys, instruments, gestures and mix, and with only those bars in
 its parts, from 1|1 on: it can be checked, rendered, loaded, copied from, or brought back.
@@ -19,7 +19,7 @@ from ergon.scores.reading.piece import Piece, Strikes
 
 
 def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Texts:
-    """What begins from one beat on and before another, as a score that begins there.
+    """A score of the entries that begin between two beats, which begins at the first.
 
     Raises EditError when nothing does.
     """
@@ -37,25 +37,26 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         kept, is_in = window.strikes(kept, strikes)
         found = found or is_in
     if not found:
-        raise EditError(f"nothing begins from {written(piece, start)} to {written(piece, stop)}")
+        first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
+        raise EditError(f"no gesture begins from {first} to {last}")
     kept = window.duet(kept)
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
-    # The tempo last: until then every position is read by the old one.
+    # The tempo last: until then positions are read by the old tempo map.
     return window.tempo(kept)
 
 
 def bring(texts: Texts, piece: Piece, kept: Piece, said: Texts, at: float) -> Texts:
-    """What was kept is played from a beat on by its players; the others rest. Raises EditError."""
+    """Let kept bars be played from a beat on by their players; others rest. Raises EditError."""
     texts = parts.rest(texts, piece, None, at)
     for player in kept.players:
         for line in entries.lines(said, kept, player):
-            entry = line.entry.said(at=written(piece, at + line.begin))
+            entry = line.entry.with_fields(at=written(piece, at + line.begin))
             if line.play.until is not None:
                 until = at + kept.tempo_map.resolve(line.play.until)
-                entry = entry.said(until=written(piece, until))
+                entry = entry.with_fields(until=written(piece, until))
             if player not in piece.players:
-                raise EditError(f"no player is called {player} here")
+                raise EditError(f"this score has no player {player}")
             texts = entries.add(texts, player, entry)
     return texts
 
@@ -79,24 +80,26 @@ class _Window:
         whole, beat = self.map.bar_beat(self.start + beats)
         if abs(self.map.bars.start(bar) - self.start) < SAME:
             return f"{whole - bar + 1}|{beat:.12g}"
-        return f"{beats:.12g}"  # not from a bar on: beats alone
+        return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
 
     def of(self, line: entries.Line) -> entries.Entry | None:
         """An entry as far as it begins here."""
         if line.starts is None:
             if not self.within([line.begin]):
                 return None
-            entry = line.entry.said(at=self.at(line.begin))
+            entry = line.entry.with_fields(at=self.at(line.begin))
             if line.play.until is None:
                 return entry
-            return entry.said(until=self.at(min(self.stop, self.map.resolve(line.play.until))))
+            return entry.with_fields(
+                until=self.at(min(self.stop, self.map.resolve(line.play.until)))
+            )
         inside = self.within(list(line.starts))
         if not inside:
             return None
-        entry = line.entry.said(at=self.at(inside[0]), until=None)
+        entry = line.entry.with_fields(at=self.at(inside[0]), until=None)
         if len(inside) == 1:
-            return entry.said(every=None, times=None)
-        return entry.said(times=str(len(inside)))
+            return entry.with_fields(every=None, times=None)
+        return entry.with_fields(times=str(len(inside)))
 
     def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
         """Strikes as far as they fall here."""
@@ -175,6 +178,6 @@ class _Window:
                 continue
             try:
                 texts = texts.remove((*path, name))
-            except EditError:  # it does not say so
+            except EditError:  # the field is not written
                 continue
         return texts

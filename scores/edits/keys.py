@@ -1,4 +1,4 @@
-"""Two keys that feel each other, from a beat on or no longer."""
+"""Coupling two keys from a beat on, and ending that."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ergon.scores.reading.piece import Piece
 def couple(
     texts: Texts, piece: Piece, at: float, a: str, b: str, stiffness: str, viscosity: str = ""
 ) -> Texts:
-    """A REF joins two keys from a beat on, in place of what joins them. Raises EditError."""
+    """Join two keys by a REF from a beat on, in place of other couplings. Raises EditError."""
     said: dict[str, edit.Tree] = {"K": stiffness, **({"Z": viscosity} if viscosity else {})}
     whole: dict[str, edit.Tree] = {"couple": [a, b], "REF": said, "at": written(piece, at)}
-    # The new one first: a list that was never empty stays as it is written.
+    # The new entry first: a list that never becomes empty keeps its style.
     texts, _ = _parted(texts.append(("duet",), edit.flow(whole)), piece, at, a, b)
     return texts
 
 
 def uncouple(texts: Texts, piece: Piece, at: float, a: str, b: str) -> Texts:
-    """What joins two keys goes at a beat. Raises EditError when nothing does."""
+    """End the coupling of two keys at a beat. Raises EditError where there is none."""
     texts, count = _parted(texts, piece, at, a, b)
     if not count:
-        raise EditError(f"{a} and {b} are not coupled at {written(piece, at)}")
+        raise EditError(f"{a} and {b} are not coupled at {piece.tempo_map.written(at)}")
     return texts
 
 

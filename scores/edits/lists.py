@@ -22,7 +22,7 @@ def place(texts: Texts, section: str, number: int, *further: str) -> edit.Path:
 
 
 def dropped(texts: Texts, section: str, number: int) -> Texts:
-    """Without an entry; a section without entries is an empty list, its comment stays."""
+    """Remove an entry; a section without entries becomes an empty list, its comment stays."""
     if len(items(texts, section)) == 1:
         return texts.put((section,), "[]")
     return texts.remove((section, number))

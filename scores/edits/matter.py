@@ -1,4 +1,4 @@
-"""A physical parameter or a gain gets another value, in whatever file it is written."""
+"""Setting a physical parameter or a gain, in the file where it is written."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import KEY
 
-# What is said twice over: a CEL and a key have one pair or the other.
+# Two pairs that say the same: a CEL or a key has one of them.
 _TUNED, _PLAIN = ("f", "t60"), ("K", "Z")
 _OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
 _RETUNED = ("f", "t60", "M")  # of a single generator, beside `like` or `from`
@@ -34,8 +34,8 @@ Changes = Mapping[str, str | None]  # fields and their new texts; None: it goes
 
 
 @dataclass(frozen=True, slots=True)
-class _Spot:
-    """A module's or key's fields: as they hold, and where one may be written."""
+class _Owner:
+    """A module's or key's fields: their values, and where one is written."""
 
     part: str  # the key or instrument, as the score calls it
     section: str
@@ -70,36 +70,36 @@ class _Spot:
 
 
 def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
-    """`bell.m.K`, `k1.M` or `gong.f` gets a value, or a factor (`x1.5`) of the one it has.
+    """Set `bell.m.K`, `k1.M` or `gong.f` to a value, or multiply it (`x1.5`).
 
     What is shared by `like` or `from` is written out for this one alone. K and Z take the place of
     f and t60, and the other way round, without a change of the other one. Raises EditError.
     """
-    spot, name = _spot(texts, target)
-    changes = _changes(spot, piece, target, name, value)
-    home = spot.home(name)
+    owner, name = _owner(texts, target)
+    changes = _changes(owner, piece, target, name, value)
+    home = owner.home(name)
     if home is not None:
-        here = edit.tree(_node(texts, home, spot.file))
+        here = edit.tree(_node(texts, home, owner.file))
         for field, text in changes.items():
             if text is not None:
-                texts = texts.put((*home, field), text, spot.file)
+                texts = texts.put((*home, field), text, owner.file)
             elif isinstance(here, dict) and field in here:
-                texts = texts.remove((*home, field), file=spot.file)
+                texts = texts.remove((*home, field), file=owner.file)
         return texts
-    body = edit.tree(spot.said.node)
+    body = edit.tree(owner.said.node)
     assert isinstance(body, dict)
     copy = {field: text for field, text in {**body, **changes}.items() if text is not None}
-    if not spot.module:
-        return texts.put((*spot.base, spot.kind), edit.flow(copy), spot.file)
-    path = (*spot.base, "modules", spot.module)
-    return texts.put(path, edit.flow({spot.kind: copy}), spot.file)
+    if not owner.module:
+        return texts.put((*owner.base, owner.kind), edit.flow(copy), owner.file)
+    path = (*owner.base, "modules", owner.module)
+    return texts.put(path, edit.flow({owner.kind: copy}), owner.file)
 
 
 def gain(texts: Texts, name: str | None, level: str) -> Texts:
-    """The gain of an instrument's routes, or of all channels (None). Raises EditError."""
+    """Set the gain of an instrument's routes, or of all channels (None). Raises EditError."""
     if name is None:
         if _node(texts, ("mix",), texts.path) is None:
-            raise EditError("the score has no mix, whose gain this would be")
+            raise EditError("the score has no mix, so it has no master gain")
         return texts.put(("mix", "master", "gain"), level)
     found = False
     for number, route in enumerate(items(texts, "mix", "route")):
@@ -114,7 +114,7 @@ def gain(texts: Texts, name: str | None, level: str) -> Texts:
     return texts
 
 
-def _spot(texts: Texts, target: str) -> tuple[_Spot, str]:
+def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
     names, uses = texts.names()
     words = target.split(".")
     for count in range(len(words) - 1, 0, -1):  # names that a file brings in have dots themselves
@@ -125,17 +125,20 @@ def _spot(texts: Texts, target: str) -> tuple[_Spot, str]:
                 continue
             values, _ = uses.resolved(section, entry)
             if values is None:
-                raise EditError(f"{quote(part)} cannot be read where it is written")
+                raise EditError(f"the definition of {quote(part)} has mistakes")
             module, name = ".".join(words[count:-1]), words[-1]
             said, kind = _fields(values, module, target)
             is_ca = section == "instruments" and values["units"] == "ca"
-            spot = _Spot(part, section, entry.values, module, kind, said, is_ca)
+            owner = _Owner(part, section, entry.values, module, kind, said, is_ca)
             known = KINDS[kind].table if kind else KEY
             if name not in known.by_name and name not in said.free:
                 fields = ", ".join([*known.by_name, *said.free])
-                raise EditError(f"{quote(target)}: there is no {quote(name)}, but {fields}")
-            return spot, name
-    raise EditError(f"{quote(target)} leads to no field of a key or an instrument")
+                raise EditError(
+                    f"{quote(target)}: the field {quote(name)} does not "
+                    f"exist; the fields are {fields}"
+                )
+            return owner, name
+    raise EditError(f"{quote(target)} is not a field of a key or an instrument")
 
 
 def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
@@ -145,25 +148,28 @@ def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
         body = (values["modules"] or {}).get(module)
         if not isinstance(body, Values):
             known = ", ".join(values["modules"] or {})
-            raise EditError(f"{quote(target)}: no module {quote(module)} is there, but {known}")
+            raise EditError(
+                f"{quote(target)}: the module {quote(module)} does not "
+                f"exist; the modules are {known}"
+            )
         kind, said = body.kind, body
     elif values.written("modules"):
         known = ", ".join(values["modules"] or {})
-        raise EditError(f"{quote(target)}: say which of its modules: {known}")
+        raise EditError(f"{quote(target)}: name one of its modules: {known}")
     inner = said.given.get(kind) if kind else said
     assert isinstance(inner, Values)
     return inner, kind
 
 
-def _changes(spot: _Spot, piece: Piece, target: str, name: str, value: str) -> Changes:
-    """What is written for a value, and what goes because it would say something else."""
-    now = _now(spot, piece)
+def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) -> Changes:
+    """The fields to write for a value, and those to remove because they contradict it."""
+    now = _now(owner, piece)
     changes: dict[str, str | None] = {}
-    others = _OTHERS.get(name, ()) if spot.kind in ("", "CEL") else ()
-    if spot.said.written(*others):
+    others = _OTHERS.get(name, ()) if owner.kind in ("", "CEL") else ()
+    if owner.said.written(*others):
         twin = _plain(now) if others == _TUNED else _tuned(now, target)
         changes = dict.fromkeys(others)
-        changes |= {field: _text(x, field, spot) for field, x in twin.items() if x}
+        changes |= {field: _text(x, field, owner) for field, x in twin.items() if x}
         now = {**now, **twin}
     if not value.startswith("x"):
         return {**changes, name: value}
@@ -171,28 +177,28 @@ def _changes(spot: _Spot, piece: Piece, target: str, name: str, value: str) -> C
         factor = q.factor(value)
     except TextError as error:
         raise EditError(error.message) from None
-    node = spot.said.nodes.get(name)
-    if "calib" in spot.said.nodes and not spot.own.written(name):
-        node = None  # what was measured holds, not what is written
+    node = owner.said.nodes.get(name)
+    if "calib" in owner.said.nodes and not owner.own.written(name):
+        node = None  # the measured value holds, not the written one
     if (scaled := _scaled(node.text, factor) if isinstance(node, Scalar) else None) is not None:
         return {**changes, name: scaled}
     amount = now.get(name)
     if not isinstance(amount, float):
-        raise EditError(f"{quote(target)} has no value yet; give it one")
-    return {**changes, name: _text(amount * factor, name, spot)}
+        raise EditError(f"{quote(target)} has no value that could be multiplied: set a value first")
+    return {**changes, name: _text(amount * factor, name, owner)}
 
 
-def _now(spot: _Spot, piece: Piece) -> Mapping[str, object]:
+def _now(owner: _Owner, piece: Piece) -> Mapping[str, object]:
     """The values that hold, in SI units, a measured key's too."""
-    made = piece.keys.get(spot.part) or piece.instruments.get(spot.part)
+    made = piece.keys.get(owner.part) or piece.instruments.get(owner.part)
     for module in made.modules if made is not None else ():
-        if module.name == spot.module:
+        if module.name == owner.module:
             return module.fields
-    return spot.said.given
+    return owner.said.given
 
 
 def _plain(now: Mapping[str, object]) -> dict[str, float]:
-    """K and Z of a damped frequency and its decay."""
+    """K and Z from a damped frequency and its decay."""
     mass, f, t60 = (_number(now, name) for name in ("M", "f", "t60"))
     sigma = _LN_1000 / t60 if t60 else 0.0
     omega = 2.0 * math.pi * f
@@ -200,12 +206,12 @@ def _plain(now: Mapping[str, object]) -> dict[str, float]:
 
 
 def _tuned(now: Mapping[str, object], target: str) -> dict[str, float]:
-    """The damped frequency and decay of K and Z."""
+    """The damped frequency and decay from K and Z."""
     mass, k, z = (_number(now, name) for name in ("M", "K", "Z"))
     sigma = z / (2.0 * mass)
     square = k / mass - sigma * sigma
     if square <= 0.0:
-        raise EditError(f"{quote(target)}: it creeps and has no frequency; set K and Z")
+        raise EditError(f"{quote(target)}: it is overdamped and has no frequency; set K and Z")
     return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": _LN_1000 / sigma if sigma else 0.0}
 
 
@@ -225,8 +231,8 @@ def _scaled(text: str, factor: float) -> str | None:
     return "..".join(ends)
 
 
-def _text(value: float, name: str, spot: _Spot) -> str:
-    is_plain = spot.is_ca and name in ("M", "K", "Z")
+def _text(value: float, name: str, owner: _Owner) -> str:
+    is_plain = owner.is_ca and name in ("M", "K", "Z")
     return f"{value:.9g}{'' if is_plain else _UNITS.get(name, '')}"
 
 

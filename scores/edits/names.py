@@ -10,7 +10,7 @@ from ergon.scores.edits.texts import Texts
 
 
 def define(texts: Texts, name: str, notation: str) -> Texts:
-    """A gesture is written so, in the file where it stands; its other options stay.
+    """Write a gesture's notation in the file where it is defined; its other options stay.
 
     Raises EditError.
     """
@@ -19,10 +19,10 @@ def define(texts: Texts, name: str, notation: str) -> Texts:
     said = edit.quoted(notation)
     if entry is None:
         if "." in name:
-            raise EditError(f"no file brings in a gesture {name}")
+            raise EditError(f"no file that the score uses defines a gesture {name}")
         return texts.put(("gestures", name), said)
     if not isinstance(entry.values, Values):
-        raise EditError(f"{name} cannot be read where it is written")
+        raise EditError(f"the definition of {name} has mistakes")
     node, file = entry.values.node, entry.values.node.document.file
     path = ("gestures", entry.values.context.name)
     if isinstance(node, Scalar) and not node.is_empty:
@@ -36,11 +36,11 @@ def define(texts: Texts, name: str, notation: str) -> Texts:
 
 
 def take(texts: Texts, name: str, file: str, channel: str | None = None) -> Texts:
-    """A recording gets a name by which it is played. Raises EditError."""
+    """Define a take of a recording. Raises EditError."""
     said: dict[str, edit.Tree] = {"file": file, **({"channel": channel} if channel else {})}
     return texts.put(("takes", name), edit.flow(said))
 
 
 def seed(texts: Texts, number: int) -> Texts:
-    """Another number from which every chance derives."""
+    """Set the seed."""
     return texts.put(("seed",), str(number))

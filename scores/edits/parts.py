@@ -1,4 +1,4 @@
-"""What a player plays from a beat on: in place of the rest of the part, or nothing more."""
+"""Changing what a player plays from a beat on."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from ergon.scores.reading.piece import Piece
 
 
 def play(texts: Texts, piece: Piece, player: str, at: float, words: str) -> Texts:
-    """The player plays the words of a line from a beat on; `every` alone goes on without end.
+    """Let a player play the words of a line from a beat on; `every` alone repeats without end.
 
     Raises EditError.
     """
     entry = entries.of_words(words, written(piece, at))
     if "every" in entry.fields and not {"times", "until"} & set(entry.fields):
-        entry = entry.said(until=end(piece, at))
+        entry = entry.with_fields(until=end(piece, at))
     return entries.add(rest(texts, piece, player, at), player, entry)
 
 
 def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Texts:
-    """The same goes on with more done to it, its next occurrence where it would have been.
+    """Transform further what a player plays; its next occurrence keeps its beat.
 
     What begins just there begins so; a gesture that plays once and is still under way begins
     again. Raises EditError.
@@ -36,18 +36,18 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
     if not (playing or begins):
         playing = [line for line in lines if _is_under_way(line, piece, at)][-1:]
     if not (playing or begins):
-        raise EditError(f"{player} plays nothing at {written(piece, at)}")
+        raise EditError(f"{player} plays nothing at {piece.tempo_map.written(at)}")
     for line in playing:
         more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
         if not line.is_open(at, piece):
-            more = more.said(at=written(piece, at), every=None, times=None, until=None)
+            more = more.with_fields(at=written(piece, at), every=None, times=None, until=None)
             texts = entries.add(texts, player, more)
             continue
         texts = entries.stop(texts, player, written(piece, at), [line])
         left = [start for start in line.starts or () if start >= at - SAME]
-        more = more.said(at=written(piece, left[0] if left else at))
+        more = more.with_fields(at=written(piece, left[0] if left else at))
         if left and "times" in more.fields:
-            more = more.said(times=str(len(left)))
+            more = more.with_fields(times=str(len(left)))
         texts = entries.add(texts, player, more)
     for line in begins:
         more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
@@ -56,7 +56,7 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
 
 
 def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
-    """Nothing of a player (None: of anyone) begins from a beat on. Raises EditError."""
+    """End the part of a player (None: of all) at a beat. Raises EditError."""
     for name in piece.players if player is None else (_known(piece, player),):
         lines = entries.lines(texts, piece, name)
         closed = [line for line in lines if line.is_open(at, piece)]
@@ -66,7 +66,7 @@ def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
 
 
 def hush(texts: Texts, piece: Piece, at: float) -> Texts:
-    """No ergon begins from a beat on: players rest, strikes end. Raises EditError."""
+    """End all parts and strikes at a beat. Raises EditError."""
     texts = rest(texts, piece, None, at)
     tempo = piece.tempo_map
     for strikes in piece.strikes:
@@ -87,12 +87,12 @@ def hush(texts: Texts, piece: Piece, at: float) -> Texts:
 
 
 def finish(texts: Texts, piece: Piece, at: float) -> Texts:
-    """What would go on without end stops at a beat, as the piece that is saved does."""
+    """End at a beat what repeats without end, for a score that is saved."""
     for name in piece.players:
         for line in entries.lines(texts, piece, name):
             if END.fullmatch(line.entry.fields.get("until", "")) is None:
                 continue
-            # What was to begin only later is left as a single time.
+            # An entry that begins later is left to play once.
             until = written(piece, max(at, line.begin + 1.0))
             texts = entries.stop(texts, name, until, [line])
     return texts
@@ -100,7 +100,7 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
 
 def _known(piece: Piece, player: str) -> str:
     if player not in piece.players:
-        raise EditError(f"no player is called {quote(player)}")
+        raise EditError(f"this score has no player {quote(player)}")
     return player
 
 

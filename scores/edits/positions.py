@@ -6,8 +6,8 @@ import re
 
 from ergon.scores.reading.piece import Piece
 
-# What goes on without end is written with an end far off, for a score has one. A session that
-# comes near takes the next: the checker counts every occurrence up to it, so it cannot be far.
+# An endless part is written with a distant end, because a score needs one. A session that
+# comes near takes the next; it cannot be farther, because every occurrence is checked.
 LAST_BAR = 1000
 NEAR = 100  # bars
 END = re.compile(r"[0-9]*999\|1")
@@ -20,6 +20,6 @@ def written(piece: Piece, beats: float) -> str:
 
 
 def end(piece: Piece, beats: float) -> str:
-    """Where what begins at a beat ends when nobody ends it: `999|1`."""
+    """The end of an endless entry that begins at a beat: `999|1`."""
     bar, _ = piece.tempo_map.bar_beat(beats)
     return f"{((bar + NEAR) // LAST_BAR + 1) * LAST_BAR - 1}|1"

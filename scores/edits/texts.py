@@ -21,7 +21,7 @@ from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.uses import Names, Uses
 
-SECTIONS = tuple(SCORE.by_name)  # where a new section goes
+SECTIONS = tuple(SCORE.by_name)  # the order of sections
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Texts:
         return cls(str(path), text, bounds=bounds).complete()
 
     def complete(self) -> Texts:
-        """These texts sealed, with every file that they use; as they are where one is missing."""
+        """These texts sealed, with every file that they use; unchanged where one is missing."""
         loaded = self.load()
         if loaded.piece is None:
             return self
@@ -62,7 +62,7 @@ class Texts:
         return replace(self, overlay={**files, **self.overlay}, sealed=True)
 
     def load(self) -> Loaded:
-        """The piece that these texts are, or what is wrong with them."""
+        """The piece that these texts describe, or their mistakes."""
         return load(
             self.path,
             text=self.text,
@@ -85,7 +85,7 @@ class Texts:
         return opened
 
     def changed(self, text: str, file: str | None = None) -> Texts:
-        """The same with another text of the score, or of a file."""
+        """These texts with another text of the score, or of a file."""
         if file is None or file == self.path:
             return replace(self, text=text)
         return replace(self, overlay={**self.overlay, str(Path(file)): text})
@@ -102,7 +102,7 @@ class Texts:
     def edited(
         self, section: str | int, change: Callable[[Document], str], file: str | None = None
     ) -> Texts:
-        """An edit within a section: of its lines alone, for they are read in a tenth of the time.
+        """Edit the lines of one section alone, which takes a tenth of the time.
 
         Where they cannot stand alone (an alias, a section that is missing) of the whole text.
         """
@@ -135,7 +135,9 @@ class Texts:
         return self.edited(path[0], lambda own: edit.append(own, path, text, SECTIONS))
 
     def remove(self, *paths: edit.Path, file: str | None = None) -> Texts:
-        """Take entries or items of one parent away. Raises EditError."""
-        if min(len(path) for path in paths) == 1:  # a section leaves more than its own lines
+        """Remove entries or items of one parent. Raises EditError."""
+        if (
+            min(len(path) for path in paths) == 1
+        ):  # removing a section changes more than its own lines
             return self.changed(edit.remove(self.document(file), *paths), file)
         return self.edited(paths[0][0], lambda own: edit.remove(own, *paths), file)

@@ -14,14 +14,14 @@ from ergon.scores.reading.piece import Piece
 
 
 def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = None) -> Texts:
-    """The tempo from a beat on: `72`, or `60 -> 84` over a length.
+    """Set the tempo from a beat on: `72`, or `60 -> 84` over a length.
 
     A ramp under way ends there; tempos that were to come go, their meters stay. Raises EditError.
     """
     over = None if over is None else _over(piece, at, over)
     begins = [piece.tempo_map.resolve(entry.at) for entry in piece.tempo]
-    here: int | None = None  # the entry that says the tempo here already
-    below: int | None = None  # the first that stays and comes later
+    here: int | None = None  # the entry that sets the tempo at this beat
+    below: int | None = None  # the first later entry that stays
     for number in reversed(range(len(piece.tempo))):
         entry, begin = piece.tempo[number], begins[number]
         if begin > at + SAME:
@@ -52,7 +52,7 @@ def change(texts: Texts, piece: Piece, at: float, bpm: str, over: str | None = N
 
 
 def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
-    """A beat gets a name; what stands by that name already moves there. Raises EditError."""
+    """Set a mark at a beat, in place of one with that name. Raises EditError."""
     return texts.put(("marks", name), written(piece, at))
 
 
@@ -75,7 +75,7 @@ def _without(texts: Texts, number: int, name: str) -> Texts:
 
 
 def _cut(texts: Texts, piece: Piece, number: int, begin: float, at: float) -> Texts:
-    """A ramp that is under way at a beat ends there, on the tempo that it has reached."""
+    """End a ramp that is under way at a beat, on the tempo that it has reached."""
     entry, path, tempo = piece.tempo[number], place(texts, "tempo", number), piece.tempo_map
     if tempo.after(begin, entry.over or Length()) <= at + SAME:
         return texts

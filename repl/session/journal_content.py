@@ -1,4 +1,4 @@
-"""What a journal says, read and checked: how a session began, and what came into effect when."""
+"""The content of a journal, checked: how a session began, and what took effect when."""
 
 from __future__ import annotations
 
@@ -10,75 +10,77 @@ from pathlib import Path
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.journal import Event, JournalError, read
-from ergon.repl.session.named import NameRefused, file_of, name_of, score_of
-from ergon.repl.session.version import Desk, Version, piece_of
+from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
+from ergon.repl.session.version import Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 
 _EVERY_MAX = 1 << 16  # frames of a tick
-_FRAME_MAX = 1 << 40  # at any rate longer than a session
+_FRAME_MAX = 1 << 40  # longer than a session at any rate
 _NUMBER_MAX = 1 << 40
 _BEAT_MAX = 1e7
-_RATIO_MAX = 1e10  # as much as a score may say
+_RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
 _HASH = 64  # digits
 
 
 @dataclass(frozen=True, slots=True)
-class Opening:
+class SessionStart:
     """How a session began: its score, the beat where it stood, the faders, and how it was heard
     (`gain` and `limit` are ratios)."""
 
     texts: Texts
     at: float
-    desk: Desk
-    every: int
+    faders: Faders
+    tick_frames: int
     gain: float
     limit: float
     highpass: float | None
 
     def version(self) -> Version:
-        """What it began with. Raises NotTakenError."""
-        return Version(0, "", self.texts, piece_of(self.texts), self.desk)
+        """The first version. Raises NotTakenError."""
+        return Version(0, "", self.texts, piece_of(self.texts), self.faders)
 
     def fields(self) -> dict[str, object]:
-        """As a journal says it."""
+        """The fields of the journal's first event."""
         return {
-            **said(self.texts),
+            **text_fields(self.texts),
             "at": self.at,
-            "gains": dict(self.desk.gains),
-            "muted": sorted(self.desk.muted),
-            "solo": sorted(self.desk.solo),
-            "master": self.desk.master,
-            "every": self.every,
+            "gains": dict(self.faders.gains),
+            "muted": sorted(self.faders.muted),
+            "solo": sorted(self.faders.solo),
+            "master": self.faders.master,
+            "every": self.tick_frames,
             "gain": self.gain,
             "limit": self.limit,
             "highpass": self.highpass,
         }
 
 
-def said(texts: Texts) -> dict[str, object]:
-    """Texts as a journal says them, with every file that they use: those may be edited later."""
+def text_fields(texts: Texts) -> dict[str, object]:
+    """The fields of a journal for texts: all files that they use too, which may be edited later."""
     folder = Path(texts.path).parent
-    overlay = {name_of(file, folder): text for file, text in texts.complete().overlay.items()}
+    overlay = {journal_name(file, folder): text for file, text in texts.complete().overlay.items()}
     return {"score": texts.path, "text": texts.text, "overlay": overlay}
 
 
 @dataclass(slots=True)
-class Replay:
-    """What a journal says: how it began, and what came into effect when.
+class JournalContent:
+    """How a session began, and which line took effect at which frame.
 
-    `texts` are those that lines read, by the line of the journal; `disk` is what was known last of
+    `texts` are those that lines read, by the line of the journal; `disk` holds the last hashes of
     files on the disk.
     """
 
-    opening: Opening
+    opening: SessionStart
     first: Event
     disk: Disk
     lines: dict[int, Event] = field(default_factory=dict)
     texts: dict[int, Texts] = field(default_factory=dict)
     commits: list[tuple[int, float, Event]] = field(default_factory=list)  # frame, beat, line
     dropped: set[int] = field(default_factory=set)
-    late: dict[int, float] = field(default_factory=dict)  # by number: the beat it waits for
+    late: dict[int, float] = field(
+        default_factory=dict
+    )  # by number: the beat that a late line waits for
     n_frames: int = 0
 
     def all_texts(self) -> Iterator[Texts]:
@@ -87,22 +89,22 @@ class Replay:
         yield from self.texts.values()
 
 
-def opened(
+def read_journal(
     path: Path, score: str | None = None, *, resumes: bool = False, trust: bool = False
-) -> Replay:
+) -> JournalContent:
     """Read a journal. Raises JournalError.
 
-    A `score` that is named takes the place of the one that the journal names. One that is named by
-    the journal alone lies below the journal's folder or this one; where another is meant, nobody
-    `resumes` it, and for all else it is as if it lay beside the journal.
+    A `score` replaces the one that the journal names. Otherwise the score must be
+    below the journal's folder or the current one: elsewhere, a journal that `resumes` is
+    refused, and any other is read as if the score lay beside it.
     """
     events = read(path)
     first = next(events, None)
     if first is None or first.name != "session":
-        raise JournalError(f"{path}: this is no journal of a session")
-    where = _Where(path, first.get("score", str), score, resumes, trust)
+        raise JournalError(f"{path}: this is not a session's journal")
+    where = _FileLocations(path, first.get("score", str), score, resumes, trust)
     texts = where.texts(first)
-    opening = Opening(
+    opening = SessionStart(
         texts,
         _beat(first, "at", 0.0),
         _desk(first),
@@ -113,17 +115,17 @@ def opened(
         if first.fields.get("highpass") is None
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
     )
-    replay = Replay(opening, first, Disk.of(texts))
-    replay.disk.claim(where.hashes(first))
+    replay = JournalContent(opening, first, Disk.of(texts))
+    replay.disk.add_hashes(where.hashes(first))
     for event in events:
-        _heard(replay, event, where)
+        _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
     return replay
 
 
 @dataclass(frozen=True, slots=True)
-class _Where:
-    """Where the files are that a journal names; `named` is its score, `score` where that is."""
+class _FileLocations:
+    """The files that a journal names; `named` is its score, `score` the file that stands for it."""
 
     journal: Path
     named: str
@@ -132,41 +134,44 @@ class _Where:
     trust: bool
 
     def path(self, event: Event) -> Path:
-        """The score that a line names."""
+        """The score that an event names."""
         name = event.get("score", str)
         if name == self.named and self.score is not None:
             return Path(self.score)
         try:
-            found = score_of(name, self.journal)
-        except NameRefused as error:
+            found = score_named(name, self.journal)
+        except JournalNameError as error:
             event.wrong(str(error))
         if found is not None:
             return found
         if self.resumes and name == self.named:
-            event.wrong(f"its score is elsewhere: name it, `ergon repl {name} --resume FILE`")
+            event.wrong(
+                "its score is outside this folder and the journal's: name it, "
+                f"`ergon repl {name} --resume FILE`"
+            )
         return self.journal.parent / Path(name).name
 
     def texts(self, event: Event) -> Texts:
-        """The texts that a line has; no file is read."""
+        """The texts that an event holds; no file is read."""
         path = self.path(event)
         try:
             overlay = {
-                file_of(name, path.parent): text
+                file_named(name, path.parent): text
                 for name, text in event.mapping("overlay", str).items()
             }
-        except NameRefused as error:
+        except JournalNameError as error:
             event.wrong(str(error))
         bounds = Bounds.around(path.parent, trust=self.trust)
         return Texts(str(path), event.get("text", str), overlay, sealed=True, bounds=bounds)
 
     def hashes(self, event: Event) -> dict[str, str]:
-        """What a line says of files on the disk."""
+        """The hashes of files on the disk that an event holds."""
         found = {}
         if "disk" in event.fields:
             folder = self.path(event).parent
             for name, known in event.mapping("disk", str).items():
-                with contextlib.suppress(NameRefused):  # it is not written, then
-                    found[file_of(name, folder)] = known[:_HASH]
+                with contextlib.suppress(JournalNameError):  # such a file is never written
+                    found[file_named(name, folder)] = known[:_HASH]
         return found
 
 
@@ -174,13 +179,13 @@ def _beat(event: Event, name: str, default: float | None = None) -> float:
     return float(event.number_of(name, float, 0.0, _BEAT_MAX, default))
 
 
-def _desk(event: Event) -> Desk:
+def _desk(event: Event) -> Faders:
     muted, solo = event.words("muted"), event.words("solo")
     master = event.number_of("master", float, 0.0, _RATIO_MAX, 1.0)
-    return Desk(event.mapping("gains", float), muted, solo, master)
+    return Faders(event.mapping("gains", float), muted, solo, master)
 
 
-def _heard(replay: Replay, event: Event, where: _Where) -> None:
+def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> None:
     if event.name in ("line", "commit", "late", "dropped"):
         number = event.number_of("number", int, 0, _NUMBER_MAX)
     if event.name == "line":
@@ -189,10 +194,10 @@ def _heard(replay: Replay, event: Event, where: _Where) -> None:
         _beat(event, "beat")
         if "text" in event.fields:
             replay.texts[event.number] = texts = where.texts(event)
-            replay.disk.saw(texts)
+            replay.disk.note_read(texts)
     elif event.name == "commit":
         if number not in replay.lines:
-            event.wrong(f"no line has the number {number}")
+            event.wrong(f"the journal has no line with the number {number}")
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":
@@ -200,7 +205,7 @@ def _heard(replay: Replay, event: Event, where: _Where) -> None:
     elif event.name == "dropped":
         replay.dropped.add(number)
     if event.name in ("line", "saved"):
-        replay.disk.claim(where.hashes(event))
+        replay.disk.add_hashes(where.hashes(event))
     if "frame" in event.fields:
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.n_frames = max(replay.n_frames, frame)

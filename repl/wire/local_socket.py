@@ -1,4 +1,4 @@
-"""Where a session is met: a socket that is its owner's alone, and who is at its other end."""
+"""The local socket of a session, which its owner alone can open."""
 
 from __future__ import annotations
 
@@ -12,35 +12,40 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from ergon.common.errors import ErgonError
+
 _NAME = "session.sock"
 _BACKLOG = 16
 
 
-class PlaceError(Exception):
-    """A socket cannot be there, or is not to be trusted: one sentence."""
+class SocketError(ErgonError):
+    """A socket cannot be made, or is not to be trusted: one sentence."""
 
 
-class NobodyError(PlaceError):
-    """Nobody serves there."""
+class NoSessionError(SocketError):
+    """No session is served at a socket."""
 
 
 def default(environment: Mapping[str, str] = os.environ) -> Path:
     """$XDG_RUNTIME_DIR/ergon/session.sock, or in a folder of the user's own under /tmp.
 
-    Raises PlaceError where the folder is not the user's own.
+    Raises SocketError where the folder is not the user's own.
     """
     runtime = environment.get("XDG_RUNTIME_DIR", "")
-    # Others than absolute ones are to be ignored, says the specification.
+    # The specification says to ignore paths that are not absolute.
     is_there = Path(runtime).is_absolute() and Path(runtime).is_dir()
     folder = Path(runtime) / "ergon" if is_there else _temporary()
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
     except OSError as error:
-        raise PlaceError(f"{folder}: {error.strerror}") from None
-    # Anybody may make a folder of that name under /tmp before us.
+        raise SocketError(f"{folder}: {error.strerror}") from None
+    # Another user could have made a folder of that name under /tmp.
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
-        raise PlaceError(f"{folder} is not yours alone (chmod 700); --socket PATH names another")
+        raise SocketError(
+            f"{folder} must be a folder that you alone may open (chmod 700); "
+            "--socket PATH names another place"
+        )
     return folder / _NAME
 
 
@@ -48,11 +53,11 @@ def _temporary() -> Path:
     return Path(tempfile.gettempdir()) / f"ergon-{os.geteuid()}"
 
 
-class Door:
-    """A socket's place, taken: nobody else serves there until it is closed."""
+class ServerSocket:
+    """A bound socket with its lock: no other session serves there until it is closed."""
 
     def __init__(self, path: Path) -> None:
-        """Take it; one that a killed process has left is taken over. Raises PlaceError."""
+        """Bind it; a socket that a killed process has left is replaced. Raises SocketError."""
         self.path = path
         self._lock = _locked(path.with_name(path.name + ".lock"))
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -60,19 +65,19 @@ class Door:
             self._remove()
             self.socket.bind(os.fspath(path))
             os.chmod(path, 0o600)  # nobody can connect before `listen`
-        except (OSError, PlaceError) as error:
+        except (OSError, SocketError) as error:
             self.socket.close()
             os.close(self._lock)
-            if isinstance(error, PlaceError):
+            if isinstance(error, SocketError):
                 raise
-            raise PlaceError(f"{path}: {error.strerror or error}") from None
+            raise SocketError(f"{path}: {error.strerror or error}") from None
 
     def listen(self) -> None:
-        """Let others come."""
+        """Accept connections."""
         self.socket.listen(_BACKLOG)
 
     def close(self) -> None:
-        """Give the place back."""
+        """Close and remove the socket and its lock."""
         self.socket.close()
         self._remove()
         self.path.with_name(self.path.name + ".lock").unlink(missing_ok=True)
@@ -84,7 +89,7 @@ class Door:
         except FileNotFoundError:
             return
         if not stat.S_ISSOCK(found.st_mode):
-            raise PlaceError(f"{self.path} is there already and is no socket")
+            raise SocketError(f"{self.path} already exists and is not a socket")
         self.path.unlink()
 
 
@@ -95,7 +100,7 @@ def _locked(path: Path) -> int:
         try:
             lock = os.open(path, flags, 0o600)
         except OSError as error:
-            raise PlaceError(f"{path}: {error.strerror}") from None
+            raise SocketError(f"{path}: {error.strerror}") from None
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(lock), os.stat(path)):
@@ -104,30 +109,32 @@ def _locked(path: Path) -> int:
             pass
         except OSError:
             os.close(lock)
-            raise PlaceError(f"a session is served at {path.with_suffix('')} already") from None
-        os.close(lock)  # its owner removed it meanwhile
+            raise SocketError(
+                f"another session is already served at {path.with_suffix('')}"
+            ) from None
+        os.close(lock)  # the lock file was removed meanwhile
 
 
 def connect(path: Path) -> socket.socket:
-    """A connection to who serves there. Raises NobodyError, PlaceError."""
+    """Connect to the session at a socket. Raises NoSessionError, SocketError."""
     found = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         found.connect(os.fspath(path))
     except OSError as error:
         found.close()
         if error.errno in (errno.ENOENT, errno.ECONNREFUSED):
-            raise NobodyError(f"no session is served at {path}") from None
-        raise PlaceError(f"{path}: {error.strerror or error}") from None
-    if not is_ours(found):
+            raise NoSessionError(f"no session is served at {path}") from None
+        raise SocketError(f"{path}: {error.strerror or error}") from None
+    if not is_same_user(found):
         found.close()
-        raise PlaceError(f"{path} is served by another user")
+        raise SocketError(f"the session at {path} belongs to another user")
     return found
 
 
-def is_ours(connection: socket.socket) -> bool:
+def is_same_user(connection: socket.socket) -> bool:
     """Whether the process at the other end is the same user's, as the kernel says."""
     how = getattr(socket, "SO_PEERCRED", None)
-    if how is None:  # where no kernel says so, the socket's rights have to do
+    if how is None:  # this system cannot tell: the file mode protects
         return True
     form = struct.Struct("3i")
     _, user, _ = form.unpack(connection.getsockopt(socket.SOL_SOCKET, how, form.size))

@@ -6,43 +6,46 @@ import os
 import re
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+from ergon.common.errors import ErgonError
 from ergon.notation.text.files import installed, is_below, is_file, is_shipped, shipped
 
-LIBRARY = "ergon:"  # begins the name of a file that ships
-_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")  # a half of a pair is no character
+LIBRARY = "ergon:"  # prefix of a file that ships with ergon
+_CONTROL = re.compile(
+    "[\x00-\x1f\x7f-\x9f\ud800-\udfff]"
+)  # half of a surrogate pair is no character
 _MOST = 1000  # characters of a name
 _MOST_PART = 255  # bytes of a file's or folder's name, which no file system exceeds
 
 
-class NameRefused(Exception):
-    """A journal may not name a file so: one sentence."""
+class JournalNameError(ErgonError):
+    """A journal names a file in a way that is not allowed: one sentence."""
 
 
-def name_of(file: str, folder: Path) -> str:
-    """How a journal names a file of the score in `folder`."""
+def journal_name(file: str, folder: Path) -> str:
+    """The name that a journal gives a file, for a score in `folder`."""
     name = shipped(Path(file))
     if name is not None:
         return LIBRARY + name
     return Path(os.path.relpath(file, folder)).as_posix()
 
 
-def file_of(name: str, folder: Path) -> str:
-    """The file that a journal names, for a score in `folder`. Raises NameRefused."""
+def file_named(name: str, folder: Path) -> str:
+    """The file that a journal names, for a score in `folder`. Raises JournalNameError."""
     if name.startswith(LIBRARY):
         path = installed(_plain(name.removeprefix(LIBRARY)))
         if path.suffix != ".yaml" or not is_shipped(path):
-            raise NameRefused(f"{_shown(name)} is no file of the library")
+            raise JournalNameError(f"{_shown(name)} is not a file of the library")
         return str(path)
     path = folder / _plain(name)
     if not is_below(path, folder):
-        raise NameRefused(f"{_shown(name)} leads out of the folder of the score")
+        raise JournalNameError(f"{_shown(name)} is outside the folder of the score")
     return str(path)
 
 
-def score_of(name: str, journal: Path) -> Path | None:
-    """The score that a journal names, where it may: below the journal's folder or this one.
+def score_named(name: str, journal: Path) -> Path | None:
+    """The score that a journal names, if it is below the journal's folder or the current one.
 
-    None where it lies elsewhere. Raises NameRefused where no score has such a name.
+    None where it lies elsewhere. Raises JournalNameError where no score has such a name.
     """
     _possible(name)
     path = Path(name)
@@ -55,22 +58,22 @@ def score_of(name: str, journal: Path) -> Path | None:
 
 
 def _plain(name: str) -> str:
-    """A relative name that goes down only, on any system."""
+    """Check that a name is relative and does not go up, on any system."""
     _possible(name)
     windows, posix = PureWindowsPath(name), PurePosixPath(name)
     if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
-        raise NameRefused(f"{_shown(name)} is not named from the folder of the score")
+        raise JournalNameError(f"{_shown(name)} is not relative to the folder of the score")
     if ".." in (*windows.parts, *posix.parts):
-        raise NameRefused(f"{_shown(name)} leads out of the folder of the score")
+        raise JournalNameError(f"{_shown(name)} is outside the folder of the score")
     return str(posix)
 
 
 def _possible(name: str) -> None:
-    """Whether a file may have such a name at all."""
+    """Check that a file can have such a name."""
     if not name or _CONTROL.search(name):
-        raise NameRefused(f"{_shown(name)} is no name of a file")
+        raise JournalNameError(f"{_shown(name)} is not a valid file name")
     if len(name) > _MOST or any(len(part.encode()) > _MOST_PART for part in name.split("/")):
-        raise NameRefused(f"{_shown(name)} is too long for the name of a file")
+        raise JournalNameError(f"{_shown(name)} is too long for a file name")
 
 
 def _shown(name: str) -> str:

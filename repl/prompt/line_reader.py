@@ -11,28 +11,28 @@ import sys
 import threading
 from typing import TextIO
 
-from ergon.repl.turns import Turns
+from ergon.repl.line_queue import LineQueue
 
-from .words import F12, typed
+from .output import F12, typed
 
 _CHUNK = 1 << 16  # bytes
 
 
-class Ahead:
+class LineReader:
     """A thread that reads lines and enters them.
 
     Of a file, which is there as a whole, it reads one line ahead; of what somebody is typing, all.
     """
 
-    def __init__(self, source: TextIO, turns: Turns[None]) -> None:
-        """Over an open text file; nothing else may read from it any more."""
-        self._turns = turns
+    def __init__(self, source: TextIO, queue: LineQueue[None]) -> None:
+        """Read an open text file, from which nothing else may read."""
+        self._queue = queue
         self._fd = source.fileno()
         decoder = codecs.getincrementaldecoder(source.encoding or "utf-8")("replace")
         self._decoder = io.IncrementalNewlineDecoder(decoder, translate=True)
         is_file = stat.S_ISREG(os.fstat(self._fd).st_mode)
         self._room = threading.Semaphore(1) if is_file else None
-        self._part = ""  # of a line whose end is not there yet
+        self._part = ""  # of a line that has not ended
         self._over = False
         self._wake, self._woken = os.pipe() if sys.platform != "win32" else (-1, -1)
         self._thread = threading.Thread(target=self._read, name="ergon-input", daemon=True)
@@ -42,16 +42,16 @@ class Ahead:
         self._thread.start()
 
     def taken(self) -> None:
-        """A line's turn has come."""
+        """Note that a line has left the queue."""
         if self._room is not None:
             self._room.release()
 
     def forget(self) -> None:
-        """What is typed and not yet entered is gone."""
+        """Drop what is typed and not yet entered."""
         self._part = ""
 
     def stop(self) -> None:
-        """Read no more."""
+        """Stop reading."""
         self._over = True
         self.taken()
         if self._woken >= 0:
@@ -65,12 +65,12 @@ class Ahead:
             while data := self._bytes():
                 self._came(self._decoder.decode(data))
             self._came(self._decoder.decode(b"", final=True))
-        except OSError:  # a terminal that was closed ends as well
+        except OSError:  # a closed terminal is the end of input
             pass
         if self._part:
             self._enter(self._part)
         if self._has_room():
-            self._turns.end()
+            self._queue.end()
 
     def _bytes(self) -> bytes:
         """What is there, or comes next; nothing at the end."""
@@ -88,7 +88,7 @@ class Ahead:
 
     def _enter(self, line: str) -> None:
         if self._has_room():
-            self._turns.enter(typed(self._heard(line)), None)
+            self._queue.enter(typed(self._heard(line)), None)
 
     def _has_room(self) -> bool:
         """Wait until a line may be read; False when none may be any more."""
@@ -100,5 +100,5 @@ class Ahead:
         """The text without F12, which is a panic at once."""
         if F12 not in text:
             return text
-        self._turns.panic()
+        self._queue.panic()
         return text.replace(F12, "")

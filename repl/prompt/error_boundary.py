@@ -1,79 +1,79 @@
-"""A prompt that stays, whatever the session does: its mistakes are told, never raised."""
+"""A wrapper that turns a session's errors into messages, so that the prompt survives them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from ergon.repl.face import Face, Reply, State, Suggestion
+from ergon.repl.session_protocol import Reply, SessionProtocol, State, Suggestion
 
 Answer = TypeVar("Answer")
 
 
-class Calm:
-    """A face whose every call returns; what it could not do is among its messages."""
+class ErrorBoundary:
+    """A session whose every call returns; an error becomes one of its messages."""
 
-    def __init__(self, face: Face) -> None:
-        """Over another face."""
-        self._face = face
+    def __init__(self, session: SessionProtocol) -> None:
+        """Wrap a session."""
+        self._session = session
         self._mistakes: list[str] = []
         self._state = State(bar=1, beat=1.0, tempo=60.0)
 
     def submit(self, text: str, *, releases: bool = True) -> Reply:
         """Do a line."""
         try:
-            return self._face.submit(text, releases=releases)
+            return self._session.submit(text, releases=releases)
         except BaseException as error:
             if not _is_mistake(error):
                 raise
             return Reply(False, _told(error))
 
     def state(self) -> State:
-        """Where it is, or last was."""
-        self._state = self._try(self._face.state, self._state)
+        """The state, or the last one that was known."""
+        self._state = self._try(self._session.state, self._state)
         return self._state
 
     def messages(self) -> Sequence[str]:
-        """What happened since the last call, and what went wrong."""
+        """Messages since the last call, with the errors that were caught."""
         nothing: Sequence[str] = ()
-        messages = [*self._try(self._face.messages, nothing), *self._mistakes]
+        messages = [*self._try(self._session.messages, nothing), *self._mistakes]
         self._mistakes.clear()
         return messages
 
     def panic(self) -> None:
-        """Silence at once."""
-        self._try(self._face.panic, None)
+        """End sound and force at once."""
+        self._try(self._session.panic, None)
 
     def cancel(self) -> bool:
-        """Drop the line that is being computed."""
-        return self._try(self._face.cancel, False)
+        """Cancel the line that is being computed."""
+        return self._try(self._session.cancel, False)
 
     def let_go(self) -> None:
-        """No force at once."""
-        self._try(self._face.let_go, None)
+        """End every force at once."""
+        self._try(self._session.let_go, None)
 
     def input_ends(self) -> None:
-        """Nobody enters anything more."""
-        self._try(self._face.input_ends, None)
+        """Note that no line follows."""
+        self._try(self._session.input_ends, None)
 
     def close(self) -> None:
-        """Hush, and let go."""
-        self._face.close()
+        """End the session."""
+        self._session.close()
 
     def complete(self, line: str, cursor: int) -> Sequence[Suggestion]:
-        """How a line may go on."""
-        return self._try(lambda: self._face.complete(line, cursor), ())
+        """Completions of a line."""
+        return self._try(lambda: self._session.complete(line, cursor), ())
 
     def tokens(self, line: str) -> Sequence[tuple[int, int, str]]:
-        """What its words are."""
-        return self._try(lambda: self._face.tokens(line), ())
+        """The kinds of a line's words."""
+        return self._try(lambda: self._session.tokens(line), ())
 
     def is_whole(self, text: str) -> bool:
-        """Whether Enter ends it."""
-        return self._try(lambda: self._face.is_whole(text), True)
+        """Whether Enter ends the text."""
+        return self._try(lambda: self._session.is_whole(text), True)
 
     def mistake(self, error: BaseException) -> None:
-        """Tell an error with the next messages."""
+        """Add an error to the messages."""
         self._mistakes.append(_told(error))
 
     def _try(self, call: Callable[[], Answer], otherwise: Answer) -> Answer:
@@ -88,7 +88,7 @@ class Calm:
 
 def _is_mistake(error: BaseException) -> bool:
     """Whether code went wrong; what a signal raises (Ctrl-C, SIGTERM) goes its way."""
-    panic = type(error).__name__ == "PanicException"  # PyO3's is no Exception
+    panic = type(error).__name__ == "PanicException"  # pyo3's panic, which is not an Exception
     return panic or isinstance(error, (Exception, SystemExit))
 
 

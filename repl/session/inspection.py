@@ -1,4 +1,4 @@
-"""Looking without playing: curves, lines of the score, who plays what."""
+"""What `?`, `show` and `scope` print: curves, lines of the score, who plays what."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.document import Mapping
 from ergon.notation.text.spelling import nearest
-from ergon.repl.session.deeds import rehearsed
 from ergon.repl.session.version import NotTakenError
+from ergon.repl.session.version_edits import rehearsed
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import Running
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from ergon.scores.edits.texts import Texts
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
-_WIDTH_MAX, _HEIGHT = 100, 16  # characters: what a glance takes in
-_POINTS = 4  # of a curve for each character: two for each dot
+_WIDTH_MAX, _HEIGHT = 100, 16  # characters
+_POINTS = 4  # of a curve in each character: two in each dot
 _LINES_MAX = 40  # of a definition
 _SECTIONS = ("parts", "gestures", "takes", "keys", "instruments", "players", "marks", "strikes")
 
 
 def drawn(version: Version, name: str) -> list[str]:
-    """The curve asked and the curve done of a gesture or take alone; of anything else its lines."""
+    """The written and the played curve of a gesture or take; for other names their definition."""
     from ergon.view.braille import plot
     from ergon.view.motion import asked_and_done
 
@@ -32,7 +32,7 @@ def drawn(version: Version, name: str) -> list[str]:
     if name not in piece.gestures and name not in piece.takes:
         return show(version, name)
     if not piece.keys:
-        raise NotTakenError("this score has no key to play on")
+        raise NotTakenError("a gesture is drawn on a key, and this score has none")
     alone = rehearsed(piece, name)[0]
     first = alone.gestures[0]
     start, stop = max(0.0, first.start - _ROOM), first.stop
@@ -46,15 +46,15 @@ def drawn(version: Version, name: str) -> list[str]:
 
 
 def scoped(running: Running, frame: int, name: str) -> list[str]:
-    """The gesture that a player plays now, drawn."""
+    """Draw the gesture that a player is playing."""
     playing = dict(running.in_flight(frame))
     if name not in playing:
-        raise NotTakenError(f"{name} plays nothing now")
+        raise NotTakenError(f"{name} is playing no gesture now; `show` lists the players")
     return drawn(running.version, playing[name])
 
 
 def show(version: Version, name: str | None) -> list[str]:
-    """Who plays what; or the lines that say what a name is, with their numbers."""
+    """Who plays what; or the lines of the score that define a name, with their numbers."""
     if name is not None:
         return _defined(version.texts, name)
     piece, tempo = version.piece, version.piece.tempo_map
@@ -88,5 +88,5 @@ def _defined(texts: Texts, name: str) -> list[str]:
                 return [f"{number:5} {document.line(number)}" for number in numbers]
     close = nearest(name, known)
     raise NotTakenError(
-        f"'{name}' is not written in this score", None if close is None else f"show {close}"
+        f"'{name}' is not defined in this score", None if close is None else f"show {close}"
     )

@@ -1,4 +1,4 @@
-"""A score under another name, with copies of the used files that a session changed.
+"""Saving under another name: the score, with copies of the used files that were changed.
 
 The files that it uses may be those of other scores: they stay as they are. What was changed, and
 what uses it, is copied into a folder that bears the score's name.
@@ -12,20 +12,20 @@ from pathlib import Path
 from ergon.notation.text import document, edit
 from ergon.notation.text.errors import Collector
 from ergon.notation.text.files import Files
-from ergon.repl.session.named import LIBRARY, name_of
+from ergon.repl.session.journal_names import LIBRARY, journal_name
 from ergon.scores.edits.texts import Texts
 
 
 def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, str]:
-    """What is written for texts of which these used files were changed. Raises EditError."""
+    """The texts to write, by file, where these used files were changed. Raises EditError."""
     moved = _using(texts, changed)
     own = Path(texts.path).parent
-    names = {file: name_of(file, own).removeprefix(LIBRARY) for file in texts.overlay}
-    for file, path, name, leads in [*_uses(texts)]:
+    names = {file: journal_name(file, own).removeprefix(LIBRARY) for file in texts.overlay}
+    for file, path, name, used in [*_uses(texts)]:
         if file not in moved and file != texts.path:
             continue
-        new = f"{target.stem}/{names[leads]}" if leads in moved else names[leads]
-        if new != name and (leads in moved or file in moved):
+        new = f"{target.stem}/{names[used]}" if used in moved else names[used]
+        if new != name and (used in moved or file in moved):
             texts = texts.put(path, edit.quoted(new), file)
     copies = {file: target.parent / target.stem / names[file] for file in moved}
     return {
@@ -39,7 +39,7 @@ def _using(texts: Texts, changed: Collection[str]) -> set[str]:
     found, count = set(changed), -1
     while changed and len(found) != count:
         count = len(found)
-        found |= {file for file, _, _, leads in _uses(texts) if leads in found}
+        found |= {file for file, _, _, used in _uses(texts) if used in found}
     return found - {texts.path}
 
 

@@ -7,14 +7,14 @@ from collections.abc import Iterable
 
 PER_SECOND = 10
 SECOND = 1.0
-HELD = 100  # different ones that wait; more than ten seconds of them nobody reads
+HELD = 100  # different messages that wait: ten seconds of them
 
 
-class Folded:
+class MessageThrottle:
     """Takes messages as they come and gives lines when they are due."""
 
     def __init__(self) -> None:
-        """Nothing waits."""
+        """Begin empty."""
         self._waiting: dict[str, int] = {}
         self._left_out = 0
         self._shown: deque[tuple[float, str]] = deque()  # within the last second
@@ -45,7 +45,7 @@ class Folded:
         return lines
 
     def rest(self) -> list[str]:
-        """All that still waits, for the end."""
+        """All messages that still wait."""
         lines = [_folded(message, count) for message, count in self._waiting.items()]
         if self._left_out:
             lines.append(f"… {self._left_out} more")

@@ -12,11 +12,11 @@ from prompt_toolkit.history import FileHistory
 LINE_MAX = 10_000  # characters; a longer one is a paste that nobody looks for again
 
 
-class Past(FileHistory):
+class LineHistory(FileHistory):
     """Lines kept in a file, if that can be; where it cannot, they are kept for this session."""
 
     def __init__(self, path: Path) -> None:
-        """Of a file, which need not exist."""
+        """Use a file, which need not exist."""
         self._path = path
         super().__init__(path)
 
@@ -33,6 +33,6 @@ class Past(FileHistory):
             return
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            # Made by its owner alone before anything is in it.
+            # Create it for its owner alone before anything is written.
             os.close(os.open(self._path, os.O_CREAT | os.O_APPEND | os.O_WRONLY, 0o600))
             super().store_string(string)

@@ -1,4 +1,4 @@
-"""What verbs make of a version: an edit of its texts, or of its faders."""
+"""Version edits: what each verb that changes the music makes of a version."""
 
 from __future__ import annotations
 
@@ -9,49 +9,49 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
-from ergon.repl.session.leads import lead_of
-from ergon.repl.session.version import GLIDE, Desk, NotTakenError, Version, piece_of
+from ergon.repl.session.guidance import guide_of
+from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
 from ergon.scores.edits import keys, matter, names, parts, times
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import solo
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Deed
+    from ergon.repl.session.commits import VersionEdit
     from ergon.repl.session.running import Running
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
 
-def same(version: Version, beat: float) -> Version:
-    """Nothing is different."""
+def unchanged(version: Version, beat: float) -> Version:
+    """The same version."""
     return version
 
 
-def together(commands: Sequence[c.Command]) -> Deed:
+def combined(commands: Sequence[c.Command]) -> VersionEdit:
     """Several commands as one."""
-    own = [DEEDS[type(command)](command) for command in commands]
+    own = [VERSION_EDITS[type(command)](command) for command in commands]
 
-    def deed(version: Version, beat: float) -> Version:
+    def edit(version: Version, beat: float) -> Version:
         for one in own:
             version = one(version, beat)
         return version
 
-    return deed
+    return edit
 
 
 def hushed(version: Version, beat: float) -> Version:
-    """No hand plays on, and nothing strikes."""
+    """No player plays on, and no strikes follow."""
     texts = parts.hush(version.texts, version.piece, beat)
-    return replace(_read(version, texts), cuts=True)
+    return replace(_with_texts(version, texts), cuts=True)
 
 
-def _read(version: Version, texts: Texts) -> Version:
+def _with_texts(version: Version, texts: Texts) -> Version:
     return replace(version, texts=texts, piece=piece_of(texts))
 
 
-def taken(version: Version, name: str, file: str, channel: str) -> Version:
-    """A recording gets the name by which it is played."""
-    return _read(version, names.take(version.texts, name, file, channel))
+def with_take(version: Version, name: str, file: str, channel: str) -> Version:
+    """The version with a take of a name."""
+    return _with_texts(version, names.take(version.texts, name, file, channel))
 
 
 def rehearsed(piece: Piece, name: str) -> list[Stage]:
@@ -91,13 +91,16 @@ def _tempo(command: c.Tempo, version: Version, beat: float) -> Texts:
 
 
 def _nudge(command: c.Nudge, version: Version, beat: float) -> Texts:
-    """The beat that begins lasts so much longer, and the next ones as before."""
+    """The beat that begins lasts longer by a length; the next ones have the old tempo."""
     tempo = version.piece.tempo_map
     bpm = tempo.bpm(beat)
     by = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
     length = 60.0 / bpm + by
     if not 30.0 / bpm <= length <= 120.0 / bpm:
-        raise NotTakenError("a nudge is at most half a beat; `tempo` changes more")
+        raise NotTakenError(
+            "this nudge is too large: it may make one beat half or twice "
+            "as long; `tempo` changes more"
+        )
     texts = times.change(version.texts, version.piece, beat, f"{60.0 / length:.12g}")
     return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
 
@@ -117,25 +120,25 @@ def _set(command: c.Set, version: Version, beat: float) -> Texts:
     return matter.set_value(version.texts, version.piece, command.target, value)
 
 
-def _glided(command: c.Set) -> Deed:
-    """A parameter is set, and takes its time."""
+def _set_gliding(command: c.Set) -> VersionEdit:
+    """Set a parameter, which glides `over` a length."""
 
-    def deed(version: Version, beat: float) -> Version:
-        made = _read(version, _set(command, version, beat))
+    def edit(version: Version, beat: float) -> Version:
+        made = _with_texts(version, _set(command, version, beat))
         if command.over is None:
             return made
         tempo = version.piece.tempo_map
         seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
         return replace(made, glide=max(GLIDE, seconds))
 
-    return deed
+    return edit
 
 
 def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
     return names.seed(version.texts, command.seed)
 
 
-_EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
+_TEXT_EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
     c.Plays: _plays,
     c.Do: _do,
     c.Rest: _rest,
@@ -150,27 +153,27 @@ _EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
 # --- faders --------------------------------------------------------------------------------------
 
 
-def _gain(command: c.Gain, desk: Desk, parts_of: frozenset[str]) -> Desk:
+def _gain(command: c.Gain, faders: Faders, names: frozenset[str]) -> Faders:
     if command.name is None:
-        return replace(desk, master=command.ratio)
-    return replace(desk, gains={**desk.gains, **dict.fromkeys(parts_of, command.ratio)})
+        return replace(faders, master=command.ratio)
+    return replace(faders, gains={**faders.gains, **dict.fromkeys(names, command.ratio)})
 
 
-def _mute(command: c.Mute, desk: Desk, parts_of: frozenset[str]) -> Desk:
-    return replace(desk, muted=desk.muted | parts_of)
+def _mute(command: c.Mute, faders: Faders, names: frozenset[str]) -> Faders:
+    return replace(faders, muted=faders.muted | names)
 
 
-def _solo(command: c.Solo, desk: Desk, parts_of: frozenset[str]) -> Desk:
-    return replace(desk, solo=parts_of)
+def _solo(command: c.Solo, faders: Faders, names: frozenset[str]) -> Faders:
+    return replace(faders, solo=names)
 
 
-def _unmute(command: c.Unmute, desk: Desk, parts_of: frozenset[str]) -> Desk:
+def _unmute(command: c.Unmute, faders: Faders, names: frozenset[str]) -> Faders:
     if command.name is None:
-        return replace(desk, muted=frozenset(), solo=frozenset())
-    return replace(desk, muted=desk.muted - parts_of, solo=frozenset())
+        return replace(faders, muted=frozenset(), solo=frozenset())
+    return replace(faders, muted=faders.muted - names, solo=frozenset())
 
 
-_FADES: Mapping[type[c.Command], Callable[[Any, Desk, frozenset[str]], Desk]] = {
+_FADER_EDITS: Mapping[type[c.Command], Callable[[Any, Faders, frozenset[str]], Faders]] = {
     c.Gain: _gain,
     c.Mute: _mute,
     c.Solo: _solo,
@@ -193,12 +196,14 @@ def _parts(version: Version, name: str | None) -> frozenset[str]:
         for end in _ends(module.fields.get("between"), key)
     )
     if not touched:
-        raise NotTakenError(f"{name}'s key {key} touches no instrument")
+        raise NotTakenError(
+            f"{name} plays the key {key}, which touches no instrument: name an instrument"
+        )
     return touched
 
 
 def _ends(between: Any, key: str) -> list[Any]:
-    """The other ends of a link of a key."""
+    """The ends of a link that are not the key; none where the key is not linked."""
     if not between or all(end.part != key for end in between):
         return []
     return [end for end in between if end.part != key]
@@ -207,69 +212,69 @@ def _ends(between: Any, key: str) -> list[Any]:
 # --- all of it -----------------------------------------------------------------------------------
 
 
-def _edit(command: c.Command) -> Deed:
-    edit = _EDITS[type(command)]
-    return lambda version, beat: _read(version, edit(command, version, beat))
+def _text_edit(command: c.Command) -> VersionEdit:
+    change = _TEXT_EDITS[type(command)]
+    return lambda version, beat: _with_texts(version, change(command, version, beat))
 
 
-def _defined_alone(command: c.Define) -> Deed:
-    """A gesture is tried on its keys before it is believed."""
+def _define_rehearsed(command: c.Define) -> VersionEdit:
+    """Define a gesture, and rehearse it on its keys."""
 
-    def deed(version: Version, beat: float) -> Version:
-        made = _read(version, _define(command, version, beat))
+    def edit(version: Version, beat: float) -> Version:
+        made = _with_texts(version, _define(command, version, beat))
         rehearsed(made.piece, command.name)
         return made
 
-    return deed
+    return edit
 
 
-def _fade(command: Any) -> Deed:
-    fade = _FADES[type(command)]
+def _fader_edit(command: Any) -> VersionEdit:
+    change = _FADER_EDITS[type(command)]
     return lambda version, beat: replace(
-        version, desk=fade(command, version.desk, _parts(version, command.name))
+        version, faders=change(command, version.faders, _parts(version, command.name))
     )
 
 
-def _guide(command: c.Guide) -> Deed:
-    """A hand is led by another player's part, or no longer."""
-    lead = None if command.by is None else lead_of(command)
+def _guide(command: c.Guide) -> VersionEdit:
+    """Guide a hand along another player's part, or end that."""
+    guide = None if command.by is None else guide_of(command)
 
-    def deed(version: Version, beat: float) -> Version:
-        leads = dict(version.leads)
-        if lead is not None:
-            leads[command.player] = lead
-        elif leads.pop(command.player, None) is None:
-            raise NotTakenError(f"nobody leads {command.player}")
-        return replace(version, leads=leads)
+    def edit(version: Version, beat: float) -> Version:
+        guides = dict(version.guides)
+        if guide is not None:
+            guides[command.player] = guide
+        elif guides.pop(command.player, None) is None:
+            raise NotTakenError(f"{command.player}'s hand is not guided")
+        return replace(version, guides=guides)
 
-    return deed
+    return edit
 
 
-def _load(command: c.Load) -> Deed:
+def _load(command: c.Load) -> VersionEdit:
     files: list[Texts] = []
 
-    def deed(version: Version, beat: float) -> Version:
+    def edit(version: Version, beat: float) -> Version:
         if not files:
             before = version.texts.bounds
             trust = before is not None and before.trusts
             folder = Path(command.file).parent
             files.append(_file(command.file, Bounds.around(folder, trust=trust)))
-        return replace(_read(version, files[0]), read=files[0])
+        return replace(_with_texts(version, files[0]), read=files[0])
 
-    return deed
+    return edit
 
 
-def _reload(command: c.Reload) -> Deed:
-    """The score's own file, and those that it uses, as they are when the line is typed."""
+def _reload(command: c.Reload) -> VersionEdit:
+    """Read the score's files again, as they are when the line is typed."""
     files: dict[str, Texts] = {}
 
-    def deed(version: Version, beat: float) -> Version:
+    def edit(version: Version, beat: float) -> Version:
         path = version.texts.path
         if path not in files:
             files[path] = _file(path, version.texts.bounds)
-        return replace(_read(version, files[path]), read=files[path])
+        return replace(_with_texts(version, files[path]), read=files[path])
 
-    return deed
+    return edit
 
 
 def _file(path: str, bounds: Bounds | None) -> Texts:
@@ -279,20 +284,20 @@ def _file(path: str, bounds: Bounds | None) -> Texts:
         raise NotTakenError(f"{path}: {error.strerror}") from None
 
 
-def _hush(command: c.Hush) -> Deed:
+def _hush(command: c.Hush) -> VersionEdit:
     return hushed
 
 
-def _damp(command: c.Damp) -> Deed:
+def _damp(command: c.Damp) -> VersionEdit:
     return lambda version, beat: replace(hushed(version, beat), damp=command.time)
 
 
-DEEDS: Mapping[type[c.Command], Callable[[Any], Deed]] = {
-    **dict.fromkeys(_EDITS, _edit),
-    **dict.fromkeys(_FADES, _fade),
-    c.Set: _glided,
+VERSION_EDITS: Mapping[type[c.Command], Callable[[Any], VersionEdit]] = {
+    **dict.fromkeys(_TEXT_EDITS, _text_edit),
+    **dict.fromkeys(_FADER_EDITS, _fader_edit),
+    c.Set: _set_gliding,
     c.Guide: _guide,
-    c.Define: _defined_alone,
+    c.Define: _define_rehearsed,
     c.Hush: _hush,
     c.Damp: _damp,
     c.Load: _load,
@@ -300,21 +305,25 @@ DEEDS: Mapping[type[c.Command], Callable[[Any], Deed]] = {
 }
 
 
-READ = (c.Load, c.Reload)
+READS_FILES = (c.Load, c.Reload)
 
 
 # --- what is said of it --------------------------------------------------------------------------
 
 
-def said(command: c.Command, made: Running) -> str:
-    """A command that was taken, in a few words."""
+def summary(command: c.Command, made: Running) -> str:
+    """What a reply says of a command beyond `ok`."""
     if isinstance(command, c.Define):
         return _defined(command, made)
     if isinstance(command, c.Plays):
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, c.Guide):
         by = command.by
-        return f"{command.player}: free" if by is None else f"{command.player}: led by {by}"
+        return (
+            f"{command.player}: no longer guided"
+            if by is None
+            else f"{command.player}: guided by {by}"
+        )
     return ""
 
 

@@ -1,78 +1,78 @@
-"""Lines between Enter and their turn. What stops the music waits for no turn."""
+"""The queue of entered lines; `panic` and `quit` act before their turn."""
 
 from __future__ import annotations
 
 from queue import SimpleQueue
 from typing import Generic, NamedTuple, TypeVar
 
-from .face import Face, stop_of
+from .session_protocol import SessionProtocol, stop_of
 
 Who = TypeVar("Who")
 
 
-class Turn(NamedTuple, Generic[Who]):
-    """A line whose turn has come; see `Face.submit` for `releases`."""
+class QueuedLine(NamedTuple, Generic[Who]):
+    """A line whose turn has come; see `SessionProtocol.submit` for `releases`."""
 
     who: Who
     text: str
     releases: bool
 
 
-class Turns(Generic[Who]):
+class LineQueue(Generic[Who]):
     """Lines are entered by one thread and done by another, in their order.
 
     `panic` and `quit` act when they are entered, while a line is at work; their own turn comes
     after the lines before them, which bring back neither sound nor force.
     """
 
-    def __init__(self, face: Face) -> None:
-        """Over a face; nothing waits."""
-        self._face = face
-        self._stops = 0  # that were entered
-        self._seen = ""  # the line that was looked at last
+    def __init__(self, session: SessionProtocol) -> None:
+        """Feed a session; the queue is empty."""
+        self._session = session
+        self._stops = 0  # stops that were entered
+        self._seen = ""  # the line that `stop_now` saw last
         self._waiting: SimpleQueue[tuple[Who, str, int] | str | None] = SimpleQueue()
 
     def enter(self, text: str, who: Who) -> None:
-        """Let a line wait; if it is a stop, do that now, unless it was seen before."""
+        """Queue a line; a stop acts now, unless `stop_now` has seen the line."""
         if text != self._seen:
-            self.look(text)
+            self.stop_now(text)
         self._seen = ""
         self._waiting.put((who, text, self._stops))
 
-    def look(self, text: str) -> None:
-        """Do now what a line stops that is going to be entered."""
+    def stop_now(self, text: str) -> None:
+        """Act on a stop in a line that is about to be entered."""
         self._seen = text
         match stop_of(text):
             case "panic":
                 self._stops += 1
-                self._face.panic()
+                self._session.panic()
             case "quit":
                 self.let_go()
 
     def panic(self) -> None:
-        """Silence and no force now, and again after the lines that wait."""
+        """End sound and force now, and again after the waiting lines."""
         self._stops += 1
-        self._face.panic()
+        self._session.panic()
         if not self._waiting.empty():
             self._waiting.put("panic")
 
     def let_go(self) -> None:
-        """No force now, and none by the lines that wait."""
+        """End forces now; waiting lines release none."""
         self._stops += 1
-        self._face.let_go()
+        self._session.let_go()
 
     def end(self) -> None:
-        """No line follows."""
+        """End the queue: no line follows."""
         self._stops += 1
-        self._face.input_ends()
+        self._session.input_ends()
         self._waiting.put(None)
 
-    def next(self) -> Turn[Who] | None:
+    def next(self) -> QueuedLine[Who] | None:
         """Wait for the next line; None at the end."""
         while (one := self._waiting.get()) is not None:
-            if isinstance(one, str):  # what lines before it began ends as well
-                self._face.panic()
+            if isinstance(one, str):  # a panic also ends what lines before it began
+                self._session.panic()
                 continue
             who, text, stops = one
-            return Turn(who, text, stops == self._stops)
+            return QueuedLine(who, text, stops == self._stops)
         return None

@@ -12,26 +12,28 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import IO, Any
 
-from . import place
+from ergon.common.errors import ErgonError
+
+from . import local_socket
 from .protocol import MAX_LINE, VERSION, ProtocolError, decode, encode
 
-_PATIENCE = 5  # [s] for the greeting, and for a session that reads nothing
+_PATIENCE = 5  # [s] to wait for the greeting, and for a session that does not read
 
 
-class GoneError(Exception):
-    """The connection has ended before the answer came."""
+class ConnectionLostError(ErgonError):
+    """The connection ended before the answer came."""
 
 
-class Refused(Exception):
-    """The session answered that it will not: one sentence."""
+class Refused(ErgonError):
+    """The session refused a request: one sentence."""
 
 
-class Link:
-    """A connection; `gone` once it has ended, `ended` says why the session did, if it did."""
+class Connection:
+    """A connection; it is `gone` when it has ended; `ended` says why the session has, if it has."""
 
     def __init__(self, path: Path) -> None:
-        """Connect. Raises NobodyError, PlaceError, ProtocolError."""
-        self._socket = place.connect(path)
+        """Connect. Raises NoSessionError, SocketError, ProtocolError."""
+        self._socket = local_socket.connect(path)
         self._file: IO[bytes] = self._socket.makefile("rb")
         self._numbers = itertools.count(1)
         self._waiting: dict[int, Future[Any]] = {}
@@ -53,7 +55,7 @@ class Link:
         try:
             line = self._file.readline(MAX_LINE)
         except OSError:
-            raise ProtocolError("what is there does not answer") from None
+            raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
         limit = struct.pack("ll", _PATIENCE, 0)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
@@ -62,29 +64,30 @@ class Link:
             raise ProtocolError(str(about["error"]))
         if about.get("ergon") != VERSION:
             raise ProtocolError(
-                f"it speaks version {about.get('ergon')} of the protocol, this is version {VERSION}"
+                f"the session speaks version {about.get('ergon')} of the "
+                f"protocol, this prompt version {VERSION}"
             )
         return about
 
     def ask(self, do: str, **fields: Any) -> Future[Any]:
-        """Send a request; its answer, or GoneError or Refused."""
+        """Send a request; its answer, or ConnectionLostError or Refused."""
         answer: Future[Any] = Future()
         number = next(self._numbers)
         with self._lock:
             if self.gone:
-                answer.set_exception(GoneError())
+                answer.set_exception(ConnectionLostError())
                 return answer
             self._waiting[number] = answer
         try:
             line = encode(id=number, do=do, **fields)
             with self._sending:
                 self._socket.sendall(line)
-        except OSError:  # among them that nothing was read for so long: a part may be sent
+        except OSError:  # also a timeout, after which a part of the line may be sent
             self.close()
         return answer
 
     def close(self) -> None:
-        """End it."""
+        """Close the connection."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._over()
@@ -118,4 +121,4 @@ class Link:
             self.gone = True
             left, self._waiting = self._waiting, {}
         for answer in left.values():
-            answer.set_exception(GoneError())
+            answer.set_exception(ConnectionLostError())

@@ -1,0 +1,272 @@
+"""What the commands of a session act on: its versions, waiting lines, files and journal."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ergon.live.display import feels
+from ergon.notation.clock.positions import Length
+from ergon.repl.language.commands import NOW, Command, Guide, When
+from ergon.repl.language.scope import scope_of
+from ergon.repl.session import computing, version_edits
+from ergon.repl.session.captures import Capture, Captures
+from ergon.repl.session.clock import Clock
+from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
+from ergon.repl.session.disk import Disk
+from ergon.repl.session.guidance import Guidance, allow
+from ergon.repl.session.journal import Journal
+from ergon.repl.session.journal_content import text_fields
+from ergon.repl.session.running import Running, begin
+from ergon.repl.session.stops import Stops
+from ergon.repl.session.version import NotTakenError, PastVersion, Version
+from ergon.repl.session.watch import Watch
+from ergon.repl.session_protocol import Reply
+
+if TYPE_CHECKING:
+    from ergon.repl.session.engine import Engine
+    from ergon.scores.edits.texts import Texts
+    from ergon.scores.staging.live import Real
+    from ergon.scores.staging.planning import Store
+    from ergon.scores.staging.stage import Stage
+
+_BAR = Length(bars=1.0)
+
+
+class SessionCore:
+    """Versions of a score that take over from one another while they sound."""
+
+    def __init__(
+        self,
+        version: Version,
+        make: Callable[[Stage], Engine],
+        *,
+        margin: float,
+        journal: Journal | None = None,
+        real: Real | None = None,
+        store: Store | None = None,
+        clock: Clock | None = None,
+        hands: Path | None = None,
+        disk: Disk | None = None,
+        watches: bool = False,
+    ) -> None:
+        """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
+
+        `margin` [s] is the time a change takes to reach the engine; `hands` is the recording that
+        the engine writes of real hands; `disk` holds known hashes where files on the disk differ
+        from the version. A session that `watches` reloads the score when it is saved elsewhere.
+        """
+        running = begin(version, clock or Clock(), real or {}, store)
+        engine = make(running.stage)
+        borne = engine.bearings(running.stage, running.start, (), ())
+        running = replace(running, bearings=borne)
+        engine.set_faders(fader_ratios(running))
+        self.journal = journal
+        self.quant: Length | None = _BAR
+        self.quant_text = "bar"
+        self.versions = [PastVersion.of(version, "1|1")]
+        self.version_index = 0  # in `versions`: the last that was not undone
+        self.commits = Commits(
+            engine, running, real or {}, int(margin * running.stage.rate), version
+        )
+        self.captures = Captures(hands)
+        self.guidance = Guidance(self.commits)
+        self.computing = computing.Computing()
+        self.watch = Watch(version.texts) if watches else None
+        self.stops = Stops(self)
+        self.taps: list[float] = []
+        self.disk = disk or Disk.of(version.texts)
+        self.number = 0
+        self._scope = scope_of(version.piece)
+        self._scope_piece = version.piece
+        self._messages: deque[str] = deque(maxlen=1000)
+        # The share of the scene's force that each player was last told.
+        self._scales: dict[str, float] = {}
+        self._messages += self.force_messages(running)
+        self.lock = threading.RLock()
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def say(self, message: str) -> None:
+        """Add a message."""
+        self._messages.append(message)
+
+    def release(self) -> None:
+        """Switch sound and force on again, after a panic or `let_go`."""
+        self.stops.release()
+        self._tell("release", frame=self.commits.engine.frame)
+
+    def make_version(self, text: str, commands: Sequence[Command]) -> Reply:
+        """Make a version by the edits of commands, and queue it."""
+        for command in commands:
+            if isinstance(command, Guide):
+                allow(command, self.commits)
+        when: When = next((c.when for c in commands if c.when is not None), None)
+        is_read = any(type(command) in version_edits.READS_FILES for command in commands)
+        where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
+        said = [version_edits.summary(command, made) for command in commands]
+        said += self.force_messages(made)
+        return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
+
+    def force_messages(self, made: Running) -> list[str]:
+        """Messages about the share of force that real hands get, where it has changed."""
+        changed = [
+            one for one in made.bearings if self._scales.get(one.player, 1.0) != one.last.scale
+        ]
+        self._scales |= {one.player: one.last.scale for one in changed}
+        return [feels(one) for one in changed]
+
+    def queue(
+        self,
+        line: str,
+        edit: VersionEdit,
+        when: When = None,
+        *,
+        goes: bool | None = None,
+        beat: float | None = None,
+        resets: bool = False,
+        restores: int | None = None,
+        is_read: bool = False,
+        is_limited: bool = True,
+    ) -> tuple[str, Running]:
+        """Queue a line for its boundary: a new version, or an old one that it `restores`.
+
+        Returns the beat as written, and the version staged. Texts read from files are kept in the
+        journal. Raises StoppedError where a line that `is_limited` takes too long.
+        """
+        place, start = self.commits.place(when, self.quant)
+        self.number += 1
+        number = self.number
+
+        def numbered(version: Version, at: float) -> Version:
+            made = edit(version, at)
+            return replace(made, number=number, line=line)
+
+        enter = place if beat is None else beat
+        is_now = when is NOW or (when is None and self.quant is None) or goes is not None
+        waiting = Waiting(line, numbered, enter, start, goes, resets, number=number, is_now=is_now)
+        seconds: float | None = None
+        if is_limited:
+            takes_long = is_read or restores is not None or goes is not None
+            seconds = computing.FILES if takes_long else computing.LINE
+        with self.computing.within(seconds):
+            made = self.commits.take(waiting)
+        where = made.version.piece.tempo_map.written(waiting.beat)
+        self._tell(
+            "line",
+            number=number,
+            line=line,
+            beat=waiting.beat,
+            start=waiting.start,
+            goes=goes,
+            resets=resets,
+            restores=restores,
+            where=where,
+            **(self._fields_read(made.version) if is_read else {}),
+        )
+        if restores is None:
+            del self.versions[self.version_index + 1 :]
+            self.versions.append(PastVersion.of(made.version, where))
+            self.version_index += 1
+        self._rescope()
+        self.pump()
+        return where, made
+
+    def _fields_read(self, version: Version) -> dict[str, object]:
+        if version.read is not None:
+            self.disk.note_read(version.read)
+        return {**text_fields(version.texts), "disk": self.disk.hashes_by_name(version.texts)}
+
+    def drop(self, waiting: Waiting) -> None:
+        """Remove a line that has not taken effect."""
+        self.commits.drop(waiting)
+        self._tell("dropped", number=waiting.number)
+        self._rescope()
+
+    def note_written(self, texts: Texts) -> None:
+        """Note in the journal that files were written."""
+        self._tell("saved", score=texts.path, disk=self.disk.hashes_by_name(texts))
+        if self.watch is not None:
+            self.watch.has_changed()  # the session itself wrote them
+
+    def written(self, beat: float) -> str:
+        """A beat of the piece as `bar|beat`."""
+        return self.commits.head.piece.tempo_map.written(beat)
+
+    def pump(self) -> None:
+        """Hand due versions to the engine, and handle its events."""
+        with self.lock:
+            self._handle_events()
+            self._late(self.commits.tick())
+            while self.commits.dropped:
+                one, why = self.commits.dropped.pop(0)
+                self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
+                self._tell("dropped", number=one.number)
+            if (own := self.captures.ready(self.commits)) is not None:
+                self._keep_take(own)
+            if self.journal is not None and (trouble := self.journal.trouble()):
+                self._messages.append(trouble)
+
+    def _handle_events(self) -> None:
+        for event in self.commits.engine.events():
+            if event.sentence:
+                self._messages.append(f"{self._written(event.frame)} {event.sentence}")
+            elif event.ticket is not None and event.is_late:
+                self.guidance.late(event.ticket)
+                self._late(self.commits.late(event.ticket))
+            elif event.ticket is not None:
+                self._committed(self.commits.done(event.ticket), event.frame)
+
+    def _keep_take(self, own: Capture) -> None:
+        """Write the file of a take that has ended, and give it a name in the score."""
+        folder = Path(self.commits.head.texts.path).parent
+        try:
+            path = self.captures.write(own, folder, self.commits.engine.tick_frames)
+            file = path.relative_to(folder).as_posix()
+
+            def edit(version: Version, beat: float) -> Version:
+                return version_edits.with_take(version, own.name, file, own.player)
+
+            self.queue(f"# take {own.name}", edit, NOW, is_read=True)
+        except (NotTakenError, *REFUSALS) as error:
+            self._messages.append(str(error))
+            return
+        assert own.stop is not None
+        seconds = (own.stop - own.start) / self.commits.rate
+        self._messages.append(f"take {own.name}: {seconds:.1f} s -> {file}")
+
+    def _late(self, lines: Sequence[Waiting]) -> None:
+        for one in lines:
+            if one.number:
+                self._tell("late", number=one.number, beat=one.beat)
+            if one.line and not one.is_now:
+                self._messages.append(
+                    f"'{one.line}' was not ready in time; it takes effect at the next bar"
+                )
+
+    def _committed(self, lines: Sequence[Waiting], frame: int) -> None:
+        if not self.commits.waiting:  # a waiting line may have been made for another version
+            running = self.commits.running
+            self._messages += [
+                f"{self._written(frame)} {said}" for said in self.force_messages(running)
+            ]
+        for one in lines:
+            if one.number:  # 0: no line, only the timeline was extended
+                self._tell("commit", number=one.number, frame=frame, beat=one.beat)
+
+    def _rescope(self) -> None:
+        piece = self.commits.head.piece
+        if piece is not self._scope_piece:
+            self._scope, self._scope_piece = scope_of(piece), piece
+
+    def _written(self, frame: int) -> str:
+        running: Running = self.commits.running
+        return running.version.piece.tempo_map.written(running.beat(frame))
+
+    def _tell(self, event: str, **fields: Any) -> None:
+        if self.journal is not None:
+            self.journal.tell(event, **fields)

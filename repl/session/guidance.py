@@ -1,0 +1,169 @@
+"""Haptic guidance: a real hand is pulled along the path of another player's part."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ergon._core import EngineError
+from ergon.live.perform import GUIDE
+from ergon.repl.session.engine import GuidedPath
+from ergon.repl.session.version import HandGuide, NotTakenError
+from ergon.scores.staging.live import leading
+
+if TYPE_CHECKING:
+    from ergon.repl.language.commands import Guide
+    from ergon.repl.session.commits import Commits
+    from ergon.repl.session.running import Running
+
+# The length of a path, which is replaced when half of it is left [s]. Making one takes some
+# hundredths of a second.
+_PATH = 6.0
+# A rest longer than _REST frees the hand; guidance begins _BEFORE the next gesture [s].
+_REST = 1.0
+_BEFORE = 0.2
+# The time allowed for the first path; later, the time of the slowest of the last [s].
+_MAKING = 0.1
+_FORGET = 0.8
+
+
+def guide_of(command: Guide) -> HandGuide:
+    """The guide of a command, as shares of the strongest guide. Raises NotTakenError."""
+    assert command.by is not None
+    stiffest, thickest = GUIDE
+    stiffness = stiffest if command.stiffness is None else command.stiffness
+    if stiffness > stiffest:
+        raise NotTakenError(
+            f"K={stiffness:g}N/m is too stiff to guide a hand: {stiffest:g}N/m at most"
+        )
+    share = stiffness / stiffest
+    viscosity = share * thickest if command.viscosity is None else command.viscosity
+    if viscosity > thickest:
+        raise NotTakenError(
+            f"Z={viscosity:g}Ns/m is too viscous to guide a hand: {thickest:g}Ns/m at most"
+        )
+    return HandGuide(command.by, share, viscosity / thickest)
+
+
+def allow(command: Guide, commits: Commits) -> None:
+    """Refuse a guide unless a real hand follows a written part. Raises NotTakenError."""
+    player, by = command.player, command.by
+    if player not in commits.real:
+        raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
+    if by is None:
+        return
+    if by in commits.real:
+        raise NotTakenError(
+            f"{by} is a real hand and cannot guide: name a player with a written part"
+        )
+    if player in commits.engine.status().away:
+        raise NotTakenError(
+            f"the device of {player}'s key is gone: type the line again when it is back"
+        )
+
+
+@dataclass(slots=True)
+class Guidance:
+    """Sends the engine the paths of guided hands, piece by piece, as the version plays."""
+
+    commits: Commits
+    _running: Running | None = None  # the version whose paths were sent
+    _remake_at: int = 0  # the frame at which the next paths are made
+    _guided: frozenset[str] = frozenset()
+    _ticket: int | None = None
+    _seconds: float = field(default=_MAKING)
+
+    def due(self) -> tuple[int, Mapping[str, GuidedPath]] | None:
+        """The frame and the new paths by player where they have to be sent now; else None."""
+        running, commits = self.commits.running, self.commits
+        players = running.version.piece.players
+        guides = {
+            player: guide
+            for player, guide in running.version.guides.items()
+            if player in commits.real and {player, guide.by} <= players.keys()
+        }
+        is_over = bool(guides) and commits.engine.frame >= self._remake_at
+        if running is self._running and not is_over:
+            return None
+        self._running = running
+        if not guides and not self._guided:
+            return None
+        began = time.perf_counter()
+        at, rate, every = (
+            commits.first(2.0 * self._seconds),
+            commits.rate,
+            commits.engine.tick_frames,
+        )
+        ticks = range(at // every, at // every + int(_PATH * rate) // every)
+        made = dict(self._released(guides))
+        made |= {
+            player: _guided_path(running, player, guide, ticks, every)
+            for player, guide in guides.items()
+        }
+        self._remake_at = at + int(_PATH / 2 * rate)
+        self._guided = frozenset(guides)
+        self._seconds = max(time.perf_counter() - began, _FORGET * self._seconds)
+        return at, made
+
+    def _released(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
+        import numpy as np
+
+        for player in self._guided - guides.keys():
+            yield player, GuidedPath(np.zeros(1), ((0, 0.0, 0.0),))
+
+    def hand(self, at: int, made: Mapping[str, GuidedPath]) -> None:
+        """Send paths to the engine; where its queue is full, `due` makes them again."""
+        try:
+            self._ticket = self.commits.engine.guide(at, made)
+        except EngineError:
+            self._running = None
+
+    def late(self, ticket: int) -> None:
+        """Note a late ticket: if paths were sent with it, `due` makes them again."""
+        if ticket == self._ticket:
+            self._running = None
+
+
+def _guided_path(
+    running: Running, player: str, guide: HandGuide, ticks: range, every: int
+) -> GuidedPath:
+    """The path of a guided player in the next ticks, within the travel of its own key."""
+    import numpy as np
+
+    piece, period = running.version.piece, every / running.stage.rate
+    path, plays = leading(piece, guide.by, running.spans, every, ticks)
+    travel = piece.keys[piece.players[player].key].travel
+    if travel is not None:
+        np.clip(path, *travel, out=path)
+    begins = ticks.start * period
+    spans = [
+        (round((start - _BEFORE - begins) / period), round((stop - begins) / period))
+        for start, stop in _joined(plays)
+    ]
+    shares = guide.stiffness, guide.viscosity
+    # If no other path comes in time, this one ends by freeing the hand.
+    steps = [(0, 0.0, 0.0), *_steps(spans, shares), (len(path), 0.0, 0.0)]
+    first = sum(at <= 0 for at, *_ in steps) - 1
+    now = (0, *steps[first][1:])
+    return GuidedPath(path, (now, *(step for step in steps[first + 1 :] if step[0] <= len(path))))
+
+
+def _joined(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Join stretches between which there is no long rest."""
+    found: list[tuple[float, float]] = []
+    for start, stop in sorted(plays):
+        if found and start - found[-1][1] <= _REST:
+            found[-1] = found[-1][0], max(stop, found[-1][1])
+        else:
+            found.append((start, stop))
+    return found
+
+
+def _steps(
+    spans: Sequence[tuple[int, int]], shares: tuple[float, float]
+) -> Iterator[tuple[int, float, float]]:
+    for start, stop in spans:
+        yield start, *shares
+        yield stop, 0.0, 0.0

@@ -1,0 +1,229 @@
+"""Commands that edit no version: transport, stopping, undo, saving, looking."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ergon.notation.text.errors import TextError
+from ergon.notation.text.files import is_shipped
+from ergon.repl.language import commands as c
+from ergon.repl.language.help import about, overview
+from ergon.repl.session import computing, files, inspection, version_edits
+from ergon.repl.session.version import NotTakenError
+from ergon.repl.session_protocol import Reply
+
+if TYPE_CHECKING:
+    from ergon.repl.session.core import SessionCore
+
+# Taps farther apart than this begin a new count [s]: slower than 20 bpm nobody taps.
+_TAPS_APART = 3.0
+_TAPS = 8  # only the latest taps count
+
+
+def _play(session: SessionCore, command: c.Play) -> Reply:
+    clock, tempo = session.commits.running.clock, session.commits.head.piece.tempo_map
+    if command.start is None and clock.goes:
+        raise NotTakenError(
+            "the piece is already running; `play from 1|1` starts it from the beginning"
+        )
+    if session.stops.is_stopped and session.stops.may_release:
+        session.release()
+    if session.stops.panicked:
+        raise NotTakenError("a panic was entered after this line: type `release`, then `play`")
+    beat = clock.at
+    if command.start is not None:
+        try:
+            beat = tempo.resolve(command.start)
+        except TextError as error:
+            raise NotTakenError(error.message) from None
+    where, _ = session.queue(
+        "play", version_edits.unchanged, c.NOW, goes=True, beat=beat, restores=-1
+    )
+    return Reply(True, f"ok from {where}")
+
+
+def _stop(session: SessionCore, command: c.Stop) -> Reply:
+    if not session.commits.running.clock.goes:
+        raise NotTakenError("the piece is already stopped; `play` continues it")
+    when = c.NOW if command.when is None else command.when
+    where, _ = session.queue("stop", version_edits.unchanged, when, goes=False, restores=-1)
+    return Reply(True, f"ok {where} the piece stops; `play` continues from there")
+
+
+def _panic(session: SessionCore, command: c.Panic) -> Reply:
+    session.stops.panic_in_turn()
+    return Reply(True, "")
+
+
+def _release(session: SessionCore, command: c.Release) -> Reply:
+    if not session.stops.is_stopped:
+        raise NotTakenError("no panic is active, and no force is off")
+    if not session.stops.may_release:
+        raise NotTakenError("a stop was entered after this line: type `release` again")
+    session.release()
+    return Reply(True, "ok")
+
+
+def _quant(session: SessionCore, command: c.Quant) -> Reply:
+    session.quant = None if isinstance(command.grid, c.Now) else command.grid
+    session.quant_text = command.words["grid"].text
+    return Reply(True, f"ok lines act on: {session.quant_text}")
+
+
+def _tap(session: SessionCore, command: c.Tap) -> Reply:
+    now = time.monotonic()
+    taps = session.taps
+    if taps and now - taps[-1] > _TAPS_APART:
+        taps.clear()
+    taps.append(now)
+    del taps[:-_TAPS]
+    if len(taps) < 3:
+        return Reply(True, f"tap {len(taps)}: {3 - len(taps)} more set the tempo")
+    bpm = round(60.0 * (len(taps) - 1) / (taps[-1] - taps[0]), 1)
+    return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
+
+
+def _undo(session: SessionCore, command: c.Undo) -> Reply:
+    return _back_to(session, session.version_index - 1, "undo", "this is the first version")
+
+
+def _redo(session: SessionCore, command: c.Redo) -> Reply:
+    return _back_to(session, session.version_index + 1, "redo", "no version was undone")
+
+
+def _back(session: SessionCore, command: c.Back) -> Reply:
+    return _back_to(
+        session,
+        session.version_index - command.count,
+        f"back {command.count}",
+        "there are fewer versions than that",
+    )
+
+
+def _back_to(session: SessionCore, index: int, line: str, none: str) -> Reply:
+    if not 0 <= index < len(session.versions):
+        raise NotTakenError(f"{none}; `history` lists the versions")
+    target, left = session.versions[index], session.versions[session.version_index]
+    waits = next((one for one in session.commits.waiting if one.number == left.number), None)
+    if waits is not None and index == session.version_index - 1:
+        session.drop(waits)
+        session.version_index = index
+        return Reply(True, f"ok '{left.line}' is cancelled before it took effect")
+
+    where, made = session.queue(line, target.restored, restores=target.number)
+    session.version_index = index
+    said = "; ".join([f"as after: {target.line or 'the beginning'}", *session.force_messages(made)])
+    return Reply(True, f"ok {where} {said}")
+
+
+def _history(session: SessionCore, command: c.History) -> Reply:
+    rows = []
+    for index, version in enumerate(session.versions):
+        here = ">" if index == session.version_index else " "
+        rows.append(f"{here} {index:3}  {version.where:>8}  {version.line or '(the score)'}")
+    return Reply(True, "", lines=tuple(rows))
+
+
+def _help(session: SessionCore, command: c.Help) -> Reply:
+    return Reply(True, "", lines=overview() if command.verb is None else about(command.verb))
+
+
+def _show(session: SessionCore, command: c.Show) -> Reply:
+    return Reply(True, "", lines=tuple(inspection.show(session.commits.head, command.name)))
+
+
+def _look(session: SessionCore, command: c.Look) -> Reply:
+    with session.computing.within(computing.LINE):
+        return Reply(True, "", lines=tuple(inspection.drawn(session.commits.head, command.name)))
+
+
+def _scope(session: SessionCore, command: c.Trace) -> Reply:
+    with session.computing.within(computing.LINE):
+        lines = inspection.scoped(
+            session.commits.running, session.commits.engine.frame, command.name
+        )
+    return Reply(True, "", lines=tuple(lines))
+
+
+def _meters(session: SessionCore, command: c.Meters) -> Reply:
+    peaks = session.commits.engine.status().peaks
+    shown = [
+        f"{channel:3}  {20 * math.log10(peak):6.1f} dB" if peak > 0 else f"{channel:3}  silent"
+        for channel, peak in enumerate(peaks, 1)
+    ]
+    return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
+
+
+def _save(session: SessionCore, command: c.Save) -> Reply:
+    written = files.save(session, None if command.file is None else Path(command.file))
+    if not written:
+        return Reply(True, "ok nothing to write: the files already hold this version")
+    return Reply(True, f"ok wrote {', '.join(written)}")
+
+
+def _record(session: SessionCore, command: c.Record) -> Reply:
+    if session.captures.path is None or command.player not in session.commits.real:
+        raise NotTakenError(
+            f"no real hand plays {command.player}: start ergon with --live {command.player}=DEVICE"
+        )
+    if is_shipped(Path(session.commits.head.texts.path)):
+        raise NotTakenError(
+            "a take is written beside its score, and this score ships with ergon: "
+            "`save NAME`, then `load NAME.yaml`"
+        )
+    beat, _ = session.commits.place(command.when, session.quant)
+    session.captures.begin(command.player, command.take, session.commits.frame(beat))
+    return Reply(
+        True, f"ok {session.written(beat)} recording {command.player}; `record off` ends the take"
+    )
+
+
+def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
+    beat, _ = session.commits.place(command.when, session.quant)
+    own = session.captures.end(session.commits.frame(beat))
+    return Reply(True, f"ok {session.written(beat)} take {own.name} ends")
+
+
+def _keep(session: SessionCore, command: c.Keep) -> Reply:
+    return Reply(True, f"ok wrote {', '.join(files.keep(session, command.length, command.name))}")
+
+
+def _py(session: SessionCore, command: c.Py) -> Reply:
+    scope: dict[str, Any] = {"session": session, "math": math}
+    value = eval(command.expression, {"__builtins__": __builtins__}, scope)
+    return Reply(
+        True, "" if value is None else repr(value)[:1000]
+    )  # `py` is the performer's own code
+
+
+def _quit(session: SessionCore, command: c.Quit) -> Reply:
+    return Reply(True, "bye", leaves=True)
+
+
+SESSION_COMMANDS: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] = {
+    c.Play: _play,
+    c.Stop: _stop,
+    c.Panic: _panic,
+    c.Release: _release,
+    c.Quant: _quant,
+    c.Tap: _tap,
+    c.Undo: _undo,
+    c.Redo: _redo,
+    c.Back: _back,
+    c.History: _history,
+    c.Help: _help,
+    c.Show: _show,
+    c.Look: _look,
+    c.Trace: _scope,
+    c.Meters: _meters,
+    c.Save: _save,
+    c.Record: _record,
+    c.RecordOff: _record_off,
+    c.Keep: _keep,
+    c.Py: _py,
+    c.Quit: _quit,
+}

@@ -1,0 +1,34 @@
+"""Whether somebody else saved a score while it plays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon.scores.edits.texts import Texts
+
+
+class Watch:
+    """Whether the score, or a file that it uses, was saved by somebody else."""
+
+    def __init__(self, texts: Texts) -> None:
+        """Watch the files that texts use."""
+        self._files = [Path(name) for name in texts.load().files]
+        self._seen = self._stamps()
+
+    def has_changed(self) -> bool:
+        """Whether a file was saved since the last call."""
+        now = self._stamps()
+        changed, self._seen = now != self._seen, now
+        return changed
+
+    def _stamps(self) -> list[int]:
+        return [_stamp(path) for path in self._files]
+
+
+def _stamp(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:  # an editor puts a new file in its place
+        return 0
