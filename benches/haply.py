@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from tests.simulated_service import Reply, Service, real_time
+from tests.support.simulated_service import Reply, Service, real_time
 
 from benches.measure import Row
 

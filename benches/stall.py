@@ -21,7 +21,7 @@ import numpy as np
 from benches.measure import Row
 
 _ERGON = [sys.executable, "-m", "ergon.cli"]
-_BOARD = Path(__file__).parent.parent / "tests" / "simulated_board.py"
+_BOARD = Path(__file__).parent.parent / "tests" / "support" / "simulated_board.py"
 # A hand 20 mm away feels 2 N. No damper between the keys: it would feel when the machine is busy.
 _SCORE = """\
 ergon: 1

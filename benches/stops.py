@@ -22,7 +22,7 @@ from statistics import median
 
 from benches.measure import Row
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from simulated_board import Simulated, simulated
 from terminals import CTRL_D, ENTER, F12, Terminal

@@ -1,0 +1,84 @@
+"""Arrows point one way: what each room may import, as DESIGN.md says."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TEXT, CLOCK, TABLES = (f"notation.{step}" for step in ("text", "clock", "tables"))
+GESTURE, READING, EDITS, STAGING = (
+    f"scores.{step}" for step in ("gesture", "reading", "edits", "staging")
+)
+MAY = {
+    "common": set(),
+    "view": {"_core"},
+    "exchange": {"_core"},
+    TEXT: set(),
+    CLOCK: {TEXT, "_core"},
+    TABLES: {TEXT, CLOCK, "_core"},
+    "instruments": {"notation", "_core"},
+    GESTURE: {"notation", "_core"},
+    READING: {"notation", "instruments", GESTURE},
+    EDITS: {"notation", "instruments", GESTURE, READING},
+    STAGING: {"notation", "instruments", GESTURE, READING, "_core"},
+    "repl.language": {"notation", "instruments", "scores"},
+    "lab": {"notation", "instruments", "scores", "exchange", "_core"},
+    "live": {"notation", "scores", "exchange", "_core"},
+    "repl.session": {
+        "notation",
+        "instruments",
+        "scores",
+        "exchange",
+        "live",
+        "view",
+        "repl.face",
+        "repl.language",
+        "_core",
+    },
+    "repl.prompt": {"repl.face", "repl.turns"},
+    "repl.wire": {"repl.face", "repl.turns"},
+    "cli": {
+        "notation",
+        "instruments",
+        "scores",
+        "exchange",
+        "lab",
+        "live",
+        "repl",
+        "view",
+        "_core",
+    },
+}
+
+
+def imported(path: Path) -> set[str]:
+    """Modules of the package that a file names, anywhere in it, but for its annotations."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    only_types = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    names = set()
+    for node in ast.walk(tree):
+        if id(node) in only_types:
+            continue
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ergon"):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names if alias.name.startswith("ergon")}
+    return names
+
+
+@pytest.mark.parametrize("room", MAY)
+def test_a_room_imports_only_what_it_may(room: str):
+    folder = ROOT / room.replace(".", "/")
+    files = list(folder.rglob("*.py"))
+    assert files
+    allowed = tuple(f"ergon.{name}" for name in (*MAY[room], room, "common"))
+    for path in files:
+        for name in imported(path):
+            known = name.startswith(tuple(f"{one}." for one in allowed)) or name in allowed
+            assert known, f"{path.relative_to(ROOT)} imports {name}"
