@@ -12,19 +12,20 @@ import contextlib
 import hashlib
 import json
 import math
-import os
 import socket
 import struct
-import sys
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
+from real_time import real_time
+
 _GUID = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11"
 _TEXT, _CLOSE, _PING, _PONG = 1, 8, 9, 10
 _ID = "SIM"
+_PRIORITY = 60  # below the threads of the performance
 
 Reply = Literal["state", "empty", "silent"]
 
@@ -83,7 +84,7 @@ class Service:
 
     def _run(self) -> None:
         if self.prompt:
-            real_time()
+            real_time(priority=_PRIORITY)
         while not self._over.is_set():
             try:
                 host, _ = self._listener.accept()
@@ -134,14 +135,6 @@ class Service:
         position = {"x": x, "y": 0.0, "z": 0.0}
         state = {"cursor_position": position, "current_cursor_force": {"x": 0, "y": 0, "z": 0}}
         return json.dumps({"inverse3": [{"device_id": _ID, "state": state}]}).encode()
-
-
-def real_time() -> None:
-    """This thread below those of the performance, and not what it starts."""
-    if sys.platform == "linux":
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        with contextlib.suppress(PermissionError):
-            os.sched_setscheduler(0, policy, os.sched_param(60))
 
 
 class _Stream:
