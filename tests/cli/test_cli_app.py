@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 import pytest
+from patience import PATIENCE
 
 from ergon.cli import app, take
 from ergon.cli.colour import may_colour
@@ -169,7 +170,7 @@ def test_a_broken_pipe_ends_quietly() -> None:
         process.stdout.read(10)
         process.stdout.close()
         assert process.stderr.read() == b""
-        assert process.wait(timeout=30) == 0
+        assert process.wait(timeout=PATIENCE) == 0
 
 
 @pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["completion", "bash"]])
@@ -180,7 +181,7 @@ def test_head_of_any_command(words: list[str]) -> None:
         assert process.stderr is not None
         process.stdout.close()
         assert process.stderr.read() == b""
-        assert process.wait(timeout=30) == 0
+        assert process.wait(timeout=PATIENCE) == 0
 
 
 def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:

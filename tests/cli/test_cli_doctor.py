@@ -5,12 +5,13 @@ import math
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benches.interrupts import CHILD
 from boards import Board, emulated
+from patience import PATIENCE, until
 
 from ergon import _core
 from ergon.cli import app
@@ -186,25 +187,34 @@ def test_take_record_keeps_where_a_hand_was(capsys: Capture):
 
 
 @pytest.mark.parametrize(
-    "asked",
+    ("name", "asked"),
     [
-        ["take", "record", "--live", "emul:", "-o", "c.take"],
-        ["doctor", "--no-audio", "--seconds", "60"],
-        ["devices", "calibrate", "BOARD", "--seconds", "60"],
+        ("_until_over", ["take", "record", "--live", "emul:", "-o", "c.take"]),
+        ("doctor", ["doctor", "--no-audio", "--seconds", "3600"]),
+        ("calibrate", ["devices", "calibrate", "BOARD", "--seconds", "60"]),
     ],
 )
-def test_ctrl_c_ends_it(folder: Path, asked: list[str]):
+def test_ctrl_c_ends_it(folder: Path, name: str, asked: list[str]):
     with (
         Board(1e-3) as board,
         subprocess.Popen(
-            [sys.executable, "-m", "ergon.cli", *(board.url if a == "BOARD" else a for a in asked)],
+            [
+                *(sys.executable, "-c", CHILD, name),
+                *(board.url if a == "BOARD" else a for a in asked),
+            ],
+            stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            text=True,
         ) as process,
     ):
-        time.sleep(3.0)
+        assert process.stdout is not None
+        while "begun" not in process.stdout.readline():
+            assert process.poll() is None
+        if "record" in asked:
+            until(lambda: Path("c.take").stat().st_size > 10_000, "a recording")
         process.send_signal(signal.SIGINT)
         try:
-            assert process.wait(timeout=10) == 130
+            assert process.wait(timeout=PATIENCE) == 130
         finally:
             process.kill()  # else a failure would wait for its end
     if "record" in asked:

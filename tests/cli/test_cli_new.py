@@ -9,6 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
+from patience import until
 
 from ergon.cli import app, demo
 from ergon.cli.new import TEMPLATES, contents
@@ -144,28 +145,23 @@ def test_changes_are_seen_through_an_editor_that_replaces_files(tmp_path: Path) 
     def work() -> None:
         for _ in changes({path}):
             seen.append(path.read_text())
-            if len(seen) == 3:
+            if seen[-1] == "3":
                 return
 
     thread = threading.Thread(target=work, daemon=True)
     thread.start()
 
-    def wait_for(count: int) -> None:
-        for _ in range(200):
-            if len(seen) >= count:
-                return
-            time.sleep(0.05)
-        raise AssertionError(f"only {seen}")
-
-    wait_for(1)
+    until(lambda: seen, "the first")
     other.write_text("not ours")
     time.sleep(0.3)
     assert len(seen) == 1
-    path.write_text("2")
-    wait_for(2)
+    with path.open("r+") as file:  # in place, and never empty
+        file.write("2")
+    until(lambda: seen[-1] == "2", "a change in place")
     path.rename(tmp_path / "a.yaml~")  # as vim saves
     time.sleep(0.2)
-    path.write_text("3")
-    wait_for(3)
-    thread.join(10)
+    other.write_text("3")
+    other.rename(path)
+    until(lambda: seen[-1] == "3", "another file")
+    thread.join()
     assert seen == ["1", "2", "3"]

@@ -4,11 +4,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from one_bell import SCORE
+from patience import PATIENCE, until
 
 COMMAND = [sys.executable, "-m", "ergon.cli"]
 
@@ -27,14 +27,9 @@ def test_a_stopped_render_leaves_nothing(
 ) -> None:
     command = [*COMMAND, "render", "long.yaml", "--stems", "stems", "--threads", threads]
     with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE) as process:
-        for _ in range(600):
-            if list(folder.glob(".long.wav.*.part")):
-                break
-            time.sleep(0.05)
-        else:
-            raise AssertionError("no render began")
+        until(lambda: list(folder.glob(".long.wav.*.part")), "a render")
         process.send_signal(number)
-        assert process.wait(timeout=60) == 128 + number
+        assert process.wait(timeout=PATIENCE) == 128 + number
         assert process.stderr is not None
         assert b"Traceback" not in process.stderr.read()
     files = [path.name for path in folder.rglob("*") if path.is_file()]
@@ -60,7 +55,7 @@ def test_renders_go_through_pipes(folder: Path) -> None:
         assert process.stdout.read(4) == b"RIFF"
         process.stdout.close()
         assert b"Traceback" not in process.stderr.read()
-        assert process.wait(timeout=60) == 0
+        assert process.wait(timeout=PATIENCE) == 0
     again = subprocess.run(
         [*COMMAND, "render", "-q", "-", "-o", "x.wav"],
         cwd=folder,

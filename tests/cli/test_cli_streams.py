@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from one_bell import SCORE
+from patience import PATIENCE
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
 SAID = ("Traceback", "internal error", "Exception ignored")
@@ -39,7 +40,7 @@ def ergon(folder: Path, line: str, closed: tuple[int, ...] = (), **environment: 
         env={**os.environ, **environment},
         stdin=subprocess.DEVNULL,
         capture_output=True,
-        timeout=120,
+        timeout=PATIENCE,
         preexec_fn=close,
     )
     told = done.stderr.decode()

@@ -9,11 +9,11 @@ import threading
 import numpy as np
 import pytest
 from benches.interrupts import COMMANDS, begun
+from patience import PATIENCE
 
 from ergon import _core
 from ergon.exchange.signals import signals_as_exceptions
 
-_PATIENCE = 60.0  # [s] on a machine that does much else
 # `fmt`, `info` and the rest are measured by the bench alone: they take seconds, not hours.
 _HOURS = [what for what in COMMANDS if COMMANDS[what][0] and "large" not in what]
 _HOURS = [what for what in _HOURS if what not in ("chart", "info")]
@@ -24,7 +24,7 @@ def test_control_c_ends_a_command(what, tmp_path):
     with begun(tmp_path, what) as child:
         try:
             child.send_signal(signal.SIGINT)
-            _, told = child.communicate(timeout=_PATIENCE)
+            _, told = child.communicate(timeout=PATIENCE)
         finally:
             child.kill()
     assert child.returncode == 130
@@ -67,9 +67,9 @@ def test_work_ends_where_another_thread_cancels_it():
 
     thread = threading.Thread(target=compute)
     thread.start()
-    assert begun.wait(_PATIENCE)
+    assert begun.wait(PATIENCE)
     work.cancel()
-    thread.join(_PATIENCE)
+    thread.join(PATIENCE)
     assert why == ["cancelled"]
 
 
@@ -127,7 +127,7 @@ def test_control_c_in_a_finaliser_is_not_lost():
 
     def drop():
         Dropped()
-        threading.Event().wait(_PATIENCE)
+        threading.Event().wait(PATIENCE)
 
     with signals_as_exceptions(), pytest.raises(KeyboardInterrupt):
         drop()

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from patience import PATIENCE
 
 from ergon import _core
 from ergon._core import EngineError
@@ -85,7 +86,7 @@ def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
             played.change(at + 1, gain=0.5)
         with pytest.raises(EngineError, match="who takes over"):
             played.change(at, old=first)
-        assert played.wait(60.0)
+        assert played.wait(PATIENCE)
         told = played.events()
     finally:
         played.close(10.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from patience import PATIENCE
 
 from ergon.exchange import temporary, together
 from ergon.exchange.safe import MARK, RefusedError, is_ours, write_text, writing
@@ -137,7 +138,7 @@ def test_signals_leave_no_half_file(tmp_path: Path, number: signal.Signals) -> N
         assert process.stdout.readline() == "ready\n"
         assert len(list(tmp_path.iterdir())) == 1
         process.send_signal(number)
-        assert process.wait(timeout=30) == 128 + number
+        assert process.wait(timeout=PATIENCE) == 128 + number
     assert list(tmp_path.iterdir()) == []
 
 
@@ -159,7 +160,7 @@ def test_a_reader_that_has_seen_enough_ends_the_writing_quietly() -> None:
         assert len(process.stdout.read(44)) == 44
         process.stdout.close()
         assert process.stderr.read() == b""
-        assert process.wait(timeout=30) == 0
+        assert process.wait(timeout=PATIENCE) == 0
 
 
 def test_no_binary_data_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,7 +198,7 @@ def test_what_a_killed_writer_left_is_swept_and_nothing_else(tmp_path: Path) -> 
         assert part.exists()
         process.stdin.write(b"x")
         process.stdin.close()
-        assert process.wait(timeout=30) == -signal.SIGKILL
+        assert process.wait(timeout=PATIENCE) == -signal.SIGKILL
     assert part.exists()
     subprocess.run(
         [sys.executable, "-c", "from ergon.exchange.safe import write_text as w;"

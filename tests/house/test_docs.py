@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from patience import PATIENCE
 from tests.scores import test_library
 
 from ergon.scores.reading.load import load
@@ -122,7 +123,7 @@ def run(block: Block, folder: Path) -> None:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             encoding="utf-8",
-            timeout=120,
+            timeout=PATIENCE,
             check=False,
         )
         pattern = re.escape(shown.strip()).replace("…", ".*")

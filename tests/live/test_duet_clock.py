@@ -5,7 +5,6 @@ import signal
 import socket
 import struct
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from duets import STAND_IN, duet, recorded, rendered, sound
 from emulators import crc, emulator, free_port
-from servers import until
+from patience import until
 
 from ergon import _core
 from ergon.cli import app
@@ -105,15 +104,21 @@ def test_a_host_that_is_killed_lets_go_and_leaves_its_recording(score: Path, tmp
             frames = 0
             while frames < 44100:
                 frames = json.loads(playing.until('"playing"'))["frame"]
-            time.sleep(0.6)
+            # It comes to the disk as it is played, twice a second.
+            until(lambda: _played(take) >= frames, "the recording")
             playing.process.kill()
         device.until("let-go")
     left = _core.read_recording(take)
     assert not left.finished
-    # All but the last half second is there.
-    assert (int(left.ticks()[-1]) + 1) * TICK >= frames
+    assert _played(take) >= frames
     assert left.positions()[-1, 0] > 1e-5
     assert len(rendered(score, take, doubted=True)) > frames
+
+
+def _played(take: Path) -> int:
+    """Frames that a recording holds by now."""
+    ticks = _core.read_recording(take).ticks()
+    return (int(ticks[-1]) + 1) * TICK if len(ticks) else 0
 
 
 # --- a device written here: what really reaches a motor ------------------------------------------
@@ -163,7 +168,7 @@ def pressed() -> Iterator[tuple[Pressed, str]]:
 def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number: signal.Signals):
     with pressed() as (device, url):
         with duet(score, "--live", f"ada={url}", "--audio", "null") as playing:
-            until(lambda: abs(device.heard[-1][0]) > 200, "a force", limit=60)
+            until(lambda: abs(device.heard[-1][0]) > 200, "a force")
             playing.process.send_signal(number)
             assert playing.end() == 128 + number
         # Told three times: one packet may be lost.

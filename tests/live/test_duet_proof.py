@@ -13,7 +13,8 @@ import pytest
 from captured import Comparison, compare
 from duets import duet, recorded, rendered
 from emulators import emulator
-from servers import Jack, Pulse, jack_name, until
+from patience import until
+from servers import Jack, Pulse, jack_name
 
 from ergon import _core
 

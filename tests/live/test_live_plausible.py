@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from duets import ERGON, said
 from emulators import crc, emulator
+from patience import PATIENCE
 from simulated_board import Simulated, simulated
 
 from ergon import _core
@@ -129,7 +130,7 @@ def test_a_board_answers_its_owner_and_nobody_else():
         with socket.socket(*kinds) as one, socket.socket(*kinds) as other:
             for wire in (one, other):
                 wire.connect((host, int(port)))
-                wire.settimeout(10)
+                wire.settimeout(PATIENCE)
             one.send(request(1, 0))
             assert one.recv(512)
             other.send(request(1, 0))
@@ -147,7 +148,7 @@ def test_a_board_answers_its_owner_and_nobody_else():
                 other.recv(512)
             one.send(request(4, 1, flags=0))
             assert one.recv(512)
-            other.settimeout(10)
+            other.settimeout(PATIENCE)
             other.send(request(4, 1, -1.0))
             assert struct.unpack_from("<H", other.recv(512), 2)[0] == 4, "it was let go of"
 

@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE, until
 from sessions import Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
@@ -50,13 +51,12 @@ def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
 def test_every_line_comes_to_the_disk_and_nobody_waits_for_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    slow, synced = threading.Event(), threading.Semaphore(0)
+    slow = threading.Event()
     sizes: list[int] = []
 
     def fsync(handle: int) -> None:
-        assert slow.wait(60)
+        assert slow.wait(PATIENCE)
         sizes.append(os.fstat(handle).st_size)
-        synced.release()
 
     monkeypatch.setattr("os.fsync", fsync)
     with closing(Journal(tmp_path / "a.jsonl")) as journal:
@@ -65,12 +65,9 @@ def test_every_line_comes_to_the_disk_and_nobody_waits_for_it(
         written = journal.path.stat().st_size
         assert [event.get("number", int) for event in read(journal.path)] == [1, 2]
         slow.set()
-        while not sizes or sizes[-1] < written:
-            assert synced.acquire(timeout=60)
-        before = len(sizes)
+        until(lambda: sizes and sizes[-1] == written, "two lines on the disk")
         journal.tell("line", number=3)
-        assert synced.acquire(timeout=60)
-        assert len(sizes) > before
+        until(lambda: sizes[-1] > written, "the third")
     assert sizes[-1] == (tmp_path / "a.jsonl").stat().st_size
 
 
@@ -86,7 +83,7 @@ def test_a_disk_that_fails_is_told_and_the_music_goes_on(
     monkeypatch.setattr("os.fsync", fsync)
     journal = Journal(tmp_path / "a.jsonl")
     journal.tell("line", number=1)
-    assert tried.wait(60)
+    assert tried.wait(PATIENCE)
     journal.close()
     assert "Input/output error" in journal.trouble()
     assert journal.trouble() == ""

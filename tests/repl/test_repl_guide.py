@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from emulators import emulator
-from servers import until
+from patience import until
 from tests.repl.test_repl_live import ok
 
 from ergon.live.boards import Board
@@ -25,6 +24,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.live import leading
 
+RATE = 44_100
 SCORE = """\
 ergon: 1
 tempo: [{at: 1|1, bpm: 120}]
@@ -61,7 +61,7 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
     version = Version(0, "", texts, piece_of(texts))
     journal = Journal(folder / "session.jsonl")
     soft = ("--hand", "10N/m", "--grip", "0.1Ns/m")
-    with emulator("frame", "--udp", "0", *(hand or soft)) as key:
+    with emulator("frame", "--udp", "0", "--lockstep", *(hand or soft)) as key:
         order = Order(audio="null", boards=[Board(key.url, ((0, "remi"),))])
         session = Session(
             version,
@@ -79,15 +79,21 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
 
 
 def watched(session: Session, seconds: float) -> np.ndarray:
-    """Beats into a bar, and where remi's key is there [m], (n, 2)."""
+    """Beats into a bar, and where remi's key is there [m], (n, 2), while so much of it is played.
+
+    The key is in lockstep: however busy the machine is, it is at each frame where it has to be.
+    """
     engine, found = session.commits.engine, []
     assert isinstance(engine, Live)
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    end = engine.performance.status().frame + seconds * RATE
+
+    def is_over() -> bool:
         status = engine.performance.status()
         beat = session.commits.running.beat(status.frame)
         found.append((beat % 4.0, status.hands[0].position))
-        time.sleep(0.01)
+        return status.frame >= end
+
+    until(is_over, f"{seconds} s of the piece")
     return np.array(found)
 
 
@@ -103,23 +109,23 @@ def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
     with led(tmp_path) as session:
         ok(session, "play")
         assert ok(session, "guide remi ada now").endswith("remi: led by ada")
-        time.sleep(4.0)  # forces rise in the first two seconds
+        watched(session, 4.0)  # forces rise in the first two seconds
         beat, x = watched(session, 4.0).T
         # The hand holds against it by 1/12 of its stiffness, the dampers make it late.
         assert np.abs(x - np.interp(beat, *part(tmp_path))).max() < 1.5e-3
         assert 6e-3 < x.max() < 8.5e-3
         ok(session, "leo plays back every 4 now")
         ok(session, "guide remi leo now")
-        time.sleep(2.5)
+        watched(session, 2.5)
         beat, x = watched(session, 2.0).T
         assert -4.2e-3 < x.min() < -2.5e-3
         assert x.max() < 1e-3
         ok(session, "undo")
-        time.sleep(2.5)
+        watched(session, 2.5)
         beat, x = watched(session, 2.0).T
         assert x.max() > 6e-3
         ok(session, "guide remi off now")
-        time.sleep(1.5)
+        watched(session, 1.5)
         beat, x = watched(session, 2.0).T
         assert np.abs(x).max() < 0.3e-3
     again = Again(opened(tmp_path / "session.jsonl"))
@@ -133,7 +139,7 @@ def test_who_rests_leads_nobody(tmp_path: Path):
     with led(tmp_path, "--hand", "10N/m", "--gesture", "0mm@0 smooth 4mm@1 hold 4mm@60") as session:
         ok(session, "play")
         ok(session, "guide remi leo now")
-        time.sleep(3.0)
+        watched(session, 3.0)
         _, x = watched(session, 0.5).T
         # He does not hold the key at 0, where his own rests.
         assert np.abs(x - 4e-3).max() < 0.3e-3
@@ -141,7 +147,7 @@ def test_who_rests_leads_nobody(tmp_path: Path):
         until(lambda: ("leo", "lean") in session.state().playing, "leo plays")
         _, x = watched(session, 2.0).T
         assert x.max() > 7e-3
-        time.sleep(2.0)
+        watched(session, 2.0)
         _, x = watched(session, 0.5).T
         assert np.abs(x - 4e-3).max() < 0.3e-3
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 import pytest
+from patience import PATIENCE
 from sessions import Stepped
 
 from ergon.repl.session import computing
@@ -21,7 +22,6 @@ gestures: {knock: 0mm@0 1mm@1/8 0mm@1/4, far: 0mm@0s throw 1mm@80000s}
 players: {ada: {key: k}}
 parts: {ada: []}
 """
-_PATIENCE = 60.0
 
 
 @pytest.fixture
@@ -77,9 +77,9 @@ def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
     replies = []
     thread = threading.Thread(target=lambda: replies.append(stepped.type("ada plays far")))
     thread.start()
-    assert begun.wait(_PATIENCE)  # it would take hours
+    assert begun.wait(PATIENCE)  # it would take hours
     getattr(stepped.session, how)()
-    thread.join(_PATIENCE)
+    thread.join(PATIENCE)
     assert [reply.text for reply in replies] == ["cancelled; nothing has changed"]
     assert not replies[0].taken
     if how == "cancel":

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import soundfile
 from emulators import emulator
-from servers import until
+from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE, onset
 
 from ergon.live.perform import Order
@@ -192,7 +192,7 @@ def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
             until(lambda: (tmp_path / "takes" / "solo.take").exists(), "the take")
             time.sleep(0.5)
             repl.stdin.write("ada plays solo do scale 0.5\nsave with-solo\nquit\n")
-            said, told = repl.communicate(timeout=30)
+            said, told = repl.communicate(timeout=PATIENCE)
     assert repl.returncode == 0, said + told
     assert "solo.take" in said
     saved = (tmp_path / "with-solo.yaml").read_text(encoding="utf-8")
@@ -234,7 +234,7 @@ def test_a_hostile_journal_is_refused_by_a_sentence(tmp_path: Path, event: str, 
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode in (1, 2), done.stderr

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 from terminals import CTRL_C, CTRL_D, CTRL_S, CTRL_Z, ENTER, F12, Terminal
 
 from ergon.repl.face import Reply, State
@@ -92,7 +93,7 @@ def test_messages_come_while_no_line_does(tmp_path: Path):
         while b"gone \xe2\x80\xa6 14 more\n" not in said:
             said += process.stdout.readline()
         process.stdin.close()
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE) == 0
 
 
 def test_bytes_that_are_no_text(tmp_path: Path):
@@ -115,7 +116,7 @@ def test_a_signal_closes_the_session(tmp_path: Path, number: signal.Signals):
         assert process.stdout is not None
         process.stdout.read(1)  # it waits for a line
         process.send_signal(number)
-        process.wait(30)
+        process.wait(PATIENCE)
     assert calls(tmp_path)[-1]["what"] == "close"
 
 

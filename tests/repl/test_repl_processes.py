@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from one_bell import SCORE
-from servers import until
+from patience import PATIENCE, until
 from sockets import remote
 from terminals import CTRL_D, ENTER, Terminal
 
@@ -155,7 +155,11 @@ def test_why_an_engine_does_not_start(at_home: Stage):
         (("--resume", "bad.yaml"), 2, "no journal"),
     ):
         done = subprocess.run(
-            at_home.command(*words), cwd=at_home.folder, capture_output=True, text=True, timeout=60
+            at_home.command(*words),
+            cwd=at_home.folder,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
         )
         assert done.returncode == code, done.stderr
         assert why in done.stderr
@@ -187,7 +191,7 @@ def test_the_place_need_not_be_said(at_home: Stage):
             input=lines,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE,
         )
 
     wrong = script("", "--socket", "score.yaml")

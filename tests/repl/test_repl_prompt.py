@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from servers import until
+from patience import until
 from terminals import CTRL_C, CTRL_D, CTRL_Q, CTRL_S, CTRL_Z, ENTER, F12, TAB, UP, Terminal
 
 SESSION = str(Path(__file__).parents[1] / "support/acted_session.py")

@@ -11,6 +11,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 from sessions import EVERY, Stepped
 from tests.repl.test_journal_hostile import KEYS, SCORE
 
@@ -156,7 +157,7 @@ def test_a_score_that_ships_is_saved_where_we_are(
         input=lines,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
     )
     assert "never written" in done.stdout
     assert "ok wrote mine.yaml" in done.stdout
@@ -275,7 +276,7 @@ def resumed_by_hand(folder: Path, *words: str, lines: str = "save\nquit\n") -> s
         input=lines,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE,
     )
     assert "Traceback" not in done.stderr
     return done.stdout + done.stderr

@@ -9,9 +9,8 @@ import threading
 import time
 from pathlib import Path
 
-from servers import until
+from patience import PATIENCE, until
 from sockets import raw, remote, serving
-from terminals import PATIENCE
 
 from ergon.repl.face import Reply, State
 from ergon.repl.wire import place

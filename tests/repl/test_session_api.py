@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from one_bell import SCORE
+from patience import PATIENCE
 from sessions import Stepped
 
 import ergon
@@ -206,7 +207,7 @@ def test_what_is_not_closed_is_closed_at_the_end(tmp_path: Path):
     (tmp_path / "score.yaml").write_text(SCORE)
     code = "import ergon; ergon.Session('score.yaml', audio='null', gain='0dB').play()"
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE
     )
     assert done.returncode == 0, done.stderr
     assert '"event": "end"' in (tmp_path / "session.jsonl").read_text()

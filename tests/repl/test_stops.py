@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 from acted_session import Acted
-from servers import until
+from patience import until
 from sessions import Stepped
 from simulated_board import Simulated, simulated
 from terminals import CTRL_C, ENTER, F12, Terminal

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE
 
 from ergon.cli import app
 from ergon.notation.text.bounds import MARKER, Bounds
@@ -292,7 +293,7 @@ def test_a_score_is_a_regular_file(piece, kind):
         done = subprocess.run(
             [sys.executable, "-m", "ergon.cli", *command],
             capture_output=True,
-            timeout=60,
+            timeout=PATIENCE,
             text=True,
         )
         assert done.returncode in (1, 2)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import soundfile
+from patience import PATIENCE
 
 from ergon import _core
 
@@ -34,7 +35,7 @@ class Duet:
         """All that is still said; the exit code."""
         assert self.process.stdout is not None
         self.told += self.process.stdout.read().splitlines()
-        return self.process.wait(timeout=60)
+        return self.process.wait(timeout=PATIENCE)
 
 
 @contextmanager

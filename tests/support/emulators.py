@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from patience import PATIENCE
+
 COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
 
 
@@ -37,7 +39,7 @@ class Emulator:
         """Ctrl-C; the hash of all positions, and 130."""
         self.process.send_signal(number)
         self.until("over")
-        assert self.process.wait(timeout=10) == 128 + number
+        assert self.process.wait(timeout=PATIENCE) == 128 + number
         return str(self.told[-1]["positions"])
 
 

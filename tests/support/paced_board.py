@@ -11,10 +11,10 @@ import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from patience import PATIENCE
 from simulated_board import LOG, Board, Ways
 
 _ASK = 0.05  # [s] between two looks whether it is to end
-_LONG = 120.0  # [s] for which a host may do nothing
 
 
 class Paced:
@@ -49,7 +49,7 @@ class Paced:
             with self._changed:
                 self._may += some
                 self._changed.notify_all()
-                assert self._changed.wait_for(lambda: self._may == 0, _LONG), "nobody asks"
+                assert self._changed.wait_for(lambda: self._may == 0, PATIENCE), "nobody asks"
             periods -= some
             beside()
 

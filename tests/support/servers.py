@@ -6,11 +6,11 @@ import os
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from patience import until
 
 PACKAGES = {"jackd": "jackd2", "pulseaudio": "pulseaudio", "parec": "pulseaudio-utils"}
 
@@ -44,13 +44,6 @@ def running(command: list[str], **how: object) -> Iterator[subprocess.Popen[byte
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-
-def until(true, what: str, limit: float = 60.0) -> None:
-    end = time.monotonic() + limit
-    while not true():
-        assert time.monotonic() < end, f"{what} within {limit} s"
-        time.sleep(0.01)
 
 
 @contextlib.contextmanager

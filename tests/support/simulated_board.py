@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 from emulators import crc
+from patience import PATIENCE
 
 MASS, FRICTION = 0.05, 1.0  # [kg, N·s/m]
 FORCE_MAX = 20.0  # [N]
@@ -244,7 +245,7 @@ class Simulated:
         """End it; every packet that bore a force, as LOG says."""
         assert self.process.stdin is not None
         self.process.stdin.close()
-        assert self.process.wait(timeout=60) == 0
+        assert self.process.wait(timeout=PATIENCE) == 0
         return np.load(self._log)
 
 

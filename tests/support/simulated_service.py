@@ -20,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
+from patience import PATIENCE
 from real_time import real_time
 
 _GUID = b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11"
@@ -67,7 +68,7 @@ class Service:
         self._thread.join()
         self._listener.close()
 
-    def until(self, holds: Callable[[Service], bool], seconds: float = 60.0) -> None:
+    def until(self, holds: Callable[[Service], bool], seconds: float = PATIENCE) -> None:
         """Wait until something holds; a busy machine is slow, not wrong."""
         with self._news:
             assert self._news.wait_for(lambda: holds(self), seconds), f"never: {self.told[-3:]}"

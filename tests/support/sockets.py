@@ -8,8 +8,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
-from servers import until
-from terminals import PATIENCE
+from patience import PATIENCE, until
 
 from ergon.repl.face import Reply, State
 from ergon.repl.wire import place

@@ -9,10 +9,10 @@ from typing import Self
 
 import pexpect
 import pyte
+from patience import PATIENCE
 
 CTRL_C, CTRL_D, CTRL_Q, CTRL_S, CTRL_Z = "\x03", "\x04", "\x11", "\x13", "\x1a"
 F12, UP, TAB, ENTER = "\x1b[24~", "\x1b[A", "\t", "\r"
-PATIENCE = 30.0  # s; a test machine may be busy
 
 
 class Screen(pyte.HistoryScreen):
