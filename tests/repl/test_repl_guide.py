@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-from emulators import emulator
+from paced_board import Paced, paced
 from patience import until
 from tests.repl.test_repl_live import ok
 
@@ -24,7 +25,6 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.live import leading
 
-RATE = 44_100
 SCORE = """\
 ergon: 1
 tempo: [{at: 1|1, bpm: 120}]
@@ -52,17 +52,43 @@ mix: {route: [{from: bell, to: 1}]}
 """
 
 
+@dataclass
+class Led:
+    """A session on a board whose time is the test's: however busy the machine is, none is lost."""
+
+    session: Session
+    board: Paced
+
+    def ok(self, line: str) -> str:
+        return ok(self.session, line)
+
+    def watched(self, seconds: float) -> np.ndarray:
+        """Beats into a bar, and where remi's key is there [m], (n, 2), while it plays on."""
+        engine, found = self.session.commits.engine, []
+        assert isinstance(engine, Live)
+
+        def look() -> None:
+            self.session.pump()
+            if (path := self.session.leads.due()) is not None:
+                self.session.leads.hand(*path)
+            status = engine.performance.status()
+            beat = self.session.commits.running.beat(status.frame)
+            found.append((beat % 4.0, status.hands[0].position))
+
+        self.board.run(round(1e3 * seconds), look)
+        return np.array(found)
+
+
 @contextmanager
-def led(folder: Path, *hand: str) -> Iterator[Session]:
-    """A session on a key that a soft hand holds at 0."""
+def led(folder: Path, hand: float = 0.0) -> Iterator[Led]:
+    """A session on a key that a soft hand holds at a place [m]."""
     path = folder / "score.yaml"
     path.write_text(SCORE, encoding="utf-8")
     texts = Texts.read(path)
     version = Version(0, "", texts, piece_of(texts))
     journal = Journal(folder / "session.jsonl")
-    soft = ("--hand", "10N/m", "--grip", "0.1Ns/m")
-    with emulator("frame", "--udp", "0", "--lockstep", *(hand or soft)) as key:
-        order = Order(audio="null", boards=[Board(key.url, ((0, "remi"),))])
+    with paced(hand=hand, stiffness=10.0, damping=0.1) as board:
+        order = Order(audio="null:fast", boards=[Board(board.url, ((0, "remi"),))])
         session = Session(
             version,
             lambda stage: Live(stage, order),
@@ -73,28 +99,11 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
         every = session.commits.engine.every
         opening = Opening(texts, 0.0, version.desk, every, 1.0, 1.0, None)
         journal.tell("session", **opening.fields())
-        session.run()
         with closing(session):
-            yield session
-
-
-def watched(session: Session, seconds: float) -> np.ndarray:
-    """Beats into a bar, and where remi's key is there [m], (n, 2), while so much of it is played.
-
-    The key is in lockstep: however busy the machine is, it is at each frame where it has to be.
-    """
-    engine, found = session.commits.engine, []
-    assert isinstance(engine, Live)
-    end = engine.performance.status().frame + seconds * RATE
-
-    def is_over() -> bool:
-        status = engine.performance.status()
-        beat = session.commits.running.beat(status.frame)
-        found.append((beat % 4.0, status.hands[0].position))
-        return status.frame >= end
-
-    until(is_over, f"{seconds} s of the piece")
-    return np.array(found)
+            try:
+                yield Led(session, board)
+            finally:
+                board.free()  # what ends waits for replies
 
 
 def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -106,27 +115,27 @@ def part(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
-    with led(tmp_path) as session:
-        ok(session, "play")
-        assert ok(session, "guide remi ada now").endswith("remi: led by ada")
-        watched(session, 4.0)  # forces rise in the first two seconds
-        beat, x = watched(session, 4.0).T
+    with led(tmp_path) as own:
+        own.ok("play")
+        assert own.ok("guide remi ada now").endswith("remi: led by ada")
+        own.watched(4.0)  # forces rise in the first two seconds
+        beat, x = own.watched(4.0).T
         # The hand holds against it by 1/12 of its stiffness, the dampers make it late.
         assert np.abs(x - np.interp(beat, *part(tmp_path))).max() < 1.5e-3
         assert 6e-3 < x.max() < 8.5e-3
-        ok(session, "leo plays back every 4 now")
-        ok(session, "guide remi leo now")
-        watched(session, 2.5)
-        beat, x = watched(session, 2.0).T
+        own.ok("leo plays back every 4 now")
+        own.ok("guide remi leo now")
+        own.watched(2.5)
+        beat, x = own.watched(2.0).T
         assert -4.2e-3 < x.min() < -2.5e-3
         assert x.max() < 1e-3
-        ok(session, "undo")
-        watched(session, 2.5)
-        beat, x = watched(session, 2.0).T
+        own.ok("undo")
+        own.watched(2.5)
+        beat, x = own.watched(2.0).T
         assert x.max() > 6e-3
-        ok(session, "guide remi off now")
-        watched(session, 1.5)
-        beat, x = watched(session, 2.0).T
+        own.ok("guide remi off now")
+        own.watched(1.5)
+        beat, x = own.watched(2.0).T
         assert np.abs(x).max() < 0.3e-3
     again = Again(opened(tmp_path / "session.jsonl"))
     out = np.zeros((again.n_frames, again.n_channels))
@@ -136,19 +145,18 @@ def test_a_key_follows_who_leads_it_until_it_is_free(tmp_path: Path):
 
 
 def test_who_rests_leads_nobody(tmp_path: Path):
-    with led(tmp_path, "--hand", "10N/m", "--gesture", "0mm@0 smooth 4mm@1 hold 4mm@60") as session:
-        ok(session, "play")
-        ok(session, "guide remi leo now")
-        watched(session, 3.0)
-        _, x = watched(session, 0.5).T
+    with led(tmp_path, hand=4e-3) as own:
+        own.ok("play")
+        own.ok("guide remi leo now")
+        own.watched(3.0)
+        _, x = own.watched(0.5).T
         # He does not hold the key at 0, where his own rests.
         assert np.abs(x - 4e-3).max() < 0.3e-3
-        ok(session, "leo plays lean times 1 now")
-        until(lambda: ("leo", "lean") in session.state().playing, "leo plays")
-        _, x = watched(session, 2.0).T
+        own.ok("leo plays lean times 1 now")
+        _, x = own.watched(2.0).T
         assert x.max() > 7e-3
-        watched(session, 2.0)
-        _, x = watched(session, 0.5).T
+        own.watched(2.0)
+        _, x = own.watched(0.5).T
         assert np.abs(x - 4e-3).max() < 0.3e-3
 
 
@@ -172,14 +180,16 @@ def test_what_cannot_lead_is_refused_by_one_sentence(hands: Session, line: str, 
 
 @pytest.fixture(scope="module")
 def hands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
-    with led(tmp_path_factory.mktemp("hands")) as session:
-        yield session
+    with led(tmp_path_factory.mktemp("hands")) as own:
+        yield own.session
 
 
 def test_a_key_that_is_gone_is_not_led(tmp_path: Path):
-    with led(tmp_path, "--seconds", "1.5") as session:
-        until(lambda: "remi" in session.commits.engine.look().away, "the key is gone")
-        assert "remi's key is not there" in session.submit("guide remi ada").text
+    with led(tmp_path) as own:
+        own.board.ways.silent = True
+        own.board.free()
+        until(lambda: "remi" in own.session.commits.engine.look().away, "the key is gone")
+        assert "remi's key is not there" in own.session.submit("guide remi ada").text
 
 
 def test_a_path_that_is_made_again_goes_on_where_the_first_went(tmp_path: Path):
