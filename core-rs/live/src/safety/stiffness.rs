@@ -35,7 +35,7 @@ pub struct Key {
     pub delay: usize,
 }
 
-/// The part of a force, 0 to 1, that leaves the loop stable by [`RESERVE`] where `borne` times it is the border.
+/// The part of a force, 0 to 1, that leaves the loop stable by `RESERVE` where `borne` times it is the border.
 pub fn part(borne: f64) -> f64 {
     let part = RESERVE * borne;
     if part > 0.0 { part.min(1.0) } else { 0.0 }
