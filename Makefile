@@ -1,7 +1,7 @@
 # One list of tasks; CI calls them by the same names.
 #   make demo       build, render a bundled score to a WAV, say where and how fast, play it if it can
 #   make test       everything that must hold (random cases by a fixed seed: no luck in a landing)
-#   make check      format, lint, types; warnings are errors
+#   make check      format, lint, types, Rust documentation; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, licences
 #   make charts     pictures of error against cost, and of stability (docs/charts)
@@ -32,6 +32,7 @@ test-long: $(VENV)/dev
 check: $(VENV)/dev
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --workspace --quiet
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

@@ -5,9 +5,6 @@ What counts is what the board is sent then: no force from before the stop, and n
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 import signal
 import subprocess
 import sys
@@ -17,11 +14,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from real_time import real_time
+from simulated_board import simulated
 
 from benches.measure import Row
 
 _ERGON = [sys.executable, "-m", "ergon.cli"]
-_BOARD = Path(__file__).parent.parent / "tests" / "simulated_board.py"
 # A hand 20 mm away feels 2 N. No damper between the keys: it would feel when the machine is busy.
 _SCORE = """\
 ergon: 1
@@ -47,9 +45,10 @@ def stall(stops: int = 100, seed: int = 1) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         log, score = Path(folder) / "log.npy", Path(folder) / "stall.yaml"
         score.write_text(_SCORE)
-        with _board(log) as url:
-            windows = list(_stopped(score, url, lengths))
-        packets = np.load(log)
+        with simulated(log, **_HAND) as board:
+            real_time(board.process.pid, priority=70)  # a real board runs beside no other program
+            windows = list(_stopped(score, board.url, lengths))
+            packets = board.log()
     found = [_after(packets, *window) for window in windows]
     before, old, step = (max(column) for column in zip(*found, strict=True))
     worse = sum(first > _OLD or jump > _STEP for _, first, jump in found)
@@ -63,24 +62,6 @@ def stall(stops: int = 100, seed: int = 1) -> list[Row]:
             {"stops": stops, "felt": worse, "old": old, "step": step, "before": before},
         )
     ]
-
-
-@contextlib.contextmanager
-def _board(log: Path) -> Iterator[str]:
-    """A board with a hand on it; its URL. Its log is there afterwards."""
-    ways = [f"--{name}={value}" for name, value in _HAND.items()]
-    command = [sys.executable, str(_BOARD), f"--log={log}", *ways]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(command, **pipes, text=True) as process:  # type: ignore[call-overload]
-        try:
-            with contextlib.suppress(PermissionError, AttributeError):
-                # A board is not held up by what else the machine does.
-                os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(70))
-            yield json.loads(process.stdout.readline())["url"]
-            process.stdin.close()
-            assert process.wait(timeout=60) == 0
-        finally:
-            process.kill()
 
 
 def _stopped(score: Path, url: str, lengths: np.ndarray) -> Iterator[tuple[float, float]]:

@@ -6,7 +6,6 @@ from the write of a key or a line, to the first packet after which no force was 
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import signal
@@ -20,12 +19,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from benches.measure import Row
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
+from real_time import real_time
 from simulated_board import Simulated, simulated
 from terminals import CTRL_D, ENTER, F12, Terminal
+
+from benches.measure import Row
 
 _ERGON = [sys.executable, "-m", "ergon.cli"]
 _FORCE = 0.01  # [N]; less is none
@@ -117,8 +115,7 @@ def _stopped(where: str, state: str, way: str) -> float:
         (folder / "score.yaml").write_text(_SCORE, encoding="utf-8")
         # Its hand is still, its watchdog asleep: only the host takes the force away.
         board = stack.enter_context(simulated(folder / "log.npy", hand=0.004, watchdog=1e6))
-        with contextlib.suppress(PermissionError):  # what measures is not to be kept waiting
-            os.sched_setscheduler(board.process.pid, os.SCHED_FIFO, os.sched_param(40))
+        real_time(board.process.pid, priority=40)  # what measures is not to be kept waiting
         live = ["--live", f"remi={board.url}", "--unchecked", "--gain", "0dB"]
         command = [*_ERGON, "repl", "score.yaml", *live, "--audio", "null"]
         prompt = stack.enter_context(_PROMPTS[where](command, folder))

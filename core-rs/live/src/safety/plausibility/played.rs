@@ -20,7 +20,7 @@ pub(super) struct Grip {
     pub(super) at: fn(f64) -> f64,
 }
 
-/// The hand of `tests/simulated_board.py`.
+/// The hand of `tests/support/simulated_board.py`.
 pub(super) const HAND: Grip = Grip {
     k: 400.0,
     z: 4.0,

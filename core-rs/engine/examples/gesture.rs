@@ -1,0 +1,69 @@
+//! A hand lifts a key by 6 mm and lets it down; prints where the key is, every 10 ms.
+//!
+//! `cargo run --release --example gesture`
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+use std::sync::Arc;
+
+use ergon_engine::gesture::profile::Curve;
+use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
+use ergon_engine::gesture::written::{Way, Written};
+use ergon_engine::network::{Term, Tie};
+use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
+
+const RATE: f64 = 44_100.0;
+
+/// Where the key is in each frame of half a second [m]; it is to be at 6 mm after 100 ms.
+pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
+    let mut network = Network::new();
+    network.part("key", None);
+    let mass = network.cel("key", 0.4, Tie::Physical { k: 60.0, z: 1.2 }, 0.0, 0.0, 0.0)?;
+    network.listen(
+        "key",
+        vec![Term::Position {
+            first: mass,
+            len: 1,
+            weight: 1.0,
+        }],
+    )?;
+
+    let points = Written {
+        t: &[0.0, 0.1, 0.3],  // [s]
+        x: &[0.0, 6e-3, 0.0], // [m]
+        way: &[Way::Path(Curve::Smooth); 3],
+        sources: &[],
+    };
+    let manner = Manner {
+        touch: Touch::Open,
+        ergons: Ergons::Event,
+        grain: None,
+        join: 0.02,
+        limit: None,
+        layer: false,
+    };
+    let mut timeline = Timeline::new(Rate::new(RATE)?);
+    let key = timeline.key("key", mass);
+    timeline.gesture(Gesture::written(key, &points, manner)?)?;
+
+    let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-80.0), None)?;
+    let options = Options {
+        ledger: false,
+        record: false,
+        on_fault: OnFault::Stop,
+        threads: 1,
+        unchecked: false,
+    };
+    let mut simulation = Simulation::planned(Arc::new(plan), options)?;
+    let mut frames = vec![0.0; 22_050];
+    simulation.process(&mut frames)?;
+    Ok(frames)
+}
+
+#[allow(dead_code)] // a test calls `path` alone
+fn main() -> Result<(), Box<dyn Error>> {
+    for (number, x) in path()?.iter().enumerate().step_by(441) {
+        println!("{:3.0} ms  {:6.3} mm", 1e3 * number as f64 / RATE, 1e3 * x);
+    }
+    Ok(())
+}

@@ -1,0 +1,260 @@
+"""The command line as a whole: what it loads, says and answers."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+from patience import PATIENCE
+
+from ergon.cli import app, take
+from ergon.cli.colour import may_colour
+from ergon.cli.console import Console, line
+from ergon.cli.lazy import LazyGroup
+from ergon.cli.outcome import Diverged, Findings, Refused
+from ergon.exchange.safe import RefusedError
+
+HEAVY = ("numpy", "numba", "soundfile", "rich", "yaml", "ergon._core")
+
+
+def python(code: str, **more: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **more)
+
+
+def test_help_imports_nothing_heavy() -> None:
+    done = python(
+        "import sys\n"
+        "from ergon.cli.app import run\n"
+        "assert run(['--help']) == 0\n"
+        f"print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_every_command_says_what_it_does_without_the_engine() -> None:
+    done = python(
+        "import sys\n"
+        "from ergon.cli import take\n"
+        "from ergon.cli.app import COMMANDS, run\n"
+        "for name in COMMANDS:\n"
+        "    assert run([name, '--help']) == 0, name\n"
+        "for name in take.COMMANDS:\n"
+        "    assert run(['take', name, '--help']) == 0, name\n"
+        f"print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize("group", [app.group, take.take], ids=["ergon", "take"])
+def test_the_table_and_the_commands_agree(group: LazyGroup) -> None:
+    context = click.Context(group)
+    for name, (_, _, text) in group.table.items():
+        command = group.get_command(context, name)
+        assert command is not None
+        assert command.name == name
+        assert command.get_short_help_str(limit=200).rstrip(".") == text.rstrip(".")
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["rendr", "x.yaml"], "Did you mean 'render'?"),
+        (["chek"], "Did you mean 'check'?"),
+        (["xyzzy"], "No such command 'xyzzy'."),
+        (["piece.yaml"], "ergon render piece.yaml"),
+        (["render", "--bits", "20", "x.yaml"], "bits"),
+        (["render"], "SCORE"),
+    ],
+)
+def test_wrong_usage_exits_2(
+    capsys: pytest.CaptureFixture[str], typed: list[str], said: str
+) -> None:
+    assert app.run(typed) == 2
+    out, err = capsys.readouterr()
+    assert said in err
+    assert out == ""
+
+
+def test_wrong_usage_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["render", "--json", "--bits", "20", "x.yaml"]) == 2
+    out, err = capsys.readouterr()
+    record = json.loads(out)
+    assert (record["v"], record["event"]) == (1, "error")
+    assert "bits" in record["message"]
+    assert err == ""
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (Findings("a mistake"), 1, "error: a mistake\n"),
+        (Refused("no"), 2, "error: no\n"),
+        (Diverged("bell.m went away"), 4, "error: bell.m went away\n"),
+        (RefusedError("x.wav exists"), 2, "error: x.wav exists\n"),
+        (FileNotFoundError(2, "No such file", "x.yaml"), 2, "error: x.yaml: No such file\n"),
+        (KeyboardInterrupt(), 130, ""),
+        (ZeroDivisionError("division"), 2, "error: internal error: ZeroDivisionError: division"),
+    ],
+)
+def test_outcomes(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: BaseException,
+    code: int,
+    said: str,
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(app, "invoke", fail)
+    monkeypatch.delenv("ERGON_DEBUG", raising=False)
+    assert app.run([]) == code
+    out, err = capsys.readouterr()
+    assert err.startswith(said)
+    assert "Traceback" not in err
+    assert out == ""
+
+
+def test_debug_shows_the_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(app, "invoke", fail)
+    with pytest.raises(ZeroDivisionError):
+        app.run(["--debug"])
+    monkeypatch.setenv("ERGON_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        app.run([])
+
+
+def test_engine_errors_name_the_module() -> None:
+    class EngineError(ValueError):
+        module = "bell.m"
+
+    class DivergedError(EngineError):
+        frame = 4410
+
+    class Core:
+        pass
+
+    core = Core()
+    core.EngineError, core.DivergedError = EngineError, DivergedError
+    found = app._engine(EngineError("M must be positive"), core)
+    assert (found.exit_code, found.message) == (1, "bell.m: M must be positive")
+    found = app._engine(DivergedError("'bell.m' is not finite"), core)
+    assert (found.exit_code, found.message) == (4, "'bell.m' is not finite")
+    assert found.place["frame"] == 4410
+
+
+def test_a_broken_pipe_ends_quietly() -> None:
+    code = (
+        "import sys\n"
+        "from ergon.cli import app\n"
+        "def flood(*_, **__):\n"
+        "    while True: print('x' * 1000)\n"
+        "app.invoke = flood\n"
+        "app.main([])"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait(timeout=PATIENCE) == 0
+
+
+@pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["completion", "bash"]])
+def test_head_of_any_command(words: list[str]) -> None:
+    command = [sys.executable, "-m", "ergon.cli", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait(timeout=PATIENCE) == 0
+
+
+def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run([]) == 2
+    assert "Commands:" in capsys.readouterr().err
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("environment", "stream", "colour"),
+    [
+        ({}, Terminal(), True),
+        ({}, io.StringIO(), False),
+        ({"NO_COLOR": ""}, Terminal(), True),
+        ({"NO_COLOR": "1"}, Terminal(), False),
+        ({"TERM": "dumb"}, Terminal(), False),
+        ({"FORCE_COLOR": "1"}, io.StringIO(), True),
+        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, Terminal(), False),
+        ({"FORCE_COLOR": "1", "TERM": "dumb"}, Terminal(), True),
+        ({"FORCE_COLOR": "0"}, Terminal(), False),
+    ],
+)
+def test_colour(environment: dict[str, str], stream: io.StringIO, colour: bool) -> None:
+    assert may_colour(stream, environment) is colour
+
+
+def test_json_lines_hold_no_infinities() -> None:
+    record = json.loads(line("meter", peak=float("-inf"), other=float("nan"), fine=1.5))
+    assert record == {"v": 1, "event": "meter", "peak": None, "other": None, "fine": 1.5}
+
+
+def test_records_of_progress(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = iter([0.0, 0.5, 1.5, 2.0, 3.0])
+    monkeypatch.setattr("ergon.cli.progress.time.monotonic", lambda: next(clock))
+    with Console(json=True).progress("rendering", 400, 100.0) as progress:
+        for done in (50, 150, 200, 300):
+            progress.at(done)
+    out, err = capsys.readouterr()
+    records = [json.loads(text) for text in out.splitlines()]
+    assert [record["frames"] for record in records] == [150, 300]
+    assert records[1]["x_real_time"] == 1.0
+    assert records[1]["left_s"] == 1.0
+    assert err == ""
+
+
+def test_no_terminal_no_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    with Console().progress("rendering", 4, 1.0) as progress:
+        progress.at(4)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_bar_on_a_terminal() -> None:
+    pexpect = pytest.importorskip("pexpect")
+    code = (
+        "from ergon.cli.console import Console\n"
+        "with Console().progress('rendering', 100, 1.0) as bar:\n"
+        "    for n in range(101): bar.at(n)\n"
+    )
+    environment = {**os.environ, "TERM": "xterm", "NO_COLOR": "1", "COLUMNS": "100"}
+    child = pexpect.spawn(sys.executable, ["-c", code], env=environment, encoding="utf-8")
+    child.expect("× real time")
+    child.expect(pexpect.EOF)
+    child.close()
+    assert child.exitstatus == 0
+
+
+def test_version() -> None:
+    done = python("from ergon.cli.app import main; main(['--version'])", cwd=Path("/"))
+    assert done.returncode == 0
+    assert done.stdout.startswith("ergon 0.")

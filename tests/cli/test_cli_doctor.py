@@ -1,0 +1,243 @@
+"""`ergon doctor`, `ergon devices` and `ergon take record`, with devices that are emulated."""
+
+import json
+import math
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benches.interrupts import CHILD
+from boards import Board, emulated
+from patience import PATIENCE, until
+
+from ergon import _core
+from ergon.cli import app
+from ergon.live import fitness, ports
+from ergon.scores.gesture import notation
+from ergon.scores.gesture.sampled import sampled
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setenv("NO_COLOR", "1")
+    return tmp_path
+
+
+def records(capsys: Capture) -> list[dict]:
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def by(found: list[dict], event: str) -> dict:
+    (record,) = (record for record in found if record["event"] == event)
+    return record
+
+
+@pytest.mark.parametrize("clock", [(), ("--lockstep",)])
+def test_doctor_measures_every_tick_and_every_reply(capsys: Capture, clock: tuple[str, ...]):
+    with emulated("frame", "--udp", "0", *clock) as url:
+        asked = ["doctor", "--no-audio", "--seconds", "0.5", "--json", "--device", url]
+        assert app.run(asked) == 0
+    found = records(capsys)
+    assert [r["event"] for r in found] == [
+        *("machine", "thread", "memory", "wake-up", "device", "felt")
+    ]
+    wakes, device, felt = (by(found, what) for what in ("wake-up", "device", "felt"))
+    n = math.ceil(0.5 / fitness.PERIOD)
+    assert wakes["ticks"] == sum(wakes["histogram_us"]) == n
+    assert 0 < wakes["p50_s"] <= wakes["p99_s"] <= wakes["p999_s"] <= wakes["max_s"]
+    assert device["asked"] == device["unanswered"] + sum(device["histogram_us"]) == n
+    # A datagram there and back takes some microseconds at least, and is given up after 20 ms.
+    assert 1e-6 < device["p50_s"] <= device["max_s"] < 0.1
+    assert felt["felt_p50_s"] == pytest.approx(44 / 44100 + device["p50_s"])
+    if clock:
+        assert device["unanswered"] == 0
+    policy = by(found, "thread")
+    assert (policy["fifo"] is None) == bool(policy["todo"])
+
+
+def test_doctor_goes_on_without_what_is_missing(capsys: Capture):
+    asked = ["doctor", "--audio", "null", "--seconds", "0.1"]
+    assert app.run([*asked, "--device", "frame:/dev/nowhere", "--device", "emul:"]) == 3
+    told = capsys.readouterr()
+    assert "frame:/dev/nowhere" in told.err
+    assert "emul:: p50" in told.out
+    assert "no server answers" in told.out
+    assert app.run([*asked, "--device", "nobody"]) == 2
+
+
+def test_doctor_says_where_a_file_would_keep_the_sound(capsys: Capture):
+    asked = ["doctor", "--audio", "jack:nobody-here", "--seconds", "0.1", "--json"]
+    assert app.run(asked) == 0
+    sound = by(records(capsys), "sound")
+    assert sound["backend"] in (None, "jack")
+    assert sound["backend"] == "jack" or "file:" in sound["todo"]
+
+
+def test_quantiles_are_of_what_was_measured():
+    seconds = np.array([1, 2, 3, 4, 900, 1500]) * 1e-6
+    assert fitness.quantile(seconds, 0.5) == pytest.approx(4e-6)
+    assert fitness.quantiles(seconds).endswith("p99 1.50 ms, p99.9 1.50 ms, longest 1.50 ms")
+    bins = fitness.histogram(seconds)["histogram_us"]
+    # 1; 2 and 3; 4; 512 to 1023; 1024 to 2047 µs.
+    assert [(i, n) for i, n in enumerate(bins) if n] == [(1, 1), (2, 2), (3, 1), (10, 1), (11, 1)]
+    assert math.isnan(fitness.quantile(np.zeros(0), 0.5))
+
+
+def test_an_ftdi_chip_that_waits_is_seen(tmp_path: Path):
+    timer = tmp_path / "ttyUSB0/latency_timer"
+    timer.parent.mkdir()
+    timer.write_text("16\n")
+    assert ports.latency_timer("firefader:/dev/ttyUSB0?lockstep", tmp_path) == 16
+    assert ports.latency_timer("firefader:/dev/ttyACM0", tmp_path) is None
+    assert ports.latency_timer("emul:", tmp_path) is None
+
+
+def test_devices_lists_sound_names_and_ports(
+    folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+):
+    config = folder / "config/ergon/devices.toml"
+    config.parent.mkdir(parents=True)
+    config.write_text(
+        '[devices]\nleft = "firefader:/dev/ttyACM0#1"\n[calibration."firefader:/dev/ttyACM0#1"]\n'
+        "sign = 1\nzero = 0.0\ngain = 1.0\nrange = [-0.03, 0.03]\nforce_max = 1.5\n"
+    )
+    plugged = [
+        ("/dev/ttyACM0", (0x16C0, 0x0483, "USB Serial", "77")),
+        ("/dev/ttyS0", None),
+        ("/dev/ttyUSB0", (0x0403, 0x6001, "FT232R", "")),
+    ]
+    monkeypatch.setattr(_core, "serial_ports", lambda: plugged)
+    monkeypatch.setattr(ports, "BY_ID", folder / "by-id")
+    (folder / "by-id").mkdir()
+    (folder / "by-id/usb-Teensy_77").symlink_to("/dev/ttyACM0")
+    assert app.run(["devices", "--json"]) == 0
+    found = records(capsys)
+    assert {r["audio"] for r in found if r["event"] == "sound"} >= {"jack", "pulse"}
+    assert by(found, "device") == {
+        **{"v": 1, "event": "device", "name": "left", "url": "firefader:/dev/ttyACM0#1"},
+        "tested": [1],
+    }
+    assert [(r["path"], r["name"], r["urls"]) for r in found if r["event"] == "port"] == [
+        ("/dev/ttyACM0", "Teensy USB Serial 77", [f"frame:{folder}/by-id/usb-Teensy_77"]),
+        ("/dev/ttyS0", "", []),
+        ("/dev/ttyUSB0", "FTDI FT232R", ["firefader:/dev/ttyUSB0"]),
+    ]
+    assert app.run(["devices"]) == 0
+    assert "left         firefader:/dev/ttyACM0#1 (axis 1 tested)" in capsys.readouterr().out
+
+
+def test_devices_probes_only_when_asked(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
+    with emulated("frame", "--pty") as url:
+        path = url.removeprefix("frame:")
+        monkeypatch.setattr(_core, "serial_ports", lambda: [(path, (0x2E8A, 10, "Pico", ""))])
+        assert app.run(["devices", "--json"]) == 0
+        assert by(records(capsys), "port")["answers"] == {}
+        assert app.run(["devices", "--json", "--probe"]) == 0
+        assert by(records(capsys), "port")["answers"] == {url: "1 axis, 20 N at most"}
+
+
+def test_the_real_list_of_ports_can_be_had():
+    assert all(path and (usb is None or len(usb) == 4) for path, usb in _core.serial_ports())
+
+
+TICK = 44100 / 44
+GESTURE = "0mm@0 12mm@1/10 0mm@1/4"
+
+
+def followed(n: int) -> list[float]:
+    """A key (50 g, 1 Ns/m) that a hand (400 N/m, 4 Ns/m) pulls, by its equation [m]."""
+    hand = sampled(notation.parse(GESTURE).points, 1.0, TICK)
+    x = d = 0.0
+    path = [x]
+    for i in range(n - 1):
+        force = 0.0
+        if i < len(hand):
+            moved = hand[i] - hand[max(i - 1, 0)]
+            force = 400 * (hand[i] - x) + 4 * TICK * (moved - d)
+        d = math.exp(-1 / 0.05 / TICK) * d + force / 0.05 / TICK**2
+        x += d
+        path.append(x)
+    return path
+
+
+def test_take_record_keeps_where_a_hand_was(capsys: Capture):
+    with emulated("frame", "--udp", "0", "--lockstep", "--gesture", GESTURE) as url:
+        live = f"remi={url}&wide"
+        assert app.run(["take", "record", "--live", live, "-o", "a.take", "--seconds", "0.4"]) == 0
+        assert "wrote a.take: remi" in capsys.readouterr().err
+        assert app.run(["take", "record", "--live", live, "-o", "a.take"]) == 2
+    found = _core.read_recording("a.take")
+    assert found.whole
+    assert found.frames == 44
+    n = len(found.ticks())
+    assert 0 <= n - round(0.4 * TICK) < 20
+    # Before the first tick it is asked where it is, and nothing is sent.
+    assert found.positions()[:, 0] == pytest.approx(np.array(followed(n)), abs=1e-12)
+    assert not np.any(found.forces())
+    assert not np.any(found.sent())
+    assert json.loads(found.about)["axes"][0]["device"] == f"{live.removeprefix('remi=')}#0"
+
+
+@pytest.mark.parametrize(
+    ("name", "asked"),
+    [
+        ("_until_over", ["take", "record", "--live", "emul:", "-o", "c.take"]),
+        ("doctor", ["doctor", "--no-audio", "--seconds", "3600"]),
+        ("calibrate", ["devices", "calibrate", "BOARD", "--seconds", "60"]),
+    ],
+)
+def test_ctrl_c_ends_it(folder: Path, name: str, asked: list[str]):
+    with (
+        Board(1e-3) as board,
+        subprocess.Popen(
+            [
+                *(sys.executable, "-c", CHILD, name),
+                *(board.url if a == "BOARD" else a for a in asked),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        ) as process,
+    ):
+        assert process.stdout is not None
+        while "begun" not in process.stdout.readline():
+            assert process.poll() is None
+        if "record" in asked:
+            until(lambda: Path("c.take").stat().st_size > 10_000, "a recording")
+        process.send_signal(signal.SIGINT)
+        try:
+            assert process.wait(timeout=PATIENCE) == 130
+        finally:
+            process.kill()  # else a failure would wait for its end
+    if "record" in asked:
+        found = _core.read_recording("c.take")
+        assert found.whole
+        assert len(found.ticks()) > 100
+    assert not (folder / "config").exists()
+
+
+def test_two_hands_without_names(capsys: Capture):
+    with emulated("frame", "--udp", "0", "--axes", "2", "--lockstep") as url:
+        hands = [part for axis in (0, 1) for part in ("--live", f"{url}#{axis}")]
+        asked = ["take", "record", *hands, "--tick", "500", "-o", "b.take", "--seconds", "0.1"]
+        assert app.run(asked) == 0
+    found = _core.read_recording("b.take")
+    assert (found.names, found.frames) == (["hand", "hand2"], 88)
+
+
+def test_what_cannot_be_recorded(capsys: Capture):
+    record = ["take", "record", "--live"]
+    assert app.run([*record, "frame:/dev/nowhere", "-o", "x.take"]) == 3
+    assert not Path("x.take").exists()
+    assert app.run([*record, "emul:", "-o", "x.wav"]) == 2
+    assert app.run([*record, "emul:"]) == 2
+    assert app.run([*record, "emul:", "--live", "emul:", "-o", "x.take"]) == 2
+    assert "cannot be two players' hand" in capsys.readouterr().err

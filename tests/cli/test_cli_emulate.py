@@ -1,0 +1,157 @@
+"""Emulated devices as processes of their own, driven by bytes written here by hand."""
+
+import math
+import os
+import select
+import signal
+import socket
+import struct
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from emulators import crc, emulator
+from numpy.typing import NDArray
+from patience import PATIENCE, until
+
+from ergon.cli import app
+from ergon.scores.gesture import notation
+from ergon.scores.gesture.sampled import sampled
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+
+
+@contextmanager
+def serial(url: str) -> Iterator[int]:
+    path = url.removeprefix("firefader:").partition("?")[0]
+    port = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    try:
+        yield port
+    finally:
+        os.close(port)
+
+
+def exchange(port: int, force: bytes) -> bytes:
+    """Send a packet and read seven bytes."""
+    os.write(port, force)
+    reply = b""
+    while len(reply) < 7:
+        assert select.select([port], [], [], 5)[0], reply
+        reply += os.read(port, 7 - len(reply))
+    return reply
+
+
+TICK = 44100 / 44
+GESTURE = ("--gesture", "0mm@0 12mm@1/10 0mm@1/4")
+
+
+def followed(hand: NDArray[np.float64], n: int) -> list[int]:
+    """Bytes of a key (50 g, 1 Ns/m) that a hand (400 N/m, 4 Ns/m) pulls, by its equation."""
+    x = d = 0.0
+    path = []
+    for i in range(n):
+        force = 0.0
+        if i < len(hand):
+            moved = hand[i] - hand[max(i - 1, 0)]
+            force = 400 * (hand[i] - x) + 4 * TICK * (moved - d)
+        d = math.exp(-1 / 0.05 / TICK) * d + force / 0.05 / TICK**2
+        x += d
+        path.append(round(x / 0.00039) + 128)
+    return path
+
+
+def positions(pause: float) -> tuple[list[int], str]:
+    with emulator("firefader", "--lockstep", *GESTURE) as device, serial(device.url) as port:
+        assert device.url.endswith("?lockstep")
+        path = []
+        for _ in range(300):
+            time.sleep(pause)
+            reply = exchange(port, bytes([0x7F, 0, 0]))
+            assert reply[0] == 0xFF
+            path.append(reply[1])
+        return path, device.end()
+
+
+def test_a_hand_moves_a_firefader_the_same_way_by_any_pace():
+    path, hashed = positions(0.0)
+    # 12 mm are 31 steps of 0.39 mm; a hand that brakes late goes beyond.
+    assert 128 + 31 <= max(path) < 128 + 40
+    assert path == followed(sampled(notation.parse(GESTURE[1]).points, 1.0, TICK), len(path))
+    assert positions(0.001) == (path, hashed)
+
+
+def test_silence_lets_go_by_the_wall():
+    # A busy machine may take the test away for a while: the watchdog waits longer.
+    key = ("--no-gate", "--stiffness", "100N/m", "--watchdog", "2s")
+    with emulator("firefader", *key) as device:
+        with serial(device.url) as port:
+            # 64 of 127 steps of 1.56 N on 100 N/m: 7.9 mm, 20 steps.
+            until(lambda: exchange(port, bytes([0x7F, 64, 0]))[1] == 128 + 20, "7.9 mm")
+        device.until("let-go")
+        with serial(device.url) as port:
+            until(lambda: exchange(port, bytes([0x7F, 0, 0]))[1] == 128, "a key let go")
+        device.end(signal.SIGTERM)
+
+
+def test_a_frame_answers_by_datagram():
+    with emulator("frame", "--udp", "0", "--axes", "2", "--lockstep") as device:
+        host, _, port = device.url.removeprefix("frame+udp:").partition("?")[0].rpartition(":")
+        assert host == "127.0.0.1"
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+            wire.settimeout(PATIENCE)
+            wire.connect((host, int(port)))
+
+            def ask(body: bytes) -> bytes:
+                wire.send(b"\xa5\x5a" + body + crc(body))
+                reply = wire.recv(512)
+                assert crc(reply[2:-2]) == reply[-2:]
+                return reply
+
+            who = ask(struct.pack("<HBB", 7, 0, 0))
+            assert struct.unpack_from("<HBB", who, 2) == (7, 2, 4 | 8)
+            # Wide, motors may push, 1 N on the first: F T²/m after one period.
+            reply = ask(struct.pack("<HBddB", 8, 0x82, 1.0, 0.0, 1))
+            number, t, n, first, second, status = struct.unpack_from("<HIBddB", reply, 2)
+            assert (number, n, second, status) == (8, 0x82, 0.0, 1 | 2)
+            assert first == pytest.approx((44 / 44100) ** 2 / 0.05, rel=1e-12)
+            assert t == int(44 / 44100 * 1e6)
+        device.end()
+
+
+def test_it_ends_by_itself():
+    with emulator("frame", "--seconds", "0.2") as device:
+        over = device.next()
+        assert over["event"] == "over"
+        assert isinstance(over["periods"], int)
+        assert over["periods"] >= 200
+        assert device.process.wait(timeout=PATIENCE) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["firefader", "--udp", "9999"], "a firefader is reached by --pty"),
+        (["frame", "--udp", "1", "--ws", "2"], "one of --pty, --udp and --ws"),
+        (["haply", "--axes", "2"], "a haply has 3 axes"),
+        (["frame", "--gesture", "0mm@0 6@nowhere"], "--gesture"),
+        (["frame", "--mass", "0g"], "--mass"),
+        (["frame", "--stiffness", "1e9N/m", "--seconds", "1"], "faster than half its rate"),
+    ],
+)
+def test_what_cannot_be_is_said(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+):
+    assert app.run(["emulate", *arguments]) in (1, 2)
+    assert said in capsys.readouterr().err
+
+
+def test_a_gesture_becomes_positions():
+    points = notation.parse("1mm@0 smooth 6mm@1/2 line 2mm@1").points
+    path = sampled(points, 0.5, 1000.0)
+    assert path.shape == (501,)
+    assert path[[0, 250, 500]] == pytest.approx([1e-3, 6e-3, 2e-3], abs=1e-12)
+    assert path[375] == pytest.approx(4e-3, abs=1e-9)
+    assert np.all(np.diff(path[:251]) > -1e-9)

@@ -1,0 +1,102 @@
+"""Standard streams that are closed or narrow, and links that lead back to themselves."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from one_bell import SCORE
+from patience import PATIENCE
+
+ERGON = [sys.executable, "-m", "ergon.cli"]
+SAID = ("Traceback", "internal error", "Exception ignored")
+REPL = "repl score.yaml --audio null --gain 0dB --plain"
+ASCII = (
+    {"PYTHONIOENCODING": "ascii"},
+    {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
+)
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    (tmp_path / "score.yaml").write_text(SCORE.replace("One bell", "Une cloche fêlée"))
+    for name in ("loop.yaml", "loop.jsonl", "loop.wav", "round"):
+        (tmp_path / name).symlink_to(name)
+    return tmp_path
+
+
+def ergon(folder: Path, line: str, closed: tuple[int, ...] = (), **environment: str):
+    def close() -> None:
+        for number in closed:
+            os.close(number)
+
+    done = subprocess.run(
+        [*ERGON, *line.split()],
+        cwd=folder,
+        env={**os.environ, **environment},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        timeout=PATIENCE,
+        preexec_fn=close,
+    )
+    told = done.stderr.decode()
+    assert not [word for word in SAID if word in told], told
+    return done
+
+
+@pytest.mark.parametrize("closed", [(0, 1), (1,), (0, 1, 2)])
+@pytest.mark.parametrize(
+    ("line", "code"), [("info score.yaml", 0), ("check nothing.yaml", 1), (REPL, 0), ("--help", 0)]
+)
+def test_closed_streams(here: Path, closed: tuple[int, ...], line: str, code: int) -> None:
+    assert ergon(here, line, closed).returncode == code
+
+
+def test_no_file_gets_the_number_of_a_closed_stream(here: Path) -> None:
+    open_ = ergon(here, "render score.yaml -o a.wav --json")
+    assert open_.returncode == 0
+    assert ergon(here, "render score.yaml -o b.wav --json", (0, 1, 2)).returncode == 0
+    assert (here / "a.wav").read_bytes() == (here / "b.wav").read_bytes()
+
+
+@pytest.mark.parametrize("environment", ASCII, ids=["encoding", "locale"])
+def test_what_ascii_cannot_say_is_escaped(here: Path, environment: dict[str, str]) -> None:
+    assert b"f\\xeal\\xe9e" in ergon(here, "info score.yaml", **environment).stdout
+    assert ergon(here, "plan score.yaml", **environment).returncode == 0
+    told = [json.loads(line) for line in ergon(here, "info score.yaml --json", **environment).stdout
+            .splitlines()]  # fmt: skip
+    assert any("fêlée" in str(one) for one in told)
+    (here / "bad.yaml").write_text(SCORE.replace("knock, every", "knöck, every"))
+    bad = ergon(here, "check bad.yaml --json", **environment)
+    assert bad.returncode == 1
+    assert "knöck" in json.loads(bad.stdout.splitlines()[0])["message"]
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("check loop.yaml", 1),
+        ("check round/score.yaml", 1),
+        ("check uses.yaml", 1),
+        ("check plays.yaml", 1),
+        ("render score.yaml -o loop.wav", 2),
+        ("render score.yaml -o round/x.wav", 2),
+        ("render loop.jsonl -o x.wav", 2),
+        ("repl --resume loop.jsonl --audio null", 2),
+        ("repl score.yaml --audio null --journal round/session.jsonl", 2),
+        ("schema -o loop.yaml", 2),
+    ],
+)
+def test_links_that_lead_back_to_themselves(here: Path, line: str, code: int) -> None:
+    (here / "uses.yaml").write_text(SCORE.replace("keys:", "use: loop.yaml\nkeys:"))
+    takes = "takes: {t: {file: round/x.take}}\ngestures:"
+    (here / "plays.yaml").write_text(SCORE.replace("gestures:", takes))
+    before = sorted(here.iterdir())
+    done = ergon(here, line)
+    assert done.returncode == code
+    assert done.stderr.strip()
+    assert sorted(here.iterdir()) == before

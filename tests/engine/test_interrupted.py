@@ -1,0 +1,133 @@
+"""Ctrl-C ends what would take hours, and so do a deadline and another thread."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+from benches.interrupts import COMMANDS, begun
+from patience import PATIENCE
+
+from ergon import _core
+from ergon.exchange.signals import signals_as_exceptions
+
+# `fmt`, `info` and the rest are measured by the bench alone: they take seconds, not hours.
+_HOURS = [what for what in COMMANDS if COMMANDS[what][0] and "large" not in what]
+_HOURS = [what for what in _HOURS if what not in ("chart", "info")]
+
+
+@pytest.mark.parametrize("what", _HOURS)
+def test_control_c_ends_a_command(what, tmp_path):
+    with begun(tmp_path, what) as child:
+        try:
+            child.send_signal(signal.SIGINT)
+            _, told = child.communicate(timeout=PATIENCE)
+        finally:
+            child.kill()
+    assert child.returncode == 130
+    assert "Traceback" not in told
+    assert "error" not in told
+    assert [path.name for path in tmp_path.iterdir()] == ["score.yaml"]
+
+
+def _simulation() -> _core.Simulation:
+    network = _core.Network()
+    network.part("k")
+    key = network.cel("m", M=0.4, f=440.0)
+    network.listen("out", positions=[(key, 1, 1.0)])
+    return _core.Simulation(network, _core.Timeline(network, 44100.0))
+
+
+def test_work_has_a_deadline():
+    simulation = _simulation()
+    with _core.Work(0.0), pytest.raises(_core.StoppedError) as stopped:
+        simulation.process(np.zeros((1 << 24, 1)))
+    assert stopped.value.why == "late"
+    assert simulation.frame < 1 << 24
+    # It stands in the middle of something: nobody takes it for a simulation at that frame.
+    with pytest.raises(_core.EngineError, match="stopped in the middle"):
+        simulation.process(np.zeros((1, 1)))
+
+
+def test_work_ends_where_another_thread_cancels_it():
+    work, simulation, begun = _core.Work(), _simulation(), threading.Event()
+    why = []
+
+    def compute():
+        with work:
+            begun.set()
+            try:
+                while True:
+                    simulation.process(np.zeros((1 << 16, 1)))
+            except _core.StoppedError as error:
+                why.append(error.why)
+
+    thread = threading.Thread(target=compute)
+    thread.start()
+    assert begun.wait(PATIENCE)
+    work.cancel()
+    thread.join(PATIENCE)
+    assert why == ["cancelled"]
+
+
+def test_the_limits_of_a_thread_are_its_own_and_end_with_their_block():
+    other = []
+    with _core.Work() as work:
+        work.cancel()
+        with pytest.raises(_core.StoppedError):
+            _core.poll()
+        thread = threading.Thread(target=lambda: other.append(_core.poll()))
+        thread.start()
+        thread.join()
+        with _core.Work(1e9), pytest.raises(_core.StoppedError):  # the outer one holds as well
+            _core.poll()
+    _core.poll()
+    assert other == [None]
+
+
+def test_a_deadline_of_no_work_changes_no_sample():
+    alone, limited = np.zeros((70_000, 1)), np.zeros((70_000, 1))
+    _simulation().process(alone)
+    with _core.Work(1e6):
+        _simulation().process(limited)
+    assert np.array_equal(alone, limited)
+
+
+class _SignalledError(Exception):
+    pass
+
+
+def _compute() -> None:
+    while True:
+        _simulation().process(np.zeros((1 << 24, 1)))
+
+
+def test_a_handler_that_raises_ends_the_engine_alone():
+    """What a signal's handler raises comes out of the core as it is."""
+
+    def handler(number, frame):
+        raise _SignalledError
+
+    before = signal.signal(signal.SIGUSR1, handler)
+    try:
+        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+        with pytest.raises(_SignalledError):
+            _compute()
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+def test_control_c_in_a_finaliser_is_not_lost():
+    class Dropped:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def drop():
+        Dropped()
+        threading.Event().wait(PATIENCE)
+
+    with signals_as_exceptions(), pytest.raises(KeyboardInterrupt):
+        drop()

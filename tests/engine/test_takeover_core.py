@@ -1,0 +1,168 @@
+"""A simulation takes over from another: offline by hand, live by a change at a frame."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from patience import PATIENCE
+
+from ergon import _core
+from ergon._core import EngineError
+
+RATE = 44_100.0
+EVERY = 64
+
+Version = tuple[_core.Plan, _core.Simulation]
+
+
+def network() -> _core.Network:
+    """Two bells that a spring joins for a time."""
+    net = _core.Network()
+    net.part("bells")
+    for name, f in (("a", 440.0), ("b", 667.0)):
+        mat = net.cel(name, M=2e-3, f=f, t60=2.0)
+        net.listen(name, positions=[(mat, 1, 1.0)])
+    net.ref("l", 0, 1, K=500.0)
+    return net
+
+
+def version(
+    net: _core.Network, struck: list[float], start: int, like: _core.Plan | None = None
+) -> Version:
+    """Bell a struck at some instants [s], from a frame on."""
+    timeline = _core.Timeline(net, RATE)
+    timeline.open()
+    timeline.couple(0, 0.1)
+    for at in struck:
+        timeline.strike(0, at, impulse=1e-4)
+    plan = _core.Plan(net, timeline, like=like)
+    return plan, _core.Simulation(net, timeline, plan=plan, on_fault="mute", start=start)
+
+
+def heard(simulation: _core.Simulation, until: int) -> NDArray[np.float64]:
+    out = np.zeros((until - simulation.frame, simulation.n_out))
+    simulation.process(out)
+    return out
+
+
+def test_what_is_equal_goes_on_to_the_last_bit() -> None:
+    net = network()
+    plan, whole = version(net, [0.01, 0.2], 0)
+    _, first = version(net, [0.01], 0, plan)
+    _, second = version(net, [0.01, 0.2], 6400, plan)
+    all_of_it = heard(whole, 20_000)
+    before = heard(first, 6400)
+    copy = first.fork()
+    second.take_over(first)
+    assert second.frame == 6400
+    after = heard(second, 20_000)
+    assert np.array_equal(np.concatenate([before, after]), all_of_it)
+    assert not np.array_equal(heard(copy, 20_000), after)
+
+
+def test_frames_must_agree() -> None:
+    net = network()
+    _, first = version(net, [0.01], 0)
+    _, second = version(net, [0.01], 6400)
+    with pytest.raises(EngineError, match="at 6400"):
+        second.take_over(first)
+
+
+def test_a_change_is_heard_as_its_replay(tmp_path: Path) -> None:
+    """Done or too late, as it is told: the file holds the samples of the same take-over by hand."""
+    net = network()
+    at, n_frames = 5_000 * EVERY, 9_000 * EVERY
+    plan, first = version(net, [0.01], 0)
+    _, second = version(net, [0.01, 7.5, 9.0], at, plan)
+    mixer = _core.Mixer(RATE, 2, 1)
+    mixer.route(0, 0)
+    mixer.route(1, 0)
+    path = tmp_path / "played.wav"
+    played = _core.Performance(first, mixer, every=EVERY, audio=f"file:{path}", n_frames=n_frames)
+    try:
+        ticket = played.change(at, simulation=second, old=first)
+        with pytest.raises(EngineError, match="not the first of a tick"):
+            played.change(at + 1, gain=0.5)
+        with pytest.raises(EngineError, match="`old` requires `simulation`"):
+            played.change(at, old=first)
+        assert played.wait(PATIENCE)
+        told = played.events()
+    finally:
+        played.close(10.0)
+    answers = {number: what for _, what, number in told if what in ("changed", "late")}
+    assert list(answers) == [ticket]
+
+    frames = heard(first, at)
+    if answers[ticket] == "changed":
+        second.take_over(first)
+        frames = np.concatenate([frames, heard(second, n_frames)])
+    else:
+        frames = np.concatenate([frames, heard(first, n_frames)])
+    mixed = np.zeros((n_frames, 1))
+    mixer.process(frames, mixed)
+    sound = np.frombuffer(path.read_bytes()[-4 * n_frames :], dtype="<f4")
+    assert np.abs(sound).max() > 1e-6
+    assert np.array_equal(sound, mixed[:, 0].astype(np.float32))
+
+
+def test_damping_is_a_time() -> None:
+    _, simulation = version(network(), [0.0], 0)
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(EngineError, match="t60 must be"):
+            simulation.damp(wrong)
+    loud = np.abs(heard(simulation, 4_410)).max()
+    simulation.damp(0.1)
+    heard(simulation, 8_820)
+    assert np.abs(heard(simulation, 13_230)).max() < 2e-3 * loud
+
+
+def test_parameters_glide() -> None:
+    """A spring and a mass that come from other numbers: nothing jumps, and refusals say why."""
+    at, over = 6_400, 64
+    span = (at / RATE, (at + over) / RATE)
+
+    def pair(k: float, tie: float) -> _core.Network:
+        net = _core.Network()
+        net.part("pair")
+        for name in ("a", "b"):
+            mat = net.cel(name, M=2e-3, K=tie, Z=1e-3, X0=1e-3 if name == "a" else 0.0)
+            net.listen(name, positions=[(mat, 1, 1.0)])
+        net.ref("l", 0, 1, K=k, Z=1e-6 * k)
+        return net
+
+    def joined(new: _core.Network, timeline: _core.Timeline) -> NDArray[np.float64]:
+        old = pair(3e3, 900.0)
+        quiet = _core.Timeline(old, RATE)
+        quiet.open()
+        before = _core.Simulation(old, quiet, plan=_core.Plan(old, quiet))
+        after = _core.Simulation(new, timeline, plan=_core.Plan(new, timeline), start=at)
+        sound = heard(before, at)
+        after.take_over(before)
+        return np.concatenate([sound, heard(after, 2 * at)])
+
+    def roughness(sound: NDArray[np.float64]) -> float:
+        third = np.abs(np.diff(sound, 3, axis=0)).max(axis=1)
+        around = max(third[at - 1_500 : at - 4].max(), third[at + over + 4 :][:1_500].max())
+        return float(third[at - 4 : at + over + 4].max() / around)
+
+    new = pair(4.5e3, 1_350.0)
+    jumping, gliding = (_core.Timeline(new, RATE) for _ in range(2))
+    jumping.open()
+    gliding.open()
+    gliding.fade(0, 1 / 1.5, 1.0, *span)
+    for mat in (0, 1):
+        gliding.glide(mat, 900.0, 1e-3, 2e-3, *span)
+    assert roughness(joined(new, jumping)) > 2.0
+    assert roughness(joined(new, gliding)) < 1.5
+    for refused in (
+        lambda: gliding.fade(0, 0.5, 1.0, *span),
+        lambda: gliding.fade(7, 0.5, 1.0, *span),
+        lambda: gliding.fade(0, -1.0, 1.0, *span, n=2),
+        lambda: gliding.glide(0, 1.0, 1.0, 1.0, *span),
+        lambda: jumping.glide(0, 1.0, 1.0, 0.0, *span),
+        lambda: jumping.glide(0, 1.0, 1.0, 1.0, span[1], span[0]),
+        lambda: jumping.couple(0, 0.0, fade=0.0),
+    ):
+        with pytest.raises(EngineError):
+            refused()

@@ -1,0 +1,217 @@
+"""Everything a reader can copy from the pages works: snippets are checked, commands are run.
+
+A page is a sequence of fenced blocks. An HTML comment right above a block says what it is:
+
+* `<!-- file: piece.yaml -->` — the whole text of a file;
+* `<!-- in: piece.yaml -->` — sections that replace those of the same name there, or follow;
+* `<!-- mistake -->` — after one of these: the snippet is wrong on purpose.
+
+A yaml block without a comment is a whole score. Every yaml block has to check without error or
+warning, as part of its file. Console blocks are run in one folder in the order of the page; what a
+command prints (errors and all) must match what is shown, where `…` stands for anything.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from patience import PATIENCE
+from tests.scores import test_library
+
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import stage
+
+ROOT = Path(__file__).parents[2]
+PAGES = [
+    ROOT / "README.md",
+    *(page for page in sorted((ROOT / "docs").glob("*.md")) if page.name != "reference.md"),
+]
+_BLOCK = re.compile(
+    r"(?P<notes>(?:^<!-- [^\n]* -->\n)*)^```(?P<language>\w*)\n(?P<text>.*?)^```$",
+    re.MULTILINE | re.DOTALL,
+)
+_SECTION = re.compile(r"^(?=[a-z]+:)", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Block:
+    language: str
+    text: str
+    notes: tuple[str, ...]
+    where: str
+
+    def note(self, word: str) -> str | None:
+        """What a comment says after `word:`."""
+        found = [note.removeprefix(f"{word}: ") for note in self.notes]
+        return next((f for f, note in zip(found, self.notes, strict=True) if f != note), None)
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    text = page.read_text(encoding="utf-8")
+    for match in _BLOCK.finditer(text):
+        notes = tuple(line[5:-4] for line in match["notes"].splitlines())
+        line = text.count("\n", 0, match.start("text"))
+        yield Block(match["language"], match["text"], notes, f"{page.name}:{line}")
+
+
+def merged(text: str, more: str) -> str:
+    """The file with sections replaced by those of the same name, or with them at its end."""
+    for section in filter(None, _SECTION.split(more)):
+        name = section[: section.index(":") + 1]
+        parts = _SECTION.split(text)
+        same = [i for i, part in enumerate(parts) if part.startswith(name)]
+        if same:
+            parts[same[0]] = section
+            text = "".join(parts)
+        else:
+            text = text.rstrip("\n") + "\n" + section
+    return text
+
+
+def put(block: Block, folder: Path) -> Path:
+    """Write a block into the folder as the reader would."""
+    if (name := block.note("in")) is not None:
+        path = folder / name
+        path.write_text(merged(path.read_text("utf-8"), block.text), "utf-8")
+        return path
+    path = folder / (block.note("file") or "snippet.yaml")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(block.text, "utf-8")
+    return path
+
+
+_IN_A_ROOM = """ergon: 1
+instruments: {{b: {{BANK: {{count: 9, f: 1kHz, t60: 1s, M: 1g}}, out: {{SOX: b.all}}}}}}
+mix: {{layout: {name}, route: {{from: b, to: nearest}}}}
+"""
+
+
+def check(block: Block, path: Path) -> None:
+    is_layout = "\nspeakers:" in block.text
+    room = path.with_name("room.yaml")  # a score that lays the layout out
+    text = _IN_A_ROOM.format(name=path.name) if is_layout else None
+    loaded = load(room if is_layout else path, text=text)
+    found = list(loaded.diagnostics)
+    if loaded.piece is not None:
+        found += stage(loaded.piece).diagnostics
+    wrong = [f for f in found if f.code[0] != "N"]
+    if "mistake" in block.notes:
+        assert wrong, f"{block.where}: nothing is wrong here"
+    else:
+        assert not wrong, f"{block.where}: {wrong}"
+
+
+def run(block: Block, folder: Path) -> None:
+    """Run the commands of a console block and compare what they print."""
+    for part in re.split(r"^(?=\$ )", block.text, flags=re.MULTILINE):
+        if not part.startswith("$ "):
+            continue
+        command, _, shown = part[2:].partition("\n")
+        words = command.split(" #")[0].split()
+        assert words[0] == "ergon", f"{block.where}: {command}"
+        done = subprocess.run(
+            [sys.executable, "-m", "ergon.cli", *words[1:]],
+            cwd=folder,
+            env={**os.environ, "NO_COLOR": "1", "COLUMNS": "80"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            encoding="utf-8",
+            timeout=PATIENCE,
+            check=False,
+        )
+        pattern = re.escape(shown.strip()).replace("…", ".*")
+        ok = re.fullmatch(pattern, done.stdout.strip(), re.DOTALL)
+        assert ok, f"{block.where}: {command}\n{done.stdout}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_a_page_shows_is_so(page: Path, tmp_path: Path) -> None:
+    for block in blocks(page):
+        if block.language == "console":
+            run(block, tmp_path)
+        elif block.language in ("yaml", "csv"):
+            path = put(block, tmp_path)
+            if block.language == "yaml":
+                check(block, path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text):
+        if not target.startswith(("http://", "https://")):
+            # Generated pages are made by `make docs`.
+            made = target.startswith(
+                ("errors/", "reference.md", "docs/reference.md", "docs/errors")
+            )
+            assert made or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_a_replaced_section_leaves_the_others() -> None:
+    text = "ergon: 1\nkeys:\n  k: {M: 1g}\ngestures:\n  a: 0@0 1@1\n"
+    changed = merged(text, "keys:\n  j: {M: 2g}\nmarks: {A: 1|1}\n")
+    assert changed == "ergon: 1\nkeys:\n  j: {M: 2g}\ngestures:\n  a: 0@0 1@1\nmarks: {A: 1|1}\n"
+
+
+def test_all_languages_are_known() -> None:
+    """A block in another language would be looked at by nobody."""
+    # A session is typed by test_repl_concert, Python run by test_session_api, JSON is a protocol.
+    known = {"yaml", "console", "csv", "text", "sh", "repl", "python", "json"}
+    for page in PAGES:
+        assert {block.language for block in blocks(page)} <= known, page.name
+
+
+def test_the_tutorial_has_nine_steps() -> None:
+    text = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    steps = re.findall(r"^## (\d)\. ", text, re.MULTILINE)
+    assert steps == [str(n) for n in range(1, 10)]
+
+
+def test_the_picture_is_of_the_score_beside_it() -> None:
+    picture = (ROOT / "docs" / "pictures" / "first.svg").read_text(encoding="utf-8")
+    text = next(block.text for block in blocks(ROOT / "README.md") if block.language == "yaml")
+    assert len(text.splitlines()) == 10
+    title = next(line for line in text.splitlines() if line.startswith("title: "))
+    assert title.removeprefix("title: ") in picture
+    assert len(picture) < 150_000
+
+
+def test_what_ships_is_listed_with_its_length() -> None:
+    """docs/README.md: every piece and its seconds, every instrument that a file defines."""
+    text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    pieces = re.findall(r"^\| `([\w-]+)` \| (\d+) s \|", text, re.MULTILINE)
+    assert {name: int(seconds) for name, seconds in pieces} == {
+        name: int(seconds + 0.5) for name, seconds in test_library.SECONDS.items()
+    }
+    rows = re.findall(r"^\| `([\w-]+)\.yaml` \|([^|]*)\|", text, re.MULTILINE)
+    files = {path.stem: path for path in (ROOT / "instruments" / "library").glob("*.yaml")}
+    assert {name for name, _ in rows} == set(files)
+    for name, instruments in rows:
+        defined = yaml.safe_load(files[name].read_text(encoding="utf-8"))
+        assert re.findall(r"`([\w-]+)`", instruments) == list(defined.get("instruments", {}))
+    laws = yaml.safe_load(files["laws"].read_text(encoding="utf-8"))["laws"]
+    assert len(laws) == 9  # "nine laws"
+
+
+def test_a_smooth_run_swings_beyond_a_point_that_is_not_in_the_middle() -> None:
+    """As docs/language.md and gestures/common.yaml say."""
+    text = (
+        "ergon: 1\nkeys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\nplayers: {a: {key: k}}\n"
+        "gestures: {g: 0mm@0 smooth 6mm@60ms 0mm@300ms}\nparts: {a: [{at: 0.1s, play: g}]}\n"
+    )
+    loaded = load("here.yaml", text=text)
+    assert loaded.piece is not None
+    simulation = stage(loaded.piece).simulation
+    highest = 0.0
+    for _ in range(900):
+        simulation.process(np.zeros((20, simulation.n_out)))
+        asked = float(simulation.asked()[0])
+        highest = max(highest, 0.0 if np.isnan(asked) else asked)
+    assert highest == pytest.approx(14.1e-3, abs=0.1e-3)

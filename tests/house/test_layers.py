@@ -1,0 +1,66 @@
+"""Layers of the Rust crates: what a top-level module may import, as DESIGN.md says."""
+
+import re
+from pathlib import Path
+
+import pytest
+from rust_imports import Graph, branches, circles, imports
+
+ROOT = Path(__file__).parents[2]
+CRATES = ["engine", "live"]
+
+
+def layers(crate: str) -> dict[str, set[str]]:
+    """The table of a crate in DESIGN.md: module, and what it may use."""
+    text = (ROOT / "DESIGN.md").read_text(encoding="utf-8")
+    table = text.split(f"| layers of `{crate}` |", 1)[1].split("\n\n", 1)[0]
+    rows = re.findall(r"^\| (.+?) \|.*\| (.+?) \|$", table, flags=re.MULTILINE)
+    return {
+        layer: set(re.findall(r"`(\w+)`", may))
+        for layers, may in rows
+        for layer in re.findall(r"`(\w+)`", layers)
+    }
+
+
+def graph(crate: str) -> Graph:
+    return imports(ROOT / "core-rs" / crate / "src")
+
+
+@pytest.mark.parametrize("crate", CRATES)
+def test_a_module_imports_only_lower_layers(crate: str):
+    may = layers(crate)
+    found = graph(crate)
+    assert {module[0] for module in found if module} == set(may), "every module is in the table"
+    for module, others in found.items():
+        for other in others:
+            if module and other and other[0] != module[0]:
+                what = f"{'/'.join(module)}.rs imports {'::'.join(other)}"
+                assert other[0] in may[module[0]], what
+
+
+@pytest.mark.parametrize("crate", CRATES)
+def test_the_layers_are_in_order(crate: str):
+    seen: set[str] = set()
+    for layer, may in layers(crate).items():
+        assert may <= seen, f"{layer} may use what stands below it in the table: {may - seen}"
+        seen.add(layer)
+
+
+@pytest.mark.parametrize("crate", CRATES)
+def test_files_import_in_no_circle(crate: str):
+    """Only a file and its own children may name each other."""
+    kin = lambda a, b: a[: len(b)] == b or b[: len(a)] == a  # noqa: E731
+    strangers = {
+        module: {other for other in others if not kin(module, other)}
+        for module, others in graph(crate).items()
+    }
+    assert circles(strangers) == []
+
+
+def test_imports_are_read_as_rust_reads_them():
+    assert branches("a::{b, c::{d, e as f}, self}") == ["a::b", "a::c::d", "a::c::e", "a::self"]
+
+
+def test_circles_are_found():
+    a, b, c = ("a",), ("b",), ("c",)
+    assert circles({a: {b}, b: {c}, c: {b}}) == [[b, c]]

@@ -1,0 +1,99 @@
+"""Keys in real hands: what stands in for them, and what a recording of them renders to."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ergon import _core
+from ergon.scores.gesture.takes import read
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.stage import StageError, stage
+
+TAKES = Path(__file__).parents[2] / "scores/library/takes"
+SCORE = """\
+ergon: 1
+keys:
+  k: {{M: 400g, K: 60N/m, Z: 1.2Ns/m{reach}}}
+  v: {{M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  bell:
+    modules:
+      m: {{CEL: {{M: 2g, f: 220Hz, t60: 2.5s}}}}
+      b: {{BUT: {{between: [k, m], K: 900N/m, gap: 1mm}}}}
+      c: {{BUT: {{between: [v, m], K: 900N/m, gap: 1mm}}}}
+    out: {{SOX: m}}
+gestures: {{knock: 0mm@0 smooth 6mm@1/8 0mm@1/2}}
+takes: {{t: {{file: {takes}/hand-point-1.csv}}}}
+players: {{ada: {{key: v}}, remi: {{hand: live, key: k, standin: t}}{more}}}
+parts: {{ada: [{{at: 2|1, play: knock, every: 1, times: 4}}]{part}}}
+render: {{tail: 1s}}
+"""
+
+
+def piece(part: str = "", more: str = "", reach: str = "") -> Piece:
+    text = SCORE.format(takes=TAKES, part=part, more=more, reach=reach)
+    loaded = load("s.yaml", text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    return loaded.piece
+
+
+def heard(simulation: _core.Simulation, n_frames: int) -> np.ndarray:
+    out = np.zeros((n_frames, simulation.n_out))
+    simulation.process(out)
+    return out[:, 0]
+
+
+def test_a_take_stands_in_by_ticks():
+    (hand,) = stage(piece(), planned=True).live
+    assert (hand.player, hand.every, hand.reach) == ("remi", 44, 1.0)
+    take = read(TAKES / "hand-point-1.csv")
+    spline = _core.Take(take.t, take.x)
+    t = np.arange(len(hand.standin)) * hand.every / 44100.0
+    inside = t < spline.duration - 1e-3
+    asked = np.array([spline.at(t[0] + when)[0] for when in t[inside]])
+    # The key joins the take from where it rests; from then on it is where the hand was.
+    late = t[inside] > 0.1
+    assert np.max(np.abs(hand.standin[inside] - asked)[late]) < 1e-8
+
+
+def test_a_part_stands_in_as_its_free_key_goes():
+    mine = ", remi: [{at: 1|1, play: knock}]"
+    assert stage(piece(mine)).live == ()  # nobody is said to be there: a virtual hand plays it
+    (hand,) = stage(piece(mine), real={"remi": None}).live
+    at = round(60 / 60 / 8 * 44100 / 44)  # an eighth of a beat at 60 a minute
+    assert hand.standin[at] == pytest.approx(6e-3, abs=5e-5)
+
+
+@pytest.mark.parametrize("planned", [False, True])
+def test_what_a_hand_did_renders_to_what_it_played(planned: bool):
+    """Tick by tick as a performance goes, and at once as a render does."""
+    rng = np.random.default_rng(7)
+    ticks = 3e-3 - 3e-3 * np.cos(np.arange(900) / 60) + rng.normal(0, 1e-5, 900)
+    live = stage(piece(), planned=planned, real={"remi": None})
+    (hand,) = live.live
+    played, felt = [], []
+    for x in ticks:
+        live.simulation.hold(hand.index, x)
+        played.append(heard(live.simulation, hand.every))
+        felt.append(live.simulation.felt(hand.index))
+    assert min(felt) < -0.5
+    again = stage(piece(), planned=planned, real={"remi": ticks})
+    assert np.array_equal(heard(again.simulation, 900 * 44), np.concatenate(played))
+
+
+def test_behind_a_lever_the_scene_sees_the_travel_scaled():
+    ticks = np.full(40, 4e-3)
+    plain = stage(piece(), real={"remi": ticks})
+    lever = stage(piece(reach=", reach: 2"), real={"remi": ticks / 2})
+    a, b = (heard(one.simulation, 40 * 44) for one in (plain, lever))
+    assert np.array_equal(a, b)
+
+
+def test_a_key_in_a_hand_is_nobody_elses():
+    with pytest.raises(StageError, match="plays 'k' too, which is in the real hand of 'remi'"):
+        stage(
+            piece(", bo: [{at: 1|1, play: knock}]", ", bo: {key: k}"),
+            real={"remi": None},
+        )

@@ -1,0 +1,402 @@
+"""OSC beside a performance: what is asked by it, what is told by it, and garbage."""
+
+import contextlib
+import json
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from patience import PATIENCE, until
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_message import OscMessage
+from pythonosc.osc_message_builder import OscMessageBuilder
+
+from ergon import _core
+from ergon.cli import app
+from ergon.live.datagrams import MOST, MalformedError, messages, written
+from ergon.live.osc import Osc, OscError, place
+from ergon.live.osc_in import alone
+from ergon.live.osc_out import Ear
+from ergon.live.perform import Order, perform
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.stage import Stage, stage
+
+SCORE = """\
+ergon: 1
+tempo: [{at: 1|1, bpm: 240, meter: 3/4}, {at: 3|1, bpm: 240, meter: 7/8}]
+keys:
+  k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}
+  l: {M: 400g, K: 60N/m, Z: 1.2Ns/m}
+instruments:
+  bell: {modules: {m: {CEL: {M: 2g, f: 220Hz, t60: 2.5s}},
+    b: {BUT: {between: [k, m], K: 900N/m, gap: 1mm}}}, out: {SOX: m}}
+  cup: {modules: {m: {CEL: {M: 2g, f: 330Hz, t60: 2.5s}},
+    b: {REF: {between: [bell.m, m], Z: 0.01Ns/m}}}, out: {SOX: m}}
+  pot: {modules: {m: {CEL: {M: 2g, f: 440Hz, t60: 2.5s}},
+    b: {BUT: {between: [k, m], K: 900N/m, gap: 1mm}},
+    c: {BUT: {between: [l, m], K: 900N/m, gap: 1mm}}}, out: {SOX: m}}
+gestures: {knock: 0mm@0 smooth 6mm@1/2 0mm@1, tap: 0mm@0 smooth 3mm@1/4 0mm@1/2}
+players: {ada: {key: k}, bo: {key: l}}
+parts:
+  ada: [{at: 1|2, play: knock, every: 2, times: 6}]
+  bo: [{at: 2|1.5, play: tap, every: 3, times: 3}]
+render: {tail: 500ms}
+"""
+
+
+def piece(text: str = SCORE) -> Piece:
+    loaded = load("s.yaml", text=text)
+    assert loaded.piece is not None, loaded.diagnostics
+    return loaded.piece
+
+
+class Listener:
+    """A program that hears OSC, and says some."""
+
+    def __init__(self) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.port: int = self.socket.getsockname()[1]
+        self.heard: list[tuple[float, float | None, str, list[Any]]] = []
+
+    def next(self, patience: float = PATIENCE) -> tuple[float, float | None, str, list[Any]]:
+        """(instant it came, time tag, address, arguments)."""
+        self.socket.settimeout(patience)
+        datagram = self.socket.recv(65536)
+        now, tag = time.time(), None
+        if OscBundle.dgram_is_bundle(datagram):
+            bundle = OscBundle(datagram)
+            tag, message = bundle.timestamp, bundle.content(0)
+        else:
+            message = OscMessage(datagram)
+        self.heard.append((now, tag, message.address, list(message.params)))
+        return self.heard[-1]
+
+    def until(self, address: str) -> tuple[float, float | None, str, list[Any]]:
+        while (found := self.next())[2] != address:
+            pass
+        return found
+
+    def drain(self, patience: float = 0.2) -> None:
+        with contextlib.suppress(TimeoutError):
+            while True:
+                self.next(patience)
+
+    def of(self, address: str) -> list[tuple[float, float | None, list[Any]]]:
+        return [(now, tag, said) for now, tag, where, said in self.heard if where == address]
+
+    def say(self, port: int, address: str, *arguments: Any) -> None:
+        self.socket.sendto(written(address, arguments), ("127.0.0.1", port))
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    made = Listener()
+    yield made
+    made.socket.close()
+
+
+@contextlib.contextmanager
+def played(
+    staged: Stage, order: Order, there: int | None = None
+) -> Iterator[tuple[_core.Performance, Osc]]:
+    """A performance with OSC, ended afterwards."""
+    osc = Osc(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
+    performance = perform(staged, order)
+    try:
+        osc.begin(performance, staged, order.gain, order.start)
+        yield performance, osc
+    finally:
+        osc.rest()
+        osc.close()
+        performance.stop()
+        performance.close(1.0)
+
+
+# --- a whole command ------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def command(folder: Path, *options: str, text: str = SCORE) -> Iterator[subprocess.Popen[str]]:
+    (folder / "s.yaml").write_text(text, encoding="utf-8")
+    line = [sys.executable, "-m", "ergon.cli", "play", "s.yaml", "--json", *options]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(line, stdout=pipe, stderr=pipe, text=True, cwd=folder) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def told(process: subprocess.Popen[str], event: str) -> dict[str, Any]:
+    assert process.stdout is not None
+    for line in process.stdout:
+        if (found := json.loads(line))["event"] == event:
+            return dict(found)
+    raise AssertionError(f"no {event}: {process.stderr.read() if process.stderr else ''}")
+
+
+def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
+    to = f"127.0.0.1:{listener.port}"
+    options = ["--audio", "null", "--gain", "0dB", "--osc", "0", "--osc-to", to, "--loop"]
+    with command(tmp_path, *options) as process:
+        where = told(process, "osc")
+        assert where["host"] == "127.0.0.1"
+        port = where["port"]
+        assert listener.until("/ergon/beat")[3][:2] == [1, 1]
+        listener.say(port, "/ergon/cmd", "rest ada")
+        assert listener.until("/ergon/error")[3] == ["the REPL takes commands"]
+        listener.say(port, "/ergon/nothing\x1b[2J")
+        listener.say(port, "/ergon/nothing\x1b[2J")
+        listener.socket.sendto(b"\0\xff/ergon", ("127.0.0.1", port))
+        listener.say(port, "/ergon/instrument/bell/gain", -6.0)
+        listener.say(port, "/ergon/player/bo/gain", -6.0)
+        assert "by bo's key alone" in listener.until("/ergon/error")[3][0]
+        listener.say(port, "/ergon/stop", 0)  # a button that is let go
+        listener.say(port, "/ergon/gain", "loud")
+        assert listener.until("/ergon/error")[3] == ["this takes one number, in dB"]
+        listener.say(port, "/ergon/stop")
+        assert told(process, "warning")["message"] == "osc: no address /ergon/nothing\\x1b[2J"
+        assert told(process, "warning")["message"] == "1 datagrams were no OSC and were ignored"
+        told(process, "played")
+        assert process.wait(timeout=PATIENCE) == 0
+
+
+# --- what is told ---------------------------------------------------------------------------------
+
+
+def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
+    staged = stage(piece(), planned=True)
+    with played(staged, Order(audio="null:fast"), listener.port) as (performance, osc):
+        while not performance.wait(1.0):
+            pass
+        osc.rest()
+        listener.drain()
+    beats = [tuple(said) for *_, said in listener.of("/ergon/beat")]
+    # Two bars of three quarters, then bars of seven eighths, each beat an eighth long or a quarter.
+    assert beats[:7] == [(1, 1, 240), (1, 2, 240), (1, 3, 240), *beats[3:7]]
+    tempo = staged.piece.tempo_map
+    for bar, beat, bpm in beats:
+        at = tempo.bars.start(bar) + beat - 1
+        assert (tempo.bar_beat(at), tempo.bpm(at)) == ((bar, beat), bpm)
+    assert beats == sorted(set(beats))
+    assert len(beats) > 12
+    strikes = [said for *_, said in listener.of("/ergon/strike")]
+    expected = sorted((g.start, g.player, g.key, g.name) for g in staged.gestures)
+    assert [(player, key, name) for player, key, name, _ in strikes] == [
+        (player, key, name) for _, player, key, name in expected
+    ]
+    assert [at for *_, at in strikes] == pytest.approx([one[0] for one in expected], abs=1e-6)
+    assert {tag for _, tag, _ in listener.of("/ergon/strike")} == {0}  # nowhere to be heard
+    assert len(listener.of("/ergon/level")[0][2]) == staged.n_channels
+    assert listener.of("/ergon/late")[0][2] == [0, 0]
+
+
+def test_time_tags_say_when_it_is_heard(listener: Listener):
+    """The card's own clock says so too: when the block came that holds the frame."""
+    staged = stage(piece(), planned=True)
+    blocks: list[tuple[int, float]] = []
+    order = Order(audio="null", ahead=8192)  # a busy machine is no concern of this test
+    with played(staged, order, listener.port) as (performance, osc):
+        while not performance.wait(0.0) and len(blocks) < 400:
+            listener.drain(1e-4)
+            status = performance.status()
+            now = time.time()
+            if status.played and (not blocks or status.played > blocks[-1][0]):
+                blocks.append((status.played, now))
+        osc.rest()
+        listener.drain()
+    rate, block = staged.rate, 256
+    # Seen late, never early: the earliest of all blocks is the true one.
+    zero = min(now - (frames - block) / rate for frames, now in blocks)
+    seen = [(tag, said[3] + zero) for _, tag, said in listener.of("/ergon/strike")]
+    assert len(seen) >= 4
+    apart = [abs(tag - true) for tag, true in seen if tag]
+    assert np.median(apart) < 2e-3
+    early = [tag - now for now, tag, _ in listener.of("/ergon/strike") if tag]
+    assert np.median(early) > 0.0  # in time to be done when it is heard
+
+
+def test_an_ear_takes_the_earliest_of_late_blocks():
+    class Said:
+        def __init__(self, sounding: float, underruns: int = 0) -> None:
+            self.sounding, self.underruns = sounding, underruns
+            self.latency, self.paced, self.dropped, self.alive = 0.01, True, 0, True
+
+    ear = Ear(1000.0, 500)
+    assert ear.when(500) is None
+    for i, late in enumerate((0.004, 0.0, 0.007, 0.002)):
+        ear.look(Said(0.1 * i - late), 50.0 + 0.1 * i)  # type: ignore[arg-type]
+    assert ear.when(1500) == pytest.approx(51.01)
+    # An underrun puts silence in: what was known is no longer true.
+    ear.look(Said(0.395, underruns=1), 50.4)  # type: ignore[arg-type]
+    assert ear.when(1500) == pytest.approx(51.015)
+
+
+# --- what is asked --------------------------------------------------------------------------------
+
+
+def test_a_player_has_what_no_other_key_reaches():
+    assert alone(piece(), ["bell", "cup", "pot"]) == {"ada": ["bell", "cup"], "bo": []}
+
+
+@pytest.mark.parametrize(
+    ("address", "moved"),
+    [
+        ("/ergon/instrument/bell/gain", [True, False, False]),
+        ("/ergon/player/ada/gain", [True, True, False]),
+        ("/ergon/gain", [True, True, True]),
+    ],
+)
+def test_a_gain_moves_what_it_says(tmp_path: Path, address: str, moved: list[bool]):
+    """Each instrument has a channel of its own: what is silenced is silent, the rest keeps bits."""
+    # Long enough that what is asked comes while it plays, though no clock holds it.
+    staged = stage(piece(SCORE.replace("500ms", "20s")), planned=True)
+    before = sound(staged, tmp_path / "before.wav", None)
+    after = sound(staged, tmp_path / "after.wav", address)
+    begins = [np.flatnonzero(before[:, i] != after[:, i]) for i in range(3)]
+    assert [len(found) > 0 for found in begins] == moved
+    for channel, found in enumerate(begins):
+        if len(found):
+            assert before[found[0] + 960 :, channel].any()
+            assert not after[found[0] + 960 :, channel].any()
+
+
+def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
+    """What is heard when a gain falls to nothing at once, computed as fast as it goes."""
+    import soundfile
+
+    osc = Osc(("127.0.0.1", 0), None)
+    performance = perform(staged, Order(audio=f"file:{path}", gain=0.1, ahead=256))
+    if address is not None:
+        osc.begin(performance, staged, 0.1)
+        assert osc.place is not None
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+            asking.sendto(written(address, [float("-inf")]), osc.place)
+    while not performance.wait(1.0):
+        pass
+    osc.close()
+    performance.close(5.0)
+    return np.asarray(soundfile.read(path)[0])
+
+
+def test_panic_and_release(listener: Listener):
+    staged = stage(piece(), planned=True)
+    with played(staged, Order(audio="null"), listener.port) as (performance, osc):
+        assert osc.place is not None
+        listener.until("/ergon/strike")
+        listener.say(osc.place[1], "/ergon/panic", 1.0)
+        until(lambda: performance.status().played > 0 and not _moves(performance), "silence")
+        listener.say(osc.place[1], "/ergon/release")
+        until(lambda: _moves(performance), "sound again")
+
+
+def _moves(performance: _core.Performance) -> bool:
+    before = performance.status().played
+    time.sleep(0.05)
+    return performance.status().played > before
+
+
+# --- what anybody may send ------------------------------------------------------------------------
+
+
+def _message(address: str, *arguments: object) -> bytes:
+    builder = OscMessageBuilder(address)
+    for argument in arguments:
+        builder.add_arg(argument)  # type: ignore[arg-type]
+    return builder.build().dgram
+
+
+@given(st.binary(max_size=200))
+def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
+    for bytes_ in (datagram, b"#bundle\0" + datagram, b"/a\0\0," + datagram):
+        with contextlib.suppress(MalformedError):
+            for address, _ in messages(bytes_):
+                assert address.startswith("/")
+
+
+@given(
+    st.recursive(
+        st.just(_message("/a", 1, 0.5, "x")),
+        lambda inner: st.lists(inner, max_size=3).map(
+            lambda parts: (
+                b"#bundle\0" + bytes(8) + b"".join(struct.pack(">i", len(p)) + p for p in parts)
+            )
+        ),
+        max_leaves=8,
+    ),
+    st.integers(0, 400),
+    st.binary(min_size=1, max_size=4),
+)
+def test_a_spoilt_datagram_harms_nobody(datagram: bytes, at: int, spoil: bytes):
+    with contextlib.suppress(MalformedError):
+        assert all(one == ("/a", [1, 0.5, "x"]) for one in messages(datagram))
+    at %= len(datagram)
+    with contextlib.suppress(MalformedError):
+        messages(datagram[:at] + spoil + datagram[at + len(spoil) :])
+
+
+def test_a_bundle_that_would_be_read_for_ever_is_malformed():
+    for size in (-4, 0, 3, 1 << 20):
+        with pytest.raises(MalformedError):
+            messages(b"#bundle\0" + bytes(8) + struct.pack(">i", size) + _message("/a"))
+    deep = _message("/a")
+    for _ in range(9):
+        deep = b"#bundle\0" + bytes(8) + struct.pack(">i", len(deep)) + deep
+    with pytest.raises(MalformedError):
+        messages(deep)
+
+
+def test_a_flood_gets_few_answers(listener: Listener):
+    with played(stage(piece(), planned=True), Order(audio="null")) as (_, osc):
+        assert osc.place is not None
+        began = time.monotonic()
+        for i in range(100):
+            listener.say(osc.place[1], "/ergon/cmd", "a" * 2000)
+            listener.say(osc.place[1], f"/x{i}")
+            listener.socket.sendto(bytes(MOST + 1), ("127.0.0.1", osc.place[1]))
+        until(lambda: osc.malformed > 0, "what is no OSC is counted")
+        listener.until("/ergon/error")
+        listener.drain()
+        said = len(listener.of("/ergon/error")) + len(osc.remarks())
+        assert 0 < said <= 10 * (time.monotonic() - began + 1.0)
+        assert osc.malformed > 0
+
+
+# --- places ---------------------------------------------------------------------------------------
+
+
+def test_a_place_is_this_machine_unless_a_host_is_named():
+    assert place("9000") == ("127.0.0.1", 9000)
+    assert place("0.0.0.0:9000") == ("0.0.0.0", 9000)
+    assert place("[::1]:9000") == ("::1", 9000)
+    for text in ("", "host", "host:", "1:-1", "70000", "host:9o"):
+        with pytest.raises(OscError, match="HOST:PORT"):
+            place(text)
+
+
+def test_a_port_that_is_taken_is_said(listener: Listener):
+    with pytest.raises(OscError, match=f"cannot listen at 127.0.0.1:{listener.port}"):
+        Osc(("127.0.0.1", listener.port), None)
+
+
+def test_without_python_osc_it_is_said_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    path = tmp_path / "s.yaml"
+    path.write_text(SCORE, encoding="utf-8")
+    for module in [name for name in sys.modules if name.startswith("pythonosc")]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "pythonosc", None)
+    assert app.run(["play", str(path), "--osc", "0"]) == 2
+    assert "pip install ergon-live[osc]" in capsys.readouterr().err

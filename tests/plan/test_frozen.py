@@ -1,0 +1,340 @@
+"""Parts that are computed before and read while the rest is played."""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from tests.cli.test_cli_emulate import GESTURE, emulator
+
+from ergon import _core
+from ergon.cli import app
+from ergon.exchange import frozen as exchange
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging import stage as staging
+from ergon.scores.staging.reach import ties
+
+Capture = pytest.CaptureFixture[str]
+SCORE = """\
+ergon: 1
+title: Gong and bell
+keys:
+  k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}
+  g: {M: 400g, K: 60N/m, Z: 1.2Ns/m}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: 220Hz, t60: 2.5s}}
+      b: {BUT: {between: [k, m], K: 900N/m, gap: 1mm}}
+    out: {SOX: m}
+  gong:
+    modules:
+      wall: {SOL: {}}
+      s: {STRING: {masses: 24, f: 110Hz, t60: 3s, M: 4g}}
+      c: {CEL: {M: 3g, f: 331Hz, t60: 1s}}
+      b: {BUT: {between: [g, s.centre], K: 900N/m, gap: 1mm}}
+      t: {REF: {between: [s.3, c], K: 40N/m}}
+      h: {REF: {between: [c, wall], K: 10N/m}}
+    out: {left: {SOX: s.5}, right: {SOX: c}, felt: {SOF: t}}
+  sky:
+    modules: {cells: {BANK: {count: 40, M: 1g, f: 200Hz..4kHz, t60: 1s}}}
+    out: {SOX: cells.all}
+strikes:
+  rain: {to: sky.cells.all, at: 1|1, for: 2, rate: 2Hz, impulse: 1e-6Ns..1e-4Ns}
+gestures: {knock: 0mm@0 smooth 6mm@1/8 0mm@1/2}
+players:
+  remi: {hand: live, key: k, standin: knock}
+  ada: {key: g}
+parts:
+  ada: [{at: 1|1, play: knock, every: 1, times: 3}]
+mix:
+  channels: 3
+  route:
+    - {from: gong.left, to: [1], gain: -3dB}
+    - {from: bell, to: [1, 2], highpass: 20Hz}
+    - {from: gong.right, to: [2, 3]}
+    - {from: sky, to: [3], gain: -20dB}
+    - {from: gong.felt, to: [1], gain: -40dB}
+render: {tail: 1s}
+"""
+
+
+def piece(old: str = "", new: str = "") -> Piece:
+    assert old in SCORE
+    loaded = load("s.yaml", text=SCORE.replace(old, new, 1) if old else SCORE)
+    assert loaded.piece is not None, loaded.diagnostics
+    return loaded.piece
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    (tmp_path / "s.yaml").write_text(SCORE)
+    return tmp_path
+
+
+def frozen(parts: str = "gong", *more: str) -> dict:
+    assert app.run(["render", "s.yaml", "--freeze", parts, "-q", *more]) == 0
+    return json.loads(Path("s.frozen/frozen.json").read_text())
+
+
+def played(name: str, *more: str) -> np.ndarray:
+    asked = ["play", "s.yaml", "--audio", f"file:{name}", "--gain", "50dB", "--plain", "-q"]
+    assert app.run([*asked, *more]) == 0
+    return soundfile.read(name, dtype="float32", always_2d=True)[0]
+
+
+# --- equality -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [(), ("--from", "1|2.3")])
+@pytest.mark.parametrize("parts", ["gong", "gong,sky", "bell-less"])
+def test_frozen_and_live_together_are_what_was_played_at_once(
+    folder: Path, start: tuple[str, ...], parts: str
+):
+    """Bit for bit: high-passes and sums go over all parts at once, in their own order."""
+    if parts == "bell-less":  # everything that is heard is frozen
+        text = SCORE.replace("    - {from: bell, to: [1, 2], highpass: 20Hz}\n", "")
+        Path("s.yaml").write_text(text)
+        parts = "sky,gong"
+    whole = played("whole.wav", *start)
+    frozen(parts)
+    again = played("again.wav", "--frozen", "s.frozen", *start)
+    assert 0.05 < np.max(np.abs(whole)) <= 1.0
+    assert all(np.any(whole[:, channel]) for channel in range(3))
+    assert np.array_equal(whole, again)
+
+
+def test_cells_of_two_parts_may_fall_asleep_apart(folder: Path):
+    """Isolated cells share a bank, which says what is too faint to be heard."""
+    text = SCORE.replace("      t: {REF: {between: [s.3, c], K: 40N/m}}\n", "")
+    text = text.replace("      h: {REF: {between: [c, wall], K: 10N/m}}\n", "")
+    text = text.replace(", felt: {SOF: t}", "").replace(
+        "    - {from: gong.felt, to: [1], gain: -40dB}\n", ""
+    )
+    text = text.replace("strikes:\n", "strikes:\n  one: {to: gong.c, at: 1|1, impulse: 1e-4Ns}\n")
+    Path("s.yaml").write_text(text)
+    whole = played("whole.wav")
+    frozen("sky")
+    again = played("again.wav", "--frozen", "s.frozen")
+    assert np.max(np.abs(whole)) > 0.05
+    assert np.max(np.abs(whole - again)) <= 2.0**-24
+
+
+def test_a_stem_is_what_the_outputs_hear(folder: Path):
+    said = frozen("gong")
+    (stem,) = said["stems"]
+    found, rate = soundfile.read(f"s.frozen/{stem['file']}", dtype="float64")
+    whole = staging.stage(piece(), planned=True)
+    frames = np.zeros((whole.n_frames, whole.simulation.n_out))
+    whole.simulation.process(frames)
+    assert (rate, stem["outputs"]) == (44100, [0, 2, 4])
+    assert np.array_equal(found[: whole.n_frames], frames[:, stem["outputs"]])
+    # A real hand's stand-in ends with a tick: the piece is that much longer.
+    real = staging.stage(piece("times: 3}", "times: 1}"), real={"remi": None})
+    virtual = staging.stage(piece("times: 3}", "times: 1}"))
+    assert 0 <= real.n_frames - virtual.n_frames < len(found) - whole.n_frames
+    assert said["score"] == piece().digest()
+
+
+def test_what_is_frozen_is_not_computed():
+    rest = staging.stage(piece(), planned=True, silent=["gong", "sky"])
+    assert rest.plan is not None
+    rows = rest.plan.rows()
+    assert {part for row in rows if row.what != "unheard" for part in row.parts} == {"k", "bell"}
+    # The key g, a string of 24 and a cell; forty cells.
+    assert [row.n_mat for row in rows if row.what == "unheard"] == [26, 40]
+    assert rest.simulation.n_out == staging.stage(piece(), planned=True).simulation.n_out
+
+
+def test_the_same_bytes_for_any_number_of_threads(folder: Path):
+    frozen("gong,sky", "--threads", "1")
+    before = {path.name: path.read_bytes() for path in Path("s.frozen").iterdir()}
+    frozen("gong,sky", "--threads", "2")
+    assert before == {path.name: path.read_bytes() for path in Path("s.frozen").iterdir()}
+    assert sorted(before) == ["01_gong.wav", "02_sky.wav", "frozen.json"]
+
+
+def test_a_preflight_hears_what_is_frozen(folder: Path, capsys: Capture):
+    frozen("gong,sky")
+    gains = []
+    for more in ([], ["--frozen", "s.frozen"]):
+        name = f"{len(more)}.wav"
+        assert app.run(["play", "s.yaml", "--audio", f"file:{name}", "--plain", *more]) == 0
+        gains += re.findall(r"gain ([+-][0-9.]+ dB)", capsys.readouterr().err)
+    assert len(gains) == 2
+    assert gains[0] == gains[1]
+
+
+# --- what can be felt -----------------------------------------------------------------------------
+
+
+def test_what_hangs_together_with_nothing_live_is_free():
+    assert ties(piece(), ["gong"], ["remi"]) == []
+    assert ties(piece(), ["gong", "sky"], ["remi"]) == []
+    # A fixed point ends an island.
+    wall = "      m: {CEL: {M: 2g, f: 220Hz, t60: 2.5s}}"
+    walled = piece(wall, f"{wall}\n      w: {{REF: {{between: [m, gong.wall], K: 9N/m}}}}")
+    assert ties(walled, ["gong"], ["remi"]) == []
+
+
+@pytest.mark.parametrize(
+    ("part", "old", "new", "links"),
+    [
+        ("bell", "", "", ["bell.b"]),
+        # By way of the bell.
+        (
+            "gong",
+            "    out: {left",
+            "      x: {REF: {between: [c, bell.m], K: 5N/m}}\n    out: {left",
+            ["gong.x", "bell.b"],
+        ),
+        # The key that plays it feels the live key.
+        (
+            "gong",
+            "parts:\n",
+            "duet:\n  - {couple: [k, g], REF: {K: 30N/m}, at: 1|2, until: 1|3}\nparts:\n",
+            ["gong.b", "the coupling of k and g"],
+        ),
+    ],
+)
+def test_what_a_hand_feels_is_refused_with_the_links(
+    part: str, old: str, new: str, links: list[str]
+):
+    found = piece(old, new)
+    (tie,) = ties(found, [part], ["remi"])
+    assert (tie.player, tie.key) == ("remi", "k")
+    assert [link.name for link in tie.links] == links
+    text = (SCORE.replace(old, new, 1) if old else SCORE).splitlines()
+    lines = [text[link.place.line - 1] for link in tie.links]
+    assert all("between" in line or "couple" in line for line in lines)
+    assert f"cannot be frozen: remi's hand reaches it by {tie.links[0].name} (s.yaml:" in str(tie)
+
+
+def test_one_of_two_that_are_tied_is_refused():
+    tied = piece(
+        "    out: {left", "      x: {REF: {between: [c, sky.cells.7], K: 5N/m}}\n    out: {left"
+    )
+    (tie,) = ties(tied, ["gong"], ["remi"])
+    assert re.fullmatch(
+        r"gong cannot be frozen without sky: gong\.x \(s\.yaml:\d+:\d+\) ties them", str(tie)
+    )
+    assert ties(tied, ["sky", "gong"], ["remi"]) == []
+
+
+def test_an_output_that_listens_elsewhere():
+    """The bell is live, so what also hears it cannot be frozen."""
+    heard = piece("right: {SOX: c}", "right: {SOX: bell.m}")
+    (tie,) = ties(heard, ["gong"], ["remi"])
+    assert [link.name for link in tie.links] == ["bell.b"]
+    (tie,) = ties(heard, ["gong"], [])
+    assert str(tie) == "gong cannot be frozen without bell: both listen to one module"
+
+
+def test_refusals_by_the_commands(folder: Path, capsys: Capture):
+    def refused(*asked: str) -> str:
+        assert app.run(list(asked)) == 2
+        return capsys.readouterr().err
+
+    said = refused("render", "s.yaml", "--freeze", "bell,gong")
+    assert "remi's hand reaches it by bell.b (s.yaml:10:7)" in said
+    assert not Path("s.frozen").exists()
+    assert "did you mean 'gong'" in refused("render", "s.yaml", "--freeze", "gnog")
+    assert "--stems" in refused("render", "s.yaml", "--freeze", "gong", "--stems", "x")
+    frozen("gong")
+    # Whose hand is real is said when it is played.
+    said = refused(
+        "duet", "s.yaml", "--frozen", "s.frozen", "--live", "ada=frame+udp://127.0.0.1:9"
+    )
+    assert "ada's hand reaches it by gong.b" in said
+
+
+# --- another piece, another file ------------------------------------------------------------------
+
+
+def test_what_is_not_of_this_piece_is_refused(folder: Path, capsys: Capture):
+    def refused(*more: str) -> str:
+        asked = ["play", "s.yaml", "--audio", "null", "--frozen", "s.frozen", "-q", *more]
+        assert app.run(asked) == 2
+        return capsys.readouterr().err
+
+    assert "ergon render --freeze writes it" in refused()
+    frozen("gong", "--seed", "3")
+    assert "it is of seed 3, this is 0" in refused()
+    frozen("gong", "--rate", "48000")
+    assert "it is at 48000 Hz, the score at 44100 Hz" in refused()
+    frozen("gong")
+    stem = Path("s.frozen/01_gong.wav")
+    data = bytearray(stem.read_bytes())
+    data[-3] ^= 1
+    stem.write_bytes(data)
+    assert "its samples differ; ergon render SCORE --freeze gong" in refused()
+    stem.write_bytes(data[:-80])
+    assert "is not the file that was frozen" in refused()
+    stem.unlink()
+    assert "01_gong.wav" in refused()
+    Path("s.yaml").write_text(SCORE.replace("6mm@1/8", "5mm@1/8"))
+    assert "the score has changed since" in refused()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"ergon_frozen": 2},
+        {"stems": 3},
+        {"stems": [{"part": "gong", "file": "../s.yaml", "outputs": [0], "sha256": ""}]},
+        {"stems": [{"part": "gong", "file": "a.wav", "outputs": ["x"], "sha256": ""}]},
+        {"frames": None},
+        {"rate": "NaN?"},
+    ],
+)
+def test_manifests_of_strangers(folder: Path, change: dict):
+    said = frozen("gong")
+    Path("s.frozen/frozen.json").write_text(json.dumps(said | change))
+    with pytest.raises(exchange.NotFrozenError):
+        exchange.read(Path("s.frozen"))
+
+
+def test_nothing_is_written_over_what_is_not_ours(folder: Path, capsys: Capture):
+    Path("s.frozen").mkdir()
+    Path("s.frozen/01_gong.wav").write_text("mine")
+    assert app.run(["render", "s.yaml", "--freeze", "gong", "-q"]) == 2
+    assert Path("s.frozen/01_gong.wav").read_text() == "mine"
+    assert not Path("s.frozen/frozen.json").exists()
+    assert "-f overwrites it" in capsys.readouterr().err
+
+
+def test_stems_of_outputs_that_are_not_there(folder: Path):
+    whole = staging.stage(piece(), planned=True)
+    for outputs in ([], [whole.simulation.n_out]):
+        with pytest.raises(_core.EngineError, match="names no output"):
+            _core.Performance(
+                whole.simulation, whole.mixer(), audio="null", frozen=[(Path("x"), 0, 9, outputs)]
+            )
+    with pytest.raises(_core.EngineError, match="nowhere"):
+        _core.Performance(
+            whole.simulation, whole.mixer(), audio="null", frozen=[(Path("nowhere"), 0, 9, [0])]
+        )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
+def test_a_hand_plays_the_same_beside_what_is_frozen(folder: Path):
+    """A hand in another process, in lockstep: what it did, felt and heard, to the bit."""
+    frozen("gong,sky")
+    heard, felt = [], []
+    for name, more in (("whole", ()), ("again", ("--frozen", "s.frozen"))):
+        with emulator("firefader", "--lockstep", *GESTURE) as device:
+            asked = ["duet", "s.yaml", "--live", f"remi={device.url}", "--record", f"{name}.take"]
+            audio = ["--audio", f"file:{name}.wav", "--gain", "50dB", "-q"]
+            assert app.run([*asked, *audio, *more]) == 0
+        heard.append(soundfile.read(f"{name}.wav", dtype="float32")[0])
+        felt.append(_core.read_recording(f"{name}.take").forces())
+    assert np.max(np.abs(heard[0])) > 0.05
+    assert np.min(felt[0]) < -0.1
+    assert np.array_equal(*heard)
+    assert np.array_equal(*felt)

@@ -1,0 +1,99 @@
+"""A plan's bytes: whatever threads, blocks, moments and machines it is played by."""
+
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from fresh import PLAIN_GLIBC, digest, disabled
+from oracle import bodies
+from oracle.core import play
+from oracle.planned import plan, simulation
+from oracle.scene import Scene
+from oracle.scenes import whole
+
+RATE = 44100.0
+N = 11025
+WISHES: list[dict[str, Any]] = [{}, {"method": "modal"}, {"error_db": -60.0}]
+SCRIPT = """
+import hashlib, sys
+from oracle.core import play
+from oracle.planned import plan, simulation
+from tests.plan.test_plan_bytes import orchestra
+scene, wishes = orchestra(), {"error_db": -60.0}
+out = play(simulation(scene, 44100.0, threads=int(sys.argv[2]), **wishes), 11025, int(sys.argv[1]))
+told = plan(scene, 44100.0, **wishes)
+known = repr([(r.parts, r.what, r.modes, r.left_out_db, r.cost) for r in told.rows()]) + told.hash
+print(hashlib.sha256(out.tobytes() + known.encode()).hexdigest(), float(abs(out).max()) > 0.0)
+"""
+
+
+def orchestra() -> Scene:
+    """All that `whole` has, three strings of their own, and two that hammers meet."""
+    scene = whole(0.25)
+    for i in range(3):
+        scene.part(f"wire{i}")
+        mats = bodies.string(scene, "w", masses=24 + i, M=4e-3, f=147.0 * 1.2**i, t60=1.5)
+        scene.strike(mats[3], 0.01 + 0.0371 * i, impulse=2e-5)
+        scene.strike(mats[9], 0.15 - 0.0213 * i, impulse=1e-5)
+        scene.listen(f"wire{i}", positions=[(mats[17], 1.0)])
+    for i in range(2):
+        scene.part(f"piano{i}")
+        mats = bodies.string(scene, "s", masses=20, M=4e-3, f=98.0 * 1.3**i, t60=1.5)
+        head = scene.mas("h", M=4e-3, X0=-1e-3, V0=0.4 + 0.1 * i)
+        scene.but("b", head, mats[4], K=2e4, Z=0.1)
+        scene.listen(f"piano{i}", positions=[(mats[15], 1.0)])
+    return scene
+
+
+def hows() -> set[str]:
+    return {row.what for row in plan(orchestra(), RATE).rows()}
+
+
+def test_the_scene_has_something_of_every_kind():
+    assert hows() == {"modes", "oscillators", "stepped"}
+
+
+@pytest.mark.parametrize("wishes", WISHES, ids=str)
+def test_neither_threads_nor_blocks_change_a_byte(wishes: dict[str, Any]):
+    scene = orchestra()
+    sound = play(simulation(scene, RATE, **wishes), N)
+    assert (np.abs(sound).max(axis=0) > 0.0).all()
+    for threads, block in ((1, 1), (1, 64), (2, 0), (2, 64), (2, 997), (7, 5000)):
+        again = play(simulation(scene, RATE, threads=threads, **wishes), N, block)
+        assert again.tobytes() == sound.tobytes(), (threads, block)
+
+
+@pytest.mark.parametrize("wishes", WISHES, ids=str)
+@pytest.mark.parametrize("first", [1, 255, 1000, 4099])
+def test_a_restored_moment_changes_no_byte(first: int, wishes: dict[str, Any]):
+    """Also in another simulation of the same plan, and played by more threads in other blocks."""
+    sim = simulation(orchestra(), RATE, **wishes)
+    play(sim, first, 64)
+    kept = sim.snapshot()
+    then = play(sim, 3000)
+    sim.restore(kept)
+    assert sim.frame == first
+    assert play(sim, 3000, 997).tobytes() == then.tobytes()
+    other = simulation(orchestra(), RATE, **wishes)
+    play(other, 77)
+    other.restore(kept)
+    assert play(other, 3000, 1).tobytes() == then.tobytes()
+
+
+@pytest.fixture(scope="module")
+def reference() -> str:
+    return digest(SCRIPT, "11025", "1")
+
+
+def test_a_fresh_interpreter_makes_the_same(reference: str):
+    assert digest(SCRIPT, "997", "2") == reference
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="GLIBC_TUNABLES is glibc's")
+def test_without_vector_instructions_in_the_c_library(reference: str):
+    assert digest(SCRIPT, "997", "1", GLIBC_TUNABLES=PLAIN_GLIBC) == reference
+
+
+def test_without_vector_instructions_in_numpy(reference: str):
+    assert digest(SCRIPT, "64", "2", NPY_DISABLE_CPU_FEATURES=disabled()) == reference

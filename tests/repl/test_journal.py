@@ -1,0 +1,135 @@
+"""A journal as it is written: under a name of its own, and on the disk soon after each line."""
+
+from __future__ import annotations
+
+import os
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from patience import PATIENCE, until
+from sessions import Stepped
+from tests.repl.test_journal_hostile import KEYS, SCORE
+
+from ergon.repl.session.journal import Journal, JournalError, read
+from ergon.repl.session.journal_content import read_journal
+
+
+def test_journals_that_begin_at_once_get_a_name_each(tmp_path: Path) -> None:
+    """Four sessions in one folder: each one begins."""
+    begun: list[Path] = []
+    failed: list[BaseException] = []
+    for round_ in range(20):
+        ready = threading.Barrier(8)
+
+        def begin(path: Path, ready: threading.Barrier) -> None:
+            ready.wait()
+            try:
+                with closing(Journal.begun(path)) as journal:
+                    begun.append(journal.path)
+            except BaseException as error:
+                failed.append(error)
+
+        place = tmp_path / str(round_)
+        place.mkdir()
+        threads = [
+            threading.Thread(target=begin, args=(place / "session.jsonl", ready)) for _ in range(8)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert failed == []
+    assert len(set(begun)) == 160
+    assert {path.name for path in (tmp_path / "0").iterdir()} == {
+        "session.jsonl",
+        *(f"session-{number}.jsonl" for number in range(2, 9)),
+    }
+
+
+def test_every_line_comes_to_the_disk_and_nobody_waits_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow = threading.Event()
+    sizes: list[int] = []
+
+    def fsync(handle: int) -> None:
+        assert slow.wait(PATIENCE)
+        sizes.append(os.fstat(handle).st_size)
+
+    monkeypatch.setattr("os.fsync", fsync)
+    with closing(Journal(tmp_path / "a.jsonl")) as journal:
+        journal.tell("line", number=1)  # returns while the disk stands still
+        journal.tell("line", number=2)
+        written = journal.path.stat().st_size
+        assert [event.get("number", int) for event in read(journal.path)] == [1, 2]
+        slow.set()
+        until(lambda: sizes and sizes[-1] == written, "two lines on the disk")
+        journal.tell("line", number=3)
+        until(lambda: sizes[-1] > written, "the third")
+    assert sizes[-1] == (tmp_path / "a.jsonl").stat().st_size
+
+
+def test_a_disk_that_fails_is_told_and_the_music_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = threading.Event()
+
+    def fsync(handle: int) -> None:
+        tried.set()
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr("os.fsync", fsync)
+    journal = Journal(tmp_path / "a.jsonl")
+    journal.tell("line", number=1)
+    assert tried.wait(PATIENCE)
+    journal.close()
+    assert "Input/output error" in journal.trouble()
+    assert journal.trouble() == ""
+
+
+def test_a_journal_is_a_file_of_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    os.mkfifo(tmp_path / "pipe.jsonl")
+    (tmp_path / "folder.jsonl").mkdir()
+    for name in ("pipe.jsonl", "folder.jsonl"):
+        with pytest.raises(JournalError, match="is not a regular file"):
+            read_journal(tmp_path / name)
+    with pytest.raises(JournalError, match="is not a regular file"):
+        read_journal(Path("/dev/zero"))
+    large = tmp_path / "large.jsonl"
+    with large.open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(JournalError, match="larger than any"):
+        read_journal(large)
+    with large.open("wb") as file:  # a hundred megabytes in one line, which are not kept
+        file.truncate(100_000_000)
+    with pytest.raises(JournalError, match="line 1: this is not a session's journal"):
+        read_journal(large)
+    deep = tmp_path / "deep.jsonl"
+    deep.write_text("[" * 1_000_000 + "\n")
+    with pytest.raises(JournalError, match="line 1: this is not a session's journal"):
+        read_journal(deep)
+
+
+def test_lines_that_only_look_or_write_do_nothing_again(tmp_path: Path) -> None:
+    """`save`, `keep` and `py` in a journal are no deeds of whoever reads it."""
+    (tmp_path / "keys.yaml").write_text(KEYS)
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        stepped.ok("play")
+        stepped.ok("ada plays knock every 1 now")
+        stepped.run(1.0)
+        with stepped.journal.open() as file:
+            frame = stepped.engine.frame
+            assert file.read()
+        assert stepped.session.journal is not None
+        for number, line in enumerate(
+            ("save", "save x", "keep 1bar as y", f"py open({str(tmp_path / 'z')!r}, 'w')"), 50
+        ):
+            tell = stepped.session.journal.tell
+            tell("line", number=number, line=line, beat=1.0, start=frame, goes=None, resets=False)
+            tell("commit", number=number, frame=frame, beat=1.0)
+        stepped.run(1.0)
+    before = sorted(tmp_path.iterdir())
+    assert len(stepped.again()) == len(stepped.sound)
+    assert sorted(tmp_path.iterdir()) == before

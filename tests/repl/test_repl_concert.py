@@ -1,0 +1,80 @@
+"""The session that docs/repl.md shows, typed in a real terminal, and what is left of it."""
+
+import re
+import sys
+from pathlib import Path
+
+import soundfile
+from terminals import ENTER, Terminal
+
+from ergon.exchange.wave import read_info
+
+PAGE = Path(__file__).parents[2] / "docs" / "repl.md"
+ERGON = [sys.executable, "-m", "ergon.cli"]
+BLOCK = re.compile(r"<!-- session: ergon (?P<command>.*) -->\n```repl\n(?P<text>.*?)```", re.DOTALL)
+LINE = re.compile(r"(?P<bar>\d+)\|\d+ > (?P<line>.+)")
+
+
+def exchanges(text: str) -> list[tuple[int, str, list[str]]]:
+    """(bar, line, answers) of every line that is typed."""
+    found: list[tuple[int, str, list[str]]] = []
+    for row in text.splitlines():
+        if match := LINE.fullmatch(row):
+            found.append((int(match["bar"]), match["line"], []))
+        else:
+            found[-1][2].append(row.strip())
+    return found
+
+
+def shown(answer: str) -> re.Pattern[str]:
+    return re.compile(".*".join(map(re.escape, answer.split("…"))))
+
+
+def test_the_concert_of_the_page(tmp_path: Path):
+    page = PAGE.read_text(encoding="utf-8")
+    score = re.search(r"<!-- file: concert.yaml -->\n```yaml\n(.*?)```", page, re.DOTALL)
+    session = BLOCK.search(page)
+    assert score is not None
+    assert session is not None
+    (tmp_path / "concert.yaml").write_text(score[1], encoding="utf-8")
+    typed = exchanges(session["text"])
+    assert len(typed) >= 20
+    command = [*ERGON, *session["command"].split(), "--journal", str(tmp_path / "session.jsonl")]
+    command[command.index("concert.yaml")] = str(tmp_path / "concert.yaml")
+    with Terminal(command, rows=50, columns=120, HOME=str(tmp_path)) as terminal:
+        terminal.sees("1|1 >")
+        for bar, line, answers in typed:
+            terminal.until(lambda bar=bar: bar_of(terminal) >= bar, f"bar {bar}")
+            terminal.type(line + ENTER)
+            for answer in answers:
+                wanted = shown(answer)
+                terminal.until(
+                    lambda wanted=wanted, line=line: wanted.search(after(terminal, line)),
+                    f"{answer!r} after {line!r}",
+                )
+        assert terminal.ends() == 0
+    rendered = Terminal(
+        [*ERGON, "render", str(tmp_path / "session.jsonl"), "-o", str(tmp_path / "concert.wav")]
+    )
+    with rendered:
+        assert rendered.ends() == 0
+    sound, _ = soundfile.read(tmp_path / "concert.wav", always_2d=True)
+    assert abs(sound).max(axis=0).min() > 0.01, "both instruments are heard"
+    assert read_info(tmp_path / "concert.wav").format.n_channels == 2
+    saved = (tmp_path / "concert-live.yaml").read_text(encoding="utf-8")
+    for comment in ("# rings for a second", "# a bar of four"):
+        assert comment in saved
+    files = [str(tmp_path / name) for name in ("concert-live.yaml", "verse-2.yaml")]
+    with Terminal([*ERGON, "check", *files]) as check:
+        assert check.ends() == 0
+
+
+def after(terminal: Terminal, line: str) -> str:
+    """What stands below the latest time that a line was typed."""
+    return terminal.text.rpartition(f"> {line}")[2]
+
+
+def bar_of(terminal: Terminal) -> int:
+    """The bar in the prompt."""
+    match = re.match(r"(\d+)\|\d+ >", terminal.cursor_line)
+    return int(match[1]) if match else 0

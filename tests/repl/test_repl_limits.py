@@ -1,0 +1,87 @@
+"""A line of a session has a time, and can be dropped; the music goes on."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from patience import PATIENCE
+from sessions import Stepped
+
+from ergon.repl.session import computing
+
+SCORE = """\
+ergon: 1
+rates: {audio: 2000kHz}
+keys: {k: {M: 400g, f: 90kHz, travel: -9mm..9mm}}
+instruments:
+  bell:
+    modules: {m: {CEL: {M: 2g, f: 200Hz, t60: 1s}}, b: {BUT: {between: [k, m], K: 900N/m}}}
+    out: {SOX: m}
+gestures: {knock: 0mm@0 1mm@1/8 0mm@1/4, far: 0mm@0s throw 1mm@80000s}
+players: {ada: {key: k}}
+parts: {ada: []}
+"""
+
+
+@pytest.fixture
+def stepped(tmp_path):
+    at = Stepped(SCORE, tmp_path, keeps=False)
+    yield at
+    at.close()
+
+
+def test_a_line_that_is_late_is_not_taken(stepped, monkeypatch):
+    stepped.ok("play")
+    text = stepped.session.commits.head.texts.text
+    monkeypatch.setattr(computing, "LINE", 0.0)
+    monkeypatch.setattr(computing, "FILES", 30.0)
+    reply = stepped.type("ada plays knock")
+    assert not reply.taken
+    assert "more than 0 s to compute; nothing has changed" in reply.text
+    assert "`reload`, which has 30 s" in reply.text
+    assert stepped.session.commits.head.texts.text == text
+    assert not stepped.session.commits.waiting
+    frame = stepped.engine.frame
+    stepped.run(0.001)
+    assert stepped.engine.frame == frame + 2000  # it goes on
+    monkeypatch.setattr(computing, "LINE", 1e3)
+    stepped.ok("ada plays knock")
+
+
+def test_what_reads_files_has_longer(stepped, monkeypatch):
+    monkeypatch.setattr(computing, "LINE", 0.0)
+    stepped.ok("reload")
+    stepped.ok("play")
+    monkeypatch.setattr(computing, "FILES", 0.0)
+    reply = stepped.type("reload")
+    assert not reply.taken
+    assert "more than 0 s" in reply.text
+
+
+@pytest.mark.parametrize("how", ["cancel", "panic"])
+def test_a_line_is_dropped_while_it_is_computed(stepped, monkeypatch, how):
+    monkeypatch.setattr(computing, "LINE", 1e6)
+    stepped.ok("play")
+    text = stepped.session.commits.head.texts.text
+    begun = threading.Event()
+    from ergon.scores.staging import travel
+
+    rehearsed = travel._rehearsed
+
+    def told(*of):
+        begun.set()
+        return rehearsed(*of)
+
+    monkeypatch.setattr(travel, "_rehearsed", told)
+    replies = []
+    thread = threading.Thread(target=lambda: replies.append(stepped.type("ada plays far")))
+    thread.start()
+    assert begun.wait(PATIENCE)  # it would take hours
+    getattr(stepped.session, how)()
+    thread.join(PATIENCE)
+    assert [reply.text for reply in replies] == ["cancelled; nothing has changed"]
+    assert not replies[0].taken
+    if how == "cancel":
+        assert stepped.session.commits.head.texts.text == text
+        assert not stepped.session.cancel()  # nothing is computed now

@@ -1,0 +1,243 @@
+"""Sessions on a performance: the physics thread, its file, and a key in another process."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from emulators import emulator
+from patience import PATIENCE, until
+from tests.repl.test_repl_session import SCORE, onset
+
+from ergon.live.perform import Order
+from ergon.repl.session.journal import Journal
+from ergon.repl.session.journal_content import SessionStart, read_journal
+from ergon.repl.session.live import LiveEngine
+from ergon.repl.session.replay import resumed
+from ergon.repl.session.session import Session
+from ergon.repl.session.version import Version, piece_of
+from ergon.scores.edits.texts import Texts
+
+ERGON = [sys.executable, "-m", "ergon.cli"]
+
+
+def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:
+    """A session on a performance whose journal stands beside its score."""
+    path = folder / "score.yaml"
+    path.write_text(SCORE, encoding="utf-8")
+    texts = Texts.read(path)
+    version = Version(0, "", texts, piece_of(texts))
+    journal = Journal(folder / "session.jsonl")
+    session = Session(
+        version,
+        lambda stage: LiveEngine(stage, Order(audio=audio, gain=300.0)),
+        margin=0.006,
+        journal=journal,
+        watches=watches,
+    )
+    every = session.commits.engine.tick_frames
+    opening = SessionStart(texts, 0.0, version.faders, every, 300.0, 1.0, None)
+    journal.tell("session", **opening.fields())
+    session.run()
+    return session
+
+
+def ok(session: Session, line: str) -> str:
+    reply = session.submit(line)
+    assert reply.taken, f"{line}: {reply.text}"
+    return reply.text
+
+
+def test_what_was_played_is_what_its_journal_renders(tmp_path: Path):
+    """Check 12, over the real engine."""
+    heard = tmp_path / "heard.wav"
+    with closing(session_on(tmp_path, f"clock:{heard}")) as session:
+        ok(session, "play")
+        for line in (
+            "tempo 480 now",
+            "ada plays knock every 1 now",
+            "leo plays lean every 2 do jitter 4ms 0.2mm",
+            "knock = 0@0 smooth 5@1/8 smooth 0@1/2",
+            "tempo 480 -> 400 over 4bar",
+            "gain bell -6dB",
+            "set bell.m.K x1.3",
+            "couple k1 k2 K=40N/m Z=0.2Ns/m",
+            "undo",
+            "ada do scale 0.8",
+            "damp 2s",
+        ):
+            ok(session, line)
+            time.sleep(0.4)
+        time.sleep(1.0)
+    done = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "again.wav", "--bits", "float"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    played, _ = soundfile.read(heard, dtype="float32", always_2d=True)
+    again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
+    # A clock may take silence until the ring is filled, and what is in it at the end is not heard.
+    start = onset(played) - onset(again)
+    assert 0 <= start < 44_100
+    heard_to = len(played) - start - 4 * 1024
+    assert heard_to > 4 * 44_100
+    assert np.max(np.abs(again)) > 0.01
+    assert np.array_equal(played[start : start + heard_to], again[:heard_to])
+
+
+def test_a_panic_is_silent_and_forgets(tmp_path: Path):
+    """Check 10: F12, then release; nothing of what waited comes back."""
+    with closing(session_on(tmp_path, "null")) as session:
+        ok(session, "play")
+        ok(session, "ada plays knock every 1/2 now")
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+        session.panic()
+        assert session.state().panicked
+        until(lambda: not session.commits.running.clock.goes, "the piece stands")
+        assert session.state().playing == ()
+        until(lambda: session.state().level < -90.0, "silence")
+        ok(session, "release")
+        assert not session.state().panicked
+        ok(session, "play")
+        ok(session, "leo plays knock every 1/2 now")
+        until(lambda: ("leo", "knock") in session.state().playing, "leo plays")
+        assert "ada" not in dict(session.state().playing)
+
+
+def test_a_score_that_is_saved_in_an_editor_takes_over(tmp_path: Path):
+    with closing(session_on(tmp_path, "null", watches=True)) as session:
+        ok(session, "play")
+        path = tmp_path / "score.yaml"
+        path.write_text(SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: kock}]"))
+        found: list[str] = []
+        until(lambda: found.extend(session.messages()) or found, "a refusal")
+        assert found[0].startswith("not taken: ")
+        path.write_text(
+            SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1/4, times: 999}]")
+        )
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+
+
+def test_a_journal_restores_what_was_accepted(tmp_path: Path):
+    """Check 15: what had begun, what waited, not what was taken back or undone."""
+    with closing(session_on(tmp_path, "null")) as session:
+        ok(session, "play")
+        ok(session, "ada plays knock every 1 now")
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+        ok(session, "gain drum -6dB now")
+        ok(session, "mute bell")
+        ok(session, "leo plays lean every 2")
+        ok(session, "undo")
+        ok(session, "tempo 90")
+        session.submit("ada plyas knock")
+        head = session.commits.head
+        # A line that was being written when the power failed is no line.
+        journal = (tmp_path / "session.jsonl").read_text(encoding="utf-8")
+    cut = tmp_path / "cut.jsonl"
+    cut.write_text(journal + '{"v": 1, "event": "li', encoding="utf-8")
+    version, clock = resumed(read_journal(cut))
+    assert version.texts.text == head.texts.text
+    assert version.faders == head.faders
+    assert clock.by is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "no json\n", '{"v": 1, "event": "line"}\n', '{"v": 2, "event": "session"}\n', "[]\n"],
+)
+def test_what_is_no_journal_is_refused(tmp_path: Path, text: str):
+    (tmp_path / "bad.jsonl").write_text(text, encoding="utf-8")
+    for command in (["render", "bad.jsonl", "-o", "x.wav"], ["repl", "--resume", "bad.jsonl"]):
+        done = subprocess.run(
+            [*ERGON, *command], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 2
+        assert "journal" in done.stderr
+        assert "Traceback" not in done.stderr
+    assert not (tmp_path / "x.wav").exists()
+
+
+def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
+    score = SCORE.replace("  leo: {key: k2}\n", "  leo: {hand: live, key: k2}\n")
+    (tmp_path / "score.yaml").write_text(score, encoding="utf-8")
+    hand = ("--gesture", "0mm@0 (smooth 4mm@1 0mm@2)*300", "--hand", "900N/m")
+    with emulator("frame", "--udp", "0", *hand) as key:
+        command = [*ERGON, "repl", "score.yaml", "--audio", "null", "--plain", "--strict"]
+        command += ["--live", f"leo={key.url}", "--unchecked"]
+        with subprocess.Popen(
+            command,
+            cwd=tmp_path,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as repl:
+            assert repl.stdin is not None
+            for line, seconds in (("play", 1.0), ("record leo as solo now", 1.5)):
+                repl.stdin.write(f"{line}\n")
+                repl.stdin.flush()
+                time.sleep(seconds)
+            repl.stdin.write("record off now\n")
+            repl.stdin.flush()
+            until(lambda: (tmp_path / "takes" / "solo.take").exists(), "the take")
+            time.sleep(0.5)
+            repl.stdin.write("ada plays solo do scale 0.5\nsave with-solo\nquit\n")
+            said, told = repl.communicate(timeout=PATIENCE)
+    assert repl.returncode == 0, said + told
+    assert "solo.take" in said
+    saved = (tmp_path / "with-solo.yaml").read_text(encoding="utf-8")
+    assert "solo: {file: takes/solo.take, channel: leo}" in saved
+    done = subprocess.run([*ERGON, "check", "with-solo.yaml"], cwd=tmp_path, check=False)
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("event", "fields"),
+    [
+        ("session", {"every": 0}),
+        ("session", {"every": "64"}),
+        ("session", {"gain": float("nan")}),
+        ("session", {"text": "no: score"}),
+        ("session", {"overlay": 3}),
+        ("line", {"line": "load /dev/zero"}),
+        ("line", {"line": "ada plyas knock"}),
+        ("line", {"number": "one"}),
+        ("commit", {"number": 9}),
+        ("commit", {"beat": float("inf")}),
+        ("commit", {"frame": 10**15}),
+        ("end", {"frame": 10**15}),
+    ],
+)
+def test_a_hostile_journal_is_refused_by_a_sentence(tmp_path: Path, event: str, fields: dict):
+    """Nobody's journal makes a render fall over, run on, or read another file."""
+    with closing(session_on(tmp_path, "null")) as session:
+        ok(session, "play")
+        ok(session, "ada plays knock now")
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+    path = tmp_path / "session.jsonl"
+    events = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    changed = next(one for one in reversed(events) if one["event"] == event)
+    changed.update(fields)
+    path.write_text("".join(json.dumps(one) + "\n" for one in events), encoding="utf-8")
+    done = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "x.wav"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode in (1, 2), done.stderr
+    assert "internal error" not in done.stderr
+    assert done.stderr.strip()
+    assert not (tmp_path / "x.wav").exists()

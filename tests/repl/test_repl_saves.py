@@ -1,0 +1,318 @@
+"""`save`: all that was changed or nothing, below the score's folder, over nobody's work."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from patience import PATIENCE
+from sessions import EVERY, Stepped
+from tests.repl.test_journal_hostile import KEYS, SCORE
+
+from ergon.exchange import together
+from ergon.notation.text.files import installed
+from ergon.repl.session.engine import SteppedEngine
+from ergon.repl.session.journal_content import read_journal
+from ergon.repl.session.replay import resumed
+from ergon.repl.session.session import Session
+from ergon.repl.session.version import piece_of
+from ergon.scores.reading.load import load
+
+ERGON = [sys.executable, "-m", "ergon.cli"]
+REMARKS = "# Nothing is in here yet.\n"
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Stepped]:
+    (tmp_path / "keys.yaml").write_text(KEYS)
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        yield stepped
+
+
+def files(folder: Path) -> dict[str, str]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_text()
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix != ".jsonl"
+    }
+
+
+def gone_on(folder: Path) -> Session:
+    """A session that goes on where the journal ends."""
+    replay = read_journal(folder / "session.jsonl", resumes=True)
+    version, clock = resumed(replay)
+    return Session(
+        version,
+        lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),
+        margin=0.0,
+        clock=clock,
+        disk=replay.disk,
+    )
+
+
+def says_the_same(session: Session, path: Path) -> None:
+    """What lies on the disk is what plays, for who reads it."""
+    piece = load(path).piece
+    assert piece is not None
+    assert piece.digest() == piece_of(session.commits.head.texts).digest()
+
+
+def test_a_save_writes_what_was_changed_and_nothing_else(at: Stepped, tmp_path: Path) -> None:
+    assert at.ok("save").text == "ok nothing to write: the files already hold this version"
+    stamp = (tmp_path / "score.yaml").stat().st_mtime_ns
+    at.ok("set k1.M 500g")
+    assert at.ok("save").text == f"ok wrote {tmp_path / 'keys.yaml'}"
+    assert (tmp_path / "score.yaml").stat().st_mtime_ns == stamp
+    says_the_same(at.session, tmp_path / "score.yaml")
+    at.ok("undo")
+    at.ok("save")
+    assert files(tmp_path) == {"score.yaml": SCORE, "keys.yaml": KEYS}
+
+
+@pytest.mark.parametrize("edited", ["score.yaml", "keys.yaml"])
+def test_files_edited_meanwhile_are_not_replaced(at: Stepped, tmp_path: Path, edited: str) -> None:
+    at.ok("set k1.M 500g")
+    at.ok("set ring.m.M 3g")
+    path = tmp_path / edited
+    path.write_text(path.read_text() + "# mine\n")
+    before = files(tmp_path)
+    reply = at.type("save")
+    assert not reply.taken
+    assert f"{path} was changed on the disk" in reply.text
+    assert "save NAME" in reply.text
+    assert files(tmp_path) == before
+    at.ok("save mine")  # nothing is lost
+    says_the_same(at.session, tmp_path / "mine.yaml")
+    assert {name: files(tmp_path)[name] for name in before} == before
+    at.ok("reload")
+    at.ok("set k1.M 600g")
+    at.ok("save")
+    assert "M: 600g" in (tmp_path / "keys.yaml").read_text()
+
+
+def test_a_resumed_session_replaces_no_edited_file(at: Stepped, tmp_path: Path) -> None:
+    at.ok("set ring.m.M 3g")
+    at.close()
+    with closing(gone_on(tmp_path)) as session:
+        (tmp_path / "score.yaml").write_text(SCORE + "# mine\n")
+        assert "was changed on the disk" in session.submit("save").text
+        assert files(tmp_path)["score.yaml"] == SCORE + "# mine\n"
+        (tmp_path / "score.yaml").write_text(SCORE)
+        assert session.submit("save").taken
+        says_the_same(session, tmp_path / "score.yaml")
+
+
+def test_a_session_that_went_on_twice_still_knows_its_files(at: Stepped, tmp_path: Path) -> None:
+    at.ok("set k1.M 500g")
+    at.ok("save")
+    at.ok("set k1.M 600g")
+    at.close()
+    for _ in range(2):
+        with closing(gone_on(tmp_path)) as session:
+            said = session.disk.hashes_by_name(session.commits.head.texts)
+        events = [json.loads(line) for line in at.journal.read_text().splitlines()]
+        texts = session.commits.head.texts
+        overlay = {Path(name).name: text for name, text in texts.overlay.items()}
+        opening = {**events[0], "text": texts.text, "disk": said}
+        opening["overlay"] = {**events[0]["overlay"], "keys.yaml": overlay["keys.yaml"]}
+        at.journal.write_text(json.dumps(opening) + "\n")
+    with closing(gone_on(tmp_path)) as session:
+        assert session.submit("save").taken
+    assert "M: 600g" in (tmp_path / "keys.yaml").read_text()
+
+
+def test_what_ships_is_never_written_but_stands_beside_the_score(
+    at: Stepped, tmp_path: Path
+) -> None:
+    library = installed("instruments/bell.yaml")
+    before = library.read_bytes(), library.stat().st_mtime_ns
+    at.ok("set bell.hum.t60 x0.5")
+    assert str(tmp_path / "instruments" / "bell.yaml") in at.ok("save").text
+    assert (library.read_bytes(), library.stat().st_mtime_ns) == before
+    says_the_same(at.session, tmp_path / "score.yaml")
+    at.ok("set bell.hum.t60 x0.5")
+    at.ok("save")
+    says_the_same(at.session, tmp_path / "score.yaml")
+    at.ok("undo")
+    at.ok("undo")
+    at.ok("save")
+    assert (tmp_path / "instruments" / "bell.yaml").read_bytes() == before[0]
+
+
+def test_a_score_that_ships_is_saved_where_we_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shipped = installed("one-gesture.yaml")
+    before = shipped.read_bytes(), sorted(os.listdir(shipped.parent))
+    lines = "seed 5\nsave\nkeep 1bar as one-gesture\nsave mine\nquit\n"
+    done = subprocess.run(
+        [*ERGON, "repl", str(shipped), "--audio", "null", "--gain", "0dB", "--plain"],
+        input=lines,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert "never changed" in done.stdout
+    assert "ok wrote mine.yaml" in done.stdout
+    assert (shipped.read_bytes(), sorted(os.listdir(shipped.parent))) == before
+    assert load("mine.yaml").piece is not None
+
+
+def test_another_name_leaves_the_files_of_other_scores(at: Stepped, tmp_path: Path) -> None:
+    at.ok("set k1.M 500g")
+    at.ok("set bell.hum.t60 x0.5")
+    at.ok("save live")
+    found = files(tmp_path)
+    assert found.pop("score.yaml") == SCORE
+    assert found.pop("keys.yaml") == KEYS
+    assert sorted(found) == ["live.yaml", "live/instruments/bell.yaml", "live/keys.yaml"]
+    assert "use: [live/keys.yaml, live/instruments/bell.yaml]" in found["live.yaml"]
+    says_the_same(at.session, tmp_path / "live.yaml")
+    at.ok("set k1.M 600g")
+    at.ok("save live")  # its own, which nobody has changed since
+    says_the_same(at.session, tmp_path / "live.yaml")
+
+
+@pytest.mark.parametrize("there", ["live.yaml", "live/keys.yaml"])
+def test_a_refusal_has_written_nothing(at: Stepped, tmp_path: Path, there: str) -> None:
+    at.ok("set k1.M 500g")
+    (tmp_path / there).parent.mkdir(exist_ok=True)
+    (tmp_path / there).write_text("made by ergon? Mine.\n")
+    before = files(tmp_path)
+    reply = at.type("save live")
+    assert not reply.taken
+    assert "already exists" in reply.text
+    assert files(tmp_path) == before
+
+
+def test_what_was_kept_sounds_as_it_did(at: Stepped, tmp_path: Path) -> None:
+    at.ok("play")
+    at.ok("ada plays knock every 1 now")
+    at.ok("set k1.M 500g now")
+    at.run(4.0)
+    at.ok("keep 1bar as verse")
+    piece = load(tmp_path / "verse.yaml").piece
+    assert piece is not None
+    assert piece.keys["k1"].modules[0].fields["M"] == 0.5
+    assert not at.type("keep 1bar as score").taken
+    assert files(tmp_path)["score.yaml"] == SCORE
+
+
+@pytest.mark.parametrize("fails", [1, 2])
+def test_a_full_disk_changes_nothing(
+    at: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: int
+) -> None:
+    at.ok("set k1.M 500g")
+    at.ok("set ring.m.M 3g")
+    at.ok("set bell.hum.t60 x0.5")
+    count, put = 0, together._put
+
+    def failing(part: Path, target: Path, *, is_new: bool) -> None:
+        nonlocal count
+        count += 1
+        if count > fails:
+            raise OSError(28, "No space left on device")
+        put(part, target, is_new=is_new)
+
+    before = files(tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(together, "_put", failing)
+        reply = at.type("save")
+    assert "No space left" in reply.text
+    assert files(tmp_path) == before
+    assert not (tmp_path / "instruments").exists()
+    at.ok("save")
+    says_the_same(at.session, tmp_path / "score.yaml")
+
+
+def test_links_that_lead_out_are_not_followed(
+    at: Stepped, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    outside = tmp_path_factory.mktemp("elsewhere") / "new.yaml"
+    (tmp_path / "live.yaml").symlink_to(outside)
+    (tmp_path / "round.yaml").symlink_to("round.yaml")
+    (tmp_path / "instruments").symlink_to(outside.parent)
+    at.ok("set bell.hum.t60 x0.5")
+    for line in (
+        "save live",
+        "save round",
+        "save",
+        f"save {outside}",
+        "save ../x",
+        "save /dev/full",
+    ):
+        reply = at.type(line)
+        assert not reply.taken, line
+        assert "ergon itself" not in reply.text
+    assert list(outside.parent.iterdir()) == []
+
+
+def test_a_used_file_of_remarks_only(tmp_path: Path) -> None:
+    (tmp_path / "keys.yaml").write_text(KEYS)
+    (tmp_path / "later.yaml").write_text(REMARKS)
+    text = SCORE.replace("use: [", "use: [later.yaml, ")
+    with closing(Stepped(text, tmp_path)) as stepped:
+        stepped.ok("play")
+        stepped.ok("ada plays knock every 1 now")
+        stepped.ok("set k1.M 500g")
+        stepped.ok("save")
+    assert (tmp_path / "later.yaml").read_text() == REMARKS
+
+
+# --- as a stranger would have it -----------------------------------------------------------------
+
+
+def resumed_by_hand(folder: Path, *words: str, lines: str = "save\nquit\n") -> str:
+    done = subprocess.run(
+        [*ERGON, "repl", *words, "--audio", "null", "--gain", "0dB", "--plain"],
+        cwd=folder,
+        input=lines,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert "Traceback" not in done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("field", ["overlay", "score"])
+def test_a_strangers_journal_writes_no_file(at: Stepped, tmp_path: Path, field: str) -> None:
+    """What was proved: an absolute path in the first line, and `save` wrote it."""
+    at.close()
+    victim = tmp_path.parent / f"{tmp_path.name}-victim.py"
+    victim.write_text("print('mine')\n")
+    events = [json.loads(line) for line in at.journal.read_text().splitlines()]
+    if field == "overlay":
+        events[0]["overlay"][str(victim)] = "import os\n"
+    else:
+        events[0]["score"] = str(victim)
+    at.journal.write_text("".join(json.dumps(event) + "\n" for event in events))
+    said = resumed_by_hand(tmp_path, "--resume", "session.jsonl")
+    assert victim.read_text() == "print('mine')\n"
+    assert "session.jsonl, line 1: " in said
+    victim.unlink()
+
+
+def test_a_score_elsewhere_is_named_by_who_resumes_it(at: Stepped, tmp_path: Path) -> None:
+    at.ok("set ring.m.M 3g")
+    at.close()
+    here = tmp_path / "desk"
+    here.mkdir()
+    at.journal.rename(here / "session.jsonl")
+    score = str(tmp_path / "score.yaml")
+    said = resumed_by_hand(here, "--resume", "session.jsonl")
+    assert f"ergon repl {score} --resume" in said
+    said = resumed_by_hand(here, score, "--resume", "session.jsonl")
+    assert f"ok wrote {score}" in said
+    assert "M: 3g" in (tmp_path / "score.yaml").read_text()
+    rendered = subprocess.run(
+        [*ERGON, "render", "session.jsonl", "-o", "x.wav"], cwd=here, capture_output=True, text=True
+    )
+    assert "nothing was played" in rendered.stderr  # it was read, at least

@@ -1,0 +1,260 @@
+"""A session in a process of its own: what one prompt cannot do to the others."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import threading
+import time
+from pathlib import Path
+
+from patience import PATIENCE, until
+from sockets import raw, remote, serving
+
+from ergon.repl.session_protocol import Reply, State
+from ergon.repl.wire import local_socket
+from ergon.repl.wire.protocol import MAX_LINE, MAX_TEXT, REQUESTS, VERSION, encode, encode_state
+from ergon.repl.wire.remote import Remote
+from ergon.repl.wire.serve import MAX_PROMPTS
+
+
+def test_the_protocol_as_it_is_written_down(short_folder: Path):
+    with serving(short_folder / "s") as face, raw(short_folder / "s") as one:
+        assert one.greeting is not None
+        assert one.greeting["ergon"] == VERSION == 1
+        reply = {"taken": False, "text": "unknown verb", "try": "ada", "leaves": False}
+        told = one.ask(id=1, do="submit", text="adda")
+        assert told == {"id": 1, "is": {**reply, "lines": ["⣀⡠", "b"]}}
+        state = one.ask(id="a", do="state")
+        assert state is not None
+        assert state["is"] == {
+            **{"bar": 2, "beat": 1.5, "tempo": 72.0, "playing": [["ada", "lean"]], "load": 0.0},
+            **{"late": 0, "level": None, "quant": "bar", "recording": None, "panicked": False},
+        }
+        assert one.ask(id=2, do="tokens", line="ada") == {"id": 2, "is": [[0, 3, "name"]]}
+        assert one.ask(id=3, do="complete", line="a", cursor=-9) == {"id": 3, "is": []}
+        assert one.ask(id=4, do="is_whole", text="a\\") == {"id": 4, "is": False}
+        face.happened.append("remi is gone")
+        told = {"is": []}
+        while not told["is"]:
+            told = one.ask(id=5, do="messages")
+        assert told == {"id": 5, "is": ["remi is gone"]}
+        assert one.ask(id=6, do="panic") == {"id": 6, "is": True}
+        assert face.panicked.is_set()
+        assert one.ask(id=7, do="leave") == {"id": 7, "is": True}
+        assert one.read() is None
+        with raw(short_folder / "s") as other:
+            assert other.ask(id=8, do="end") == {"id": 8, "is": True}
+            assert "ended" in (other.read() or {})
+            assert other.read() is None
+
+
+def test_hostile_bytes_harm_nobody(short_folder: Path):
+    bad = [
+        b"\n",
+        b"\x00\xff\xfe\x80\n",
+        b"GET / HTTP/1.1\r\n",
+        b"[" * 100_000 + b"\n",
+        b'{"id": ' + b"9" * 10_000 + b', "do": "state"}\n',
+        b'{"id": 1}\n',
+        b'{"id": 1, "do": ["submit"]}\n',
+        b'{"id": {"a": []}, "do": "submit"}\n',
+        b'{"id": 1, "do": "submit", "text": 5}\n',
+        b'{"id": 1, "do": "complete", "line": "a", "cursor": true}\n',
+        b'{"id": 1, "do": "complete", "line": "fail", "cursor": 1}\n',
+        encode(id=1, do="submit", text="x" * (MAX_TEXT + 1)),
+        encode(id=1, do="__init__"),
+        b'"text"\n',
+        b'{"id": 1e999, "do": "state"}\n',
+        b'{"id": NaN, "do": "state"}\n',
+        b'{"id": -Infinity}\n',
+        b'{"id": 1.5, "do": "state"}\n',
+        b'{"id": ' + b"9" * 4000 + b', "do": "state"}\n',
+        b'{"id": ' + b"[" * 900 + b"]" * 900 + b', "do": "state"}\n',
+        b'{"id": "' + b"x" * 1_000_000 + b'", "do": "state"}\n',
+    ]
+    with (
+        serving(short_folder / "s") as face,
+        raw(short_folder / "s") as one,
+        raw(short_folder / "s") as other,
+    ):
+        for line in bad:
+            one.say(line)
+            told = one.read()
+            assert told is not None
+            assert "error" in told, line[:60]
+        assert one.ask(id=2, do="submit", text="\ud800\x1b[2J") is not None
+        one.say(b"x" * (MAX_LINE + 10))  # and what follows cannot be found any more
+        told = one.read()
+        assert told is not None
+        assert "bytes" in str(told["error"])
+        assert one.read() is None
+        assert face.lines == ["\ud800\x1b[2J"]
+        assert other.ask(id=1, do="is_whole", text="") == {"id": 1, "is": True}
+        other.say(b'{"id": 1, "do": "sub')  # cut off in its middle
+        other.close()
+        with contextlib.closing(remote(short_folder / "s")) as third:
+            assert third.submit("ada plays") == Reply(True, "ok ada plays")
+
+
+def test_who_does_not_read_holds_up_nobody(short_folder: Path):
+    with serving(short_folder / "s") as face, raw(short_folder / "s") as stalled:
+        stalled.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        stalled.socket.settimeout(0.2)
+        asked = encode(id=1, do="tokens", line="x") * 1000
+        dropped = False
+        end = time.monotonic() + PATIENCE
+        while not dropped and time.monotonic() < end:
+            try:
+                stalled.socket.send(asked)
+            except TimeoutError:
+                pass
+            except OSError:
+                dropped = True
+        assert dropped
+        with contextlib.closing(remote(short_folder / "s")) as other:
+            assert other.submit("ada").taken
+        assert face.lines == ["ada"]
+
+
+def test_while_a_line_takes_long_panic_acts_and_others_see(short_folder: Path):
+    with (
+        serving(short_folder / "s") as face,
+        contextlib.closing(remote(short_folder / "s")) as one,
+        contextlib.closing(remote(short_folder / "s")) as other,
+    ):
+        replies: list[Reply] = []
+        thread = threading.Thread(target=lambda: replies.append(one.submit("slow")))
+        thread.start()
+        assert face.slow.wait(PATIENCE)
+        until(lambda: other.state().bar == 2, "a state")
+        assert list(other.tokens("ada")) == [(0, 3, "name")]
+        assert not replies
+        other.panic()
+        thread.join(PATIENCE)
+        assert replies == [Reply(True, "ok slow")]
+
+
+def test_lines_are_done_in_order_and_told_to_the_others(short_folder: Path):
+    with (
+        serving(short_folder / "s") as face,
+        contextlib.closing(remote(short_folder / "s")) as one,
+        contextlib.closing(remote(short_folder / "s")) as other,
+    ):
+        for number in range(20):
+            assert (one, other)[number % 2].submit(f"line {number}").taken
+        assert face.lines == [f"line {number}" for number in range(20)]
+        assert not one.submit("adda").taken
+        heard: list[str] = []
+
+        def all_heard() -> bool:
+            heard.extend(other.messages())
+            return any("adda" in message for message in heard)
+
+        until(all_heard, "what the other one typed")
+        numbers = [message for message in heard if "line" in message]
+        assert [message.rpartition(" ")[2] for message in numbers] == [
+            str(number) for number in range(0, 20, 2)
+        ]
+        assert heard[-1].endswith("adda   not taken: unknown verb")
+        assert one.submit("fail").text == "internal error: SystemExit: "
+        assert one.submit("after it").taken
+
+
+def test_quit_at_one_prompt_ends_it_for_all(short_folder: Path):
+    with (
+        serving(short_folder / "s") as face,
+        contextlib.closing(remote(short_folder / "s")) as one,
+        contextlib.closing(remote(short_folder / "s")) as other,
+    ):
+        assert one.submit("quit").leaves
+        until(lambda: any("ended" in message for message in other.messages()), "the end")
+        assert other.submit("ada plays") == Reply(False, "the session has ended", leaves=True)
+        assert face.lines == ["quit"]
+        one.close()
+        assert not any("goes on" in message for message in one.messages())
+
+
+def vanishing(path: Path, vanish: threading.Event) -> None:
+    """A session whose process is killed: nothing is said at the end."""
+    door = local_socket.ServerSocket(path)
+    door.listen()
+    connection, _ = door.socket.accept()
+    with connection, connection.makefile("rwb") as file:
+        file.write(encode(ergon=VERSION, journal="j"))
+        file.flush()
+        while not vanish.is_set():
+            asked = json.loads(file.readline())
+            state = encode_state(State(bar=7, beat=1.0, tempo=60.0))
+            file.write(encode(id=asked["id"], **{"is": state if asked["do"] == "state" else []}))
+            file.flush()
+    door.close()
+
+
+def test_a_prompt_waits_for_a_session_that_went_away(short_folder: Path):
+    path, vanish = short_folder / "s", threading.Event()
+    thread = threading.Thread(target=vanishing, args=(path, vanish))
+    thread.start()
+    found: list[Remote] = []
+
+    def connected() -> bool:
+        with contextlib.suppress(local_socket.NoSessionError):
+            found.append(remote(path))
+        return bool(found)
+
+    until(connected, "a session")
+    with contextlib.closing(found[0]) as prompt:
+        heard: list[str] = []
+
+        def hears(words: str) -> None:
+            def heard_it() -> bool:
+                heard.extend(prompt.messages())
+                return any(words in message for message in heard)
+
+            until(heard_it, words)
+
+        vanish.set()
+        hears("no longer answers")
+        thread.join(PATIENCE)
+        assert prompt.submit("ada") == Reply(
+            False, f"no session answers at {path}; ergon tries to connect again"
+        )
+        assert prompt.state().bar == 7
+        assert list(prompt.tokens("ada")) == list(prompt.complete("ada", 1)) == []
+        assert prompt.is_whole("ada")
+        prompt.panic()
+        hears("silent")
+        with serving(path) as face:
+            hears("answers again")
+            assert prompt.submit("ada").taken
+            assert face.lines == ["ada"]
+            prompt.close()
+            hears("goes on")
+
+
+def test_there_are_so_many_prompts_and_no_more(short_folder: Path):
+    with serving(short_folder / "s"), contextlib.ExitStack() as stack:
+        many = [stack.enter_context(raw(short_folder / "s")) for _ in range(MAX_PROMPTS)]
+        with raw(short_folder / "s") as late:
+            assert "error" in (late.greeting or {})
+        many[0].close()
+
+        def fits() -> bool:
+            with raw(short_folder / "s") as again:
+                return "ergon" in (again.greeting or {})
+
+        until(fits, "a free place")
+
+
+def test_every_request_is_answered_by_the_server(short_folder: Path):
+    values = {str: "ada", int: 1}
+    with serving(short_folder / "s"):
+        for do, fields in REQUESTS.items():
+            if do == "end":
+                continue
+            with raw(short_folder / "s") as one:
+                given = {name: values[kind] for name, kind in fields.items()}
+                told = one.ask(id=1, do=do, **given)
+                assert told is not None
+                assert "is" in told, do

@@ -1,0 +1,213 @@
+"""A session as Python: every verb is a method, and each call is the line that it stands for."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from one_bell import SCORE
+from patience import PATIENCE
+from sessions import Stepped
+
+import ergon
+from ergon.cli.outcome import DeviceMissing, Findings, Refused
+from ergon.repl.language import building
+from ergon.repl.language.verbs import FORMS
+from ergon.repl.session.api import NotTaken, SessionProxy
+from ergon.repl.session_protocol import Reply
+
+# The example of every verb's help, as a call.
+CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
+    "ada plays knock every 1 times 8": lambda s: s.plays("ada", "knock", every=1, times=8),
+    "ada do scale 1.2, mirror": lambda s: s.do("ada", ["scale 1.2", "mirror"]),
+    "knock = 0@0 smooth 7@1/8 smooth 0@1/4": lambda s: s.define(
+        "knock", "0@0 smooth 7@1/8 smooth 0@1/4"
+    ),
+    "rest ada": lambda s: s.rest("ada"),
+    "hush": lambda s: s.hush(),
+    "damp 3s": lambda s: s.damp("3s"),
+    "panic": lambda s: s.panic(),
+    "release": lambda s: s.release(),
+    "play from B": lambda s: s.play("B"),
+    "stop": lambda s: s.stop(),
+    "tempo 60 -> 84 over 4bar": lambda s: s.tempo("60 -> 84", over="4bar"),
+    "tap": lambda s: s.tap(),
+    "nudge -10ms": lambda s: s.nudge("-10ms"),
+    "quant 2bar": lambda s: s.quant("2bar"),
+    "set bell.m.K x1.5 over 2bar": lambda s: s.set("bell.m.K", "x1.5", over="2bar"),
+    "couple k1 k2 K=40N/m": lambda s: s.couple("k1", "k2", K="40N/m"),
+    "uncouple k1 k2": lambda s: s.uncouple("k1", "k2"),
+    "record remi as solo": lambda s: s.record("remi", as_="solo"),
+    "record off": lambda s: s.record("off"),
+    "guide remi ada K=30N/m": lambda s: s.guide("remi", "ada", K="30N/m"),
+    "guide remi off": lambda s: s.guide("remi", "off"),
+    "gain bell -6dB": lambda s: s.gain("bell", "-6dB"),
+    "mute bell": lambda s: s.mute("bell"),
+    "solo bell": lambda s: s.solo("bell"),
+    "unmute bell": lambda s: s.unmute("bell"),
+    "meters": lambda s: s.meters(),
+    "undo": lambda s: s.undo(),
+    "redo": lambda s: s.redo(),
+    "back 3": lambda s: s.back(3),
+    "history": lambda s: s.history(),
+    "keep 8bar as verse-2": lambda s: s.keep("8bar", "verse-2"),
+    "save scores/duet-live.yaml": lambda s: s.save(Path("scores/duet-live.yaml")),
+    "load duet.yaml": lambda s: s.load("duet.yaml"),
+    "reload": lambda s: s.reload(),
+    "seed 7": lambda s: s.seed(7),
+    "? lean": lambda s: s.look("lean"),
+    "show ada": lambda s: s.show("ada"),
+    "scope ada": lambda s: s.scope("ada"),
+    "help plays": lambda s: s.help("plays"),
+    "py session.state().tempo": lambda s: s.py("session.state().tempo"),
+    "quit": lambda s: s.quit(),
+}
+MORE: dict[str, Callable[[SessionProxy], Reply]] = {
+    "ada plays knock every 1/2 touch free do scale 0.8, mirror now": lambda s: s.plays(
+        "ada", "knock", do=("scale 0.8", "mirror"), every="1/2", touch="free", now=True
+    ),
+    "ada plays solo from 4 at 9|1": lambda s: s.plays("ada", "solo", from_=4, at="9|1"),
+    "ada plays knock loop in 2": lambda s: s.plays("ada", "knock", loop=True, times=None, in_=2),
+    "gain -6dB": lambda s: s.gain("-6dB"),
+    "play": lambda s: s.play(),
+    "unmute": lambda s: s.unmute(),
+    "tempo 72": lambda s: s.tempo(72),
+    "tempo 72.5 now": lambda s: s.tempo(bpm=72.5, now=True),
+    "couple k1 k2 K=40N/m Z=1Ns/m": lambda s: s.couple("k1", "k2", "40N/m", "1Ns/m"),
+    'save "my score.yaml"': lambda s: s.save("my score.yaml"),
+}
+
+
+class Told:
+    """A face that keeps what it was told."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.closed = False
+
+    def submit(self, text: str) -> Reply:
+        self.lines.append(text)
+        if text == "adda":
+            return Reply(False, "unknown verb 'adda'", "ada plays knock")
+        return Reply(True, "ok", leaves=text == "quit")
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_every_form_has_its_call():
+    assert set(CALLS) == {form.example for form in FORMS}
+
+
+@pytest.mark.parametrize("wanted", [*CALLS, *MORE])
+def test_a_call_is_its_line(wanted: str):
+    face = Told()
+    reply = (CALLS | MORE)[wanted](SessionProxy(face))
+    assert face.lines == [wanted]
+    assert reply.taken
+    assert face.closed == (wanted == "quit")
+
+
+def test_what_is_refused_is_raised():
+    face = Told()
+    with pytest.raises(NotTaken, match=r"unknown verb 'adda'; try: ada plays knock") as refused:
+        SessionProxy(face)("adda")
+    assert refused.value.reply == Reply(False, "unknown verb 'adda'", "ada plays knock")
+    assert SessionProxy(face)("any line").text == "ok"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda s: s.tempo(),
+        lambda s: s.tempo(60, "2bar", 3),
+        lambda s: s.hush("ada"),
+        lambda s: s.rest("ada", fast=True),
+        lambda s: s.panic(now=True),
+        lambda s: s.rest("ada", now=True, at="3|1"),
+        lambda s: s.record("on"),
+    ],
+)
+def test_a_call_that_is_no_line_types_nothing(wrong: Callable[[SessionProxy], Reply]):
+    face = Told()
+    with pytest.raises(TypeError, match="write it as "):
+        wrong(SessionProxy(face))
+    assert face.lines == []
+
+
+def test_a_value_is_no_second_line():
+    face = Told()
+    with pytest.raises(ValueError, match="one line"):
+        SessionProxy(face).py("1\nquit")
+    assert face.lines == []
+
+
+def test_names_can_be_completed_and_explained():
+    session = SessionProxy(Told())
+    assert {"plays", "define", "look", "hush", "state"} <= set(dir(session))
+    assert "ada plays knock every 1 times 8" in (session.plays.__doc__ or "")
+    assert not hasattr(session, "plyas")
+    assert set(building.FUNCTIONS.values()) == {form.verb for form in FORMS}
+
+
+def test_calls_change_what_a_real_session_plays(tmp_path: Path):
+    stepped = Stepped(SCORE, tmp_path)
+    with SessionProxy(stepped.session) as session:
+        session.play()
+        stepped.run(0.2)
+        assert session.plays("ada", "lean", every=2, now=True).text.startswith("ok 1|")
+        session.tempo(72)
+        session.define("knock", "0@0 smooth 5@1/8 smooth 0@1/2")
+        session.set("bell.m.K", "x1.5", over="2bar")
+        with pytest.raises(NotTaken):
+            session.plays("ada", "nothing")
+        stepped.run(2.5)
+        assert session.state.tempo == 72
+        assert dict(session.state.playing) == {"ada": "lean"}
+        assert "knock: 0@0 smooth 5@1/8" in stepped.session.commits.head.texts.text
+
+
+def test_it_opens_as_the_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Path("score.yaml").write_text(SCORE)
+    Path("bad.yaml").write_text(SCORE.replace("400g", "400h"))
+    with ergon.Session("score.yaml", audio="null", gain="0dB", journal="mine.jsonl") as session:
+        assert session.play().text == "ok from 1|1"
+        with pytest.raises(ergon.NotTaken):
+            session("adda")
+    assert '"adda"' in Path("mine.jsonl").read_text()
+    with ergon.Session(resume="mine.jsonl", audio="null") as session:
+        assert session.state.tempo == 120
+    with pytest.raises(Findings, match="above"):
+        ergon.Session("bad.yaml", audio="null")
+    with pytest.raises(DeviceMissing):
+        ergon.Session("score.yaml", audio="nonsense", gain="0dB")
+    with pytest.raises(Refused, match="no session is served"):
+        ergon.Session(socket=str(tmp_path / "s"))
+
+
+def test_what_the_page_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    page = (Path(__file__).parents[2] / "docs" / "notebook.md").read_text(encoding="utf-8")
+    code = page.partition("```python\n")[2].partition("```")[0]
+    monkeypatch.chdir(tmp_path)
+    Path("score.yaml").write_text(SCORE)
+    exec(code, {})
+    said = capsys.readouterr().out
+    assert "kock" in said
+    assert "try: ada plays knock" in said
+    assert said.count("knock = 0@0") == 4
+
+
+def test_what_is_not_closed_is_closed_at_the_end(tmp_path: Path):
+    (tmp_path / "score.yaml").write_text(SCORE)
+    code = "import ergon; ergon.Session('score.yaml', audio='null', gain='0dB').play()"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE
+    )
+    assert done.returncode == 0, done.stderr
+    assert '"event": "end"' in (tmp_path / "session.jsonl").read_text()

@@ -1,0 +1,67 @@
+"""No text raises: whatever is written, a score is answered by diagnostics."""
+
+from pathlib import Path
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ergon.notation.text.errors import full
+from ergon.scores.reading.load import load
+
+DATA = Path(__file__).parents[1] / "data"
+DUET = (DATA / "duet-2.2.yaml").read_text(encoding="utf-8")
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.data())
+def test_no_damage_raises(data):
+    """Cut, double or replace a stretch of the example: diagnostics, never an exception."""
+    start = data.draw(st.integers(0, len(DUET)))
+    stop = data.draw(st.integers(start, min(len(DUET), start + 30)))
+    new = data.draw(st.text(":{}[]-|,.0123456789@ \nabM\t'#&*!é", max_size=6))
+    loaded = load(DATA / "duet-2.2.yaml", text=DUET[:start] + new + DUET[stop:])
+    for d in loaded.diagnostics:
+        assert full(d, loaded.files)
+    assert (loaded.piece is None) == any(d.severity == "error" for d in loaded.diagnostics)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(max_size=60))
+def test_no_text_raises(text):
+    load("s.yaml", text=text)
+
+
+WORDS = (
+    "M K Z f t60 like use from modules CEL REF LNL between to at out SOX SOF a b a.b 1g 1|1 A3 "
+    "keys gestures notation points parts players play every do duet couple mix route"
+)
+SECTIONS = (
+    "use rates tempo marks keys instruments laws gestures takes strikes players duet parts mix "
+    "render accuracy"
+)
+_WORDS = st.sampled_from(WORDS.split())
+_TREES = st.recursive(
+    _WORDS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(_WORDS, inner, max_size=4),
+    max_leaves=12,
+)
+
+
+def written(tree):
+    if isinstance(tree, dict):
+        return "{" + ", ".join(f"{key}: {written(value)}" for key, value in tree.items()) + "}"
+    if isinstance(tree, list):
+        return "[" + ", ".join(map(written, tree)) + "]"
+    return f"'{tree}'"
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.dictionaries(
+        st.sampled_from(SECTIONS.split()),
+        st.dictionaries(st.sampled_from(["a", "b", "p"]), _TREES, max_size=2) | _TREES,
+        max_size=5,
+    )
+)
+def test_no_tree_raises(tree):
+    load("s.yaml", text=written(tree))

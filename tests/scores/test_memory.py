@@ -1,0 +1,124 @@
+"""What is remembered from one reading to the next changes nothing but the time it takes."""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+
+import pytest
+
+from ergon.notation.text import document
+from ergon.notation.text.memory import Memory
+from ergon.scores.reading.load import Loaded, load
+
+_LIBRARY = Path(__file__).parents[2] / "scores" / "library"
+_SCORES = sorted(path.name for path in _LIBRARY.glob("*.yaml"))
+_NUMBER = re.compile(r"\d+")
+_STRANGE = (
+    "title: again\n",
+    "---\n",
+    "...\n",
+    "# a remark\n",
+    "\n",
+    "strange: 1\n",
+    "  deeper: {x: 1}\n",
+    "marks: {a: &here 1|1, b: *here}\n",
+    "parts: *here\n",
+    "%YAML 1.1\n",
+    "'quoted': 1\n",
+    "- item\n",
+    "title: 'open\n",
+    "use: [",
+    "\u2028title: x\n",
+)
+
+
+def _changed(text: str, chance: random.Random) -> str:
+    """One mistake, or one edit, of those that people and programs make."""
+    lines = text.splitlines(keepends=True)
+    at = chance.randrange(len(lines) + 1)
+    match chance.randrange(6):
+        case 0:
+            return "".join([*lines[:at], chance.choice(_STRANGE), *lines[at:]])
+        case 1:
+            return "".join([*lines[:at], *lines[at + 1 :]])
+        case 2:
+            return "".join([*lines[:at], *lines[max(0, at - 1) :]])
+        case 3:
+            return text.replace("\n", "\r\n")
+        case _:
+            found = list(_NUMBER.finditer(text))
+            one = chance.choice(found)
+            return text[: one.start()] + str(chance.randrange(40)) + text[one.end() :]
+
+
+def _told(loaded: Loaded) -> tuple[object, ...]:
+    return repr(loaded.piece), loaded.diagnostics, loaded.left_out, [*loaded.files]
+
+
+@pytest.mark.parametrize("name", _SCORES)
+def test_a_score_that_changes_step_by_step_reads_as_if_it_were_new(name: str) -> None:
+    path = _LIBRARY / name
+    whole = path.read_text(encoding="utf-8")
+    chance = random.Random(name)
+    memory, text, refused = Memory(), whole, 0
+    for _ in range(40):
+        text = _changed(whole if chance.random() < 0.4 else text, chance)
+        kept = load(path, text=text, memory=memory)
+        new = load(path, text=text)
+        assert _told(kept) == _told(new)
+        refused += kept.has_errors
+    assert 0 < refused < 40
+
+
+_SCORE = """\
+ergon: 1
+tempo: [{at: 1|1, bpm: 60}]
+keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}
+instruments:
+  bell:
+    modules: {m: {CEL: {M: 2g, f: 200Hz, t60: 1s}}, b: {BUT: {between: [k, m], K: 900N/m}}}
+    out: {SOX: m}
+players: {ada: {key: k}}
+parts: {ada: []}
+"""
+
+
+def _sections(loaded: Loaded) -> dict[str, document.Node]:
+    (own, *_) = loaded.files.values()
+    assert isinstance(own.root, document.Mapping)
+    return {name: node for name, (_, node) in own.root.entries.items()}
+
+
+def test_only_what_has_changed_or_moved_is_read_again() -> None:
+    memory = Memory()
+    before = _sections(load("s.yaml", text=_SCORE, memory=memory))
+    edited = _SCORE.replace("parts: {ada: []}", "parts: {ada: []}\ngestures: {g: 0mm@0 1mm@1}")
+    after = _sections(load("s.yaml", text=edited.replace("60N/m", "61N/m"), memory=memory))
+    same = {name for name in before if after[name] is before[name]}
+    assert same == set(before) - {"keys"}
+    moved = _sections(load("s.yaml", text="# a remark\n" + edited, memory=memory))
+    assert not any(moved[name] is after[name] for name in after)
+    assert moved["players"].place.line == before["players"].place.line + 1
+
+
+def test_a_mistake_is_told_as_often_as_it_is_read() -> None:
+    memory = Memory()
+    wrong = _SCORE.replace("f: 200Hz", "f: 200kg").replace("key: k", "key: h")
+    told = [load("s.yaml", text=wrong, memory=memory).diagnostics for _ in range(3)]
+    assert told[0] == told[1] == told[2] == load("s.yaml", text=wrong).diagnostics
+    assert {found.code for found in told[0]} == {"E203", "E301"}
+    assert load("s.yaml", text=_SCORE, memory=memory).piece is not None
+
+
+def test_two_instruments_may_be_one_node() -> None:
+    twice = _SCORE.replace("  bell:", "  bell: &bell").replace(
+        "\nplayers", "\n  other: *bell\nplayers"
+    )
+    wrong = twice.replace("f: 200Hz", "f: 200Hz, K: 1N/m")
+    for text in (twice, wrong):
+        memory = Memory()
+        for _ in range(2):
+            kept = load("s.yaml", text=text, memory=memory)
+            assert _told(kept) == _told(load("s.yaml", text=text))

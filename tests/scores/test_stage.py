@@ -1,0 +1,156 @@
+"""What is found once a piece is on its stage: cuts, travel, what the engine will not run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ergon import _core
+from ergon.notation.text.errors import Diagnostic
+from ergon.scores.gesture.takes import read
+from ergon.scores.reading.load import load
+from ergon.scores.staging.hands import ALL
+from ergon.scores.staging.stage import Going, Span, Stage, StageError, solo, stage
+
+TAKES = Path(__file__).parents[2] / "scores/library/takes"
+PLAYED = """\
+ergon: 1
+tempo: [{{at: 1|1, bpm: 120}}]
+marks: {{A: 1|1}}
+keys: {{k: {{M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}}}}
+players: {{p: {{key: k}}, q: {{hand: live, key: k, standin: t}}}}
+gestures: {{g: 0@0 1@2, wide: 0@0 throw 12@1/4 throw 0@3/4}}
+takes: {{t: {{file: {takes}/hand-point-1.csv}}}}
+parts: {{p: [{plays}]}}
+"""
+
+
+def staged(plays: str) -> Stage:
+    loaded = load("s.yaml", text=PLAYED.format(plays=plays, takes=TAKES))
+    assert loaded.piece is not None, loaded.diagnostics
+    return stage(loaded.piece)
+
+
+def warned(plays: str) -> list[Diagnostic]:
+    # The live hand's stand-in sounds from the beginning for 5 s: begin after it.
+    return staged(plays).diagnostics
+
+
+@pytest.mark.parametrize(
+    ("plays", "codes"),
+    [
+        ("{at: 6|1, play: g}, {at: 6|3, play: g}", []),
+        ("{at: 6|1, play: g}, {at: 6|2, play: g}", ["W310"]),
+        ("{at: 6|1, play: g}, {at: 6|2, play: g, layer: true}", []),
+        ("{at: 6|1, play: g, every: 1, times: 3}", ["W310"]),
+        ("{at: 6|1, play: g, every: 2, times: 9, do: [jitter 4ms 0.1mm]}", []),
+        ("{at: 6|1, play: t}, {at: 7|1, play: t}", ["W310"]),
+        ("{at: 6|1, play: t}, {at: 7|1, play: t, layer: true}", []),
+        ("{at: 6|1, play: t, touch: tracked}, {at: 7|1, play: g, layer: true}", ["W313"]),
+        ("{at: 6|1, play: g, touch: tracked}, {at: 7|1, play: g, layer: true}", []),
+        ("{at: 1|2, play: g}", ["W310"]),  # cuts the stand-in
+    ],
+)
+def test_a_later_gesture_cuts_an_earlier_one(plays: str, codes: list[str]):
+    assert [found.code for found in warned(plays)] == codes
+
+
+def test_a_cut_is_placed_in_bars_and_beats():
+    (found,) = warned("{at: 6|1, play: g}, {at: 6|2.5, play: g}")
+    assert found.message == "'g' at 6|2.5 cuts 'g', which lasts until 6|3"
+
+
+def test_a_thrown_key_that_leaves_its_travel_is_told_once():
+    with pytest.raises(StageError) as raised:
+        staged("{at: 6|1, play: wide, every: 2, times: 8}, {at: 20|1, play: wide}")
+    assert [found.code for found in raised.value.diagnostics] == ["E307", "W312"]
+    # 12 mm thrown back within a quarter of a second, as the paper's ballistic gesture would.
+    assert "swings to 98.6 mm" in raised.value.diagnostics[0].message
+
+
+def test_a_stand_in_plays_for_a_live_hand():
+    played = staged("{at: 6|1, play: g}")
+    assert [(g.player, g.name, g.start) for g in played.gestures] == [
+        ("p", "g", 10.0),
+        ("q", "t", 0.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fields", "at_fault"),
+    [
+        ("channel: nope", "nope"),
+        ("trim: 0s..900s", "0s..900s"),
+        ("smooth: 90kHz", "90kHz"),
+        ("rate: 50Hz", "50Hz"),
+    ],
+)
+def test_a_take_is_refused_at_the_field_at_fault(fields: str, at_fault: str):
+    text = PLAYED.replace("hand-point-1.csv", "hand-point-1.csv, " + fields)
+    text = text.format(plays="{at: 6|1, play: t}", takes=TAKES)
+    loaded = load("s.yaml", text=text)
+    assert loaded.piece is not None
+    with pytest.raises(StageError) as raised:
+        stage(loaded.piece)
+    (found,) = raised.value.diagnostics
+    assert found.code == "E310"
+    line = text.splitlines()[found.place.line - 1]
+    assert line[found.place.column - 1 :].startswith(at_fault)
+
+
+def test_a_gesture_alone_begins_the_piece():
+    piece = staged("{at: 6|1, play: g}").piece
+    alone = solo(piece, "g", "k")
+    assert [(g.name, g.start, g.stop) for g in alone.gestures] == [("g", 0.0, 1.0)]
+    alone.simulation.process(np.zeros((int(alone.rate), alone.simulation.n_out)))
+    assert alone.simulation.positions()[0] == pytest.approx(1e-3, abs=1e-9)
+
+
+def test_a_piece_may_have_no_tail_and_a_gesture_no_join():
+    text = PLAYED.format(plays="{at: 6|1, play: g, join: 0s}", takes=TAKES)
+    loaded = load("s.yaml", text=text + "render: {tail: 0s}\n")
+    assert loaded.piece is not None, loaded.diagnostics
+    assert stage(loaded.piece).n_frames == 11 * 44100  # 2 beats at 120 from 10 s on
+
+
+def test_a_stage_after_another_reads_a_take_again_when_its_file_has_changed(tmp_path: Path):
+    def after(before: Stage | None) -> Stage:
+        text = PLAYED.format(plays="{at: 6|1, play: t}", takes=tmp_path)
+        piece = load(tmp_path / "s.yaml", text=text).piece
+        assert piece is not None
+        return stage(piece, planned=True, going=Going((Span(piece, ALL),), before))
+
+    copied = tmp_path / "hand-point-1.csv"
+    copied.write_bytes((TAKES / copied.name).read_bytes())
+    first = after(None)
+    second = after(first)
+    assert [*second.takes.values()] == [*first.takes.values()] != []
+    copied.write_text("t [s],x [mm]\n0,0\n0.25,3\n1,0\n")
+    third = after(second)
+    assert third.takes.keys().isdisjoint(second.takes)
+    played = [(g.name, g.stop - g.start) for g in third.gestures if g.player == "p"]
+    assert played == [("t", pytest.approx(1.0))]
+
+
+def test_a_take_is_played_from_its_middle():
+    """At 120 bpm two beats are a second; twice as slow and mirrored it passes where it passed."""
+    played = staged("{at: 6|1, play: t, do: [from 2, stretch 2, mirror]}")
+    (mine,) = (g for g in played.gestures if g.player == "p")
+    (whole,) = (g for g in staged("{at: 6|1, play: t}").gestures if g.player == "p")
+    assert mine.start == 10.0
+    assert mine.stop - mine.start == pytest.approx(2 * (whole.stop - whole.start - 1.0))
+    samples = read(TAKES / "hand-point-1.csv")
+    take = _core.Take(samples.t, samples.x)
+    simulation = played.simulation
+    simulation.process(np.zeros((round(12.5 * simulation.rate), simulation.n_out)))
+    wanted = -take.at(float(samples.t[0]) + 1.0 + 0.5 * (12.5 - mine.start))[0]
+    assert abs(wanted) > 1e-3
+    assert simulation.positions()[mine.struck] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_nothing_is_left_of_a_take_that_begins_after_its_end():
+    with pytest.raises(StageError) as raised:
+        staged("{at: 6|1, play: t, do: [from 90s]}")
+    (found,) = raised.value.diagnostics
+    assert (found.code, found.place.line) == ("E308", 8)
+    assert "is no part of a take that lasts" in found.message

@@ -1,0 +1,85 @@
+"""`ergon duet` as a process, and what it played, recorded and rendered."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from patience import PATIENCE
+
+from ergon import _core
+
+ERGON = [sys.executable, "-m", "ergon.cli"]
+STAND_IN = 8  # of a row's flags
+
+
+@dataclass
+class Duet:
+    process: subprocess.Popen[str]
+    told: list[str] = field(default_factory=list)
+
+    def until(self, words: str) -> str:
+        """The next line with these words."""
+        assert self.process.stdout is not None
+        while line := self.process.stdout.readline():
+            self.told.append(line.rstrip())
+            if words in line:
+                return self.told[-1]
+        raise AssertionError(f"'{words}' was not said, but: {self.told}")
+
+    def end(self) -> int:
+        """All that is still said; the exit code."""
+        assert self.process.stdout is not None
+        self.told += self.process.stdout.read().splitlines()
+        return self.process.wait(timeout=PATIENCE)
+
+
+@contextmanager
+def duet(*arguments: object) -> Iterator[Duet]:
+    """A performance that goes on; what it says comes by lines. No axis is tried first."""
+    command = [*ERGON, "duet", *map(str, arguments), "--plain", "--unchecked"]
+    both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, **both, text=True) as process:
+        try:
+            yield Duet(process)
+        finally:
+            process.kill()
+
+
+def played(*arguments: object) -> list[str]:
+    """A performance to its end; what it said."""
+    with duet(*arguments) as playing:
+        assert playing.end() == 0, playing.told
+        return playing.told
+
+
+def said(*arguments: object) -> tuple[int, str]:
+    """A command that ends by itself: its exit code, and all it said."""
+    done = subprocess.run([*ERGON, *map(str, arguments)], capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
+def rendered(score: Path, take: Path, doubted: bool = False) -> np.ndarray:
+    """What the hands did, rendered offline: (n_frames, n_channels) of float32."""
+    target = take.with_suffix(".offline.wav")
+    code, told = said("render", score, "--hands", take, "--bits", "float", "-o", target)
+    assert code == 0, told
+    assert ("warning" in told) == doubted, told
+    return sound(target)
+
+
+def sound(path: Path) -> np.ndarray:
+    frames, _ = soundfile.read(path, dtype="float32", always_2d=True)
+    return frames
+
+
+def recorded(path: Path) -> _core.Recording:
+    """A recording, whole and finished."""
+    found = _core.read_recording(path)
+    assert found.finished, found.damage
+    assert found.dropped == 0
+    return found

@@ -1,0 +1,59 @@
+"""Scores that ship as the texts of a session, before and after an edit."""
+
+import difflib
+from pathlib import Path
+
+import pytest
+
+from ergon.scores.edits.texts import Texts
+
+ROOT = Path(__file__).parents[2]
+BUNDLED = sorted(ROOT.glob("scores/library/*.yaml"))
+TEMPLATES = sorted(ROOT.glob("cli/templates/*/score.yaml"))
+SCORES = [str(path) for path in BUNDLED + TEMPLATES]
+DUET, TEMPO, TWO = (
+    str(ROOT / "scores" / "library" / name) for name in ("duet.yaml", "tempo.yaml", "two-keys.yaml")
+)
+
+
+def opened(path, text=None):
+    texts = Texts.read(path) if text is None else Texts(path, text)
+    return texts, piece_of(texts)
+
+
+def piece_of(texts):
+    loaded = texts.load()
+    assert loaded.piece is not None, [str(d.message) for d in loaded.diagnostics]
+    return loaded.piece
+
+
+def lines(before, after, file=None):
+    """Lines taken away and lines added."""
+    a = Path(file).read_text() if file else before.text
+    b = after.overlay[file] if file else after.text
+    found = list(difflib.ndiff(a.splitlines(), b.splitlines()))
+    return [x[2:] for x in found if x[0] == "-"], [x[2:].strip() for x in found if x[0] == "+"]
+
+
+def begun(piece, player):
+    """(what, beats) of everything that a player plays, in order of time."""
+    found = [
+        (start, play.what, tuple(t.word for t in play.do))
+        for play, starts in zip(piece.parts, piece.starts, strict=True)
+        if play.player == player
+        for start in (starts if starts is not None else [piece.tempo_map.resolve(play.at)])
+    ]
+    return sorted(found)
+
+
+def same(found, wanted):
+    """The same plays in the same order, at the same beats."""
+    assert [rest for _, *rest in found] == [rest for _, *rest in wanted]
+    assert [beat for beat, *_ in found] == pytest.approx([beat for beat, *_ in wanted])
+
+
+def value(piece, target):
+    part, _, name = target.rpartition(".")
+    owner, _, module = part.partition(".")
+    made = piece.keys.get(owner) or piece.instruments[owner]
+    return {m.name: m for m in made.modules}[module].fields[name]

@@ -1,0 +1,72 @@
+"""Emulated devices as processes of their own: what they print, and how they end."""
+
+import json
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from patience import PATIENCE
+
+COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
+
+
+@dataclass
+class Emulator:
+    process: subprocess.Popen[str]
+    url: str = ""
+    told: list[dict[str, object]] = field(default_factory=list)
+
+    def next(self) -> dict[str, object]:
+        """The next line of JSON."""
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        assert line, "the emulator ended"
+        self.told.append(json.loads(line))
+        return self.told[-1]
+
+    def until(self, event: str) -> dict[str, object]:
+        """The next line that tells of `event`."""
+        while self.next()["event"] != event:
+            pass
+        return self.told[-1]
+
+    def end(self, number: signal.Signals = signal.SIGINT) -> str:
+        """Ctrl-C; the hash of all positions, and 130."""
+        self.process.send_signal(number)
+        self.until("over")
+        assert self.process.wait(timeout=PATIENCE) == 128 + number
+        return str(self.told[-1]["positions"])
+
+
+@contextmanager
+def emulator(*arguments: str) -> Iterator[Emulator]:
+    command = [*COMMAND, *arguments, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        started = Emulator(process)
+        try:
+            started.url = str(started.next()["url"])
+            yield started
+        finally:
+            process.kill()
+
+
+def free_port() -> int:
+    """A port of datagrams that nobody has now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+        wire.bind(("127.0.0.1", 0))
+        return int(wire.getsockname()[1])
+
+
+def crc(data: bytes) -> bytes:
+    """What ends a packet of the open frame."""
+    value = 0xFFFF
+    for byte in data:
+        value ^= byte << 8
+        for _ in range(8):
+            value = (value << 1 ^ 0x1021 if value & 0x8000 else value << 1) & 0xFFFF
+    return struct.pack("<H", value)

@@ -1,0 +1,97 @@
+"""The simulated board inside a test's own process, in lockstep, going on only when it is told to.
+
+A performance waits for its replies, so between two calls of `run` no time passes, however busy the
+machine is: a line that is typed there is typed at that very tick.
+"""
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from patience import PATIENCE
+from simulated_board import LOG, Board, Ways
+
+_ASK = 0.05  # [s] between two looks whether it is to end
+
+
+class Paced:
+    """A board that runs, seen from a test."""
+
+    def __init__(self, ways: Ways) -> None:
+        self.board = Board(ways, lockstep=True)
+        self._wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._wire.bind(("127.0.0.1", 0))
+        self._wire.settimeout(_ASK)
+        self.url = f"frame+udp:127.0.0.1:{self._wire.getsockname()[1]}?lockstep"
+        self._may = 0  # periods that are still to be given
+        self._free = self._over = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    @property
+    def ways(self) -> Ways:
+        """What may be changed while it stands."""
+        return self.board.ways
+
+    @property
+    def periods(self) -> int:
+        """How many there have been."""
+        return len(self.board.log)
+
+    def run(self, periods: int, beside: Callable[[], object] = lambda: None) -> None:
+        """Go on for so many periods of 1 ms; `beside` is called about every 20 of them."""
+        while periods > 0:
+            some = min(periods, 20)
+            with self._changed:
+                self._may += some
+                self._changed.notify_all()
+                assert self._changed.wait_for(lambda: self._may == 0, PATIENCE), "nobody asks"
+            periods -= some
+            beside()
+
+    def free(self) -> None:
+        """From now on it answers at once."""
+        with self._changed:
+            self._free = True
+            self._changed.notify_all()
+
+    def log(self) -> np.ndarray:
+        """Every packet that bore a force, as LOG says."""
+        return np.array(self.board.log, dtype=LOG)
+
+    def close(self) -> None:
+        self._over = True
+        self.free()
+        self._thread.join()
+        self._wire.close()
+
+    def _serve(self) -> None:
+        while not self._over:
+            try:
+                packet, host = self._wire.recvfrom(512)
+            except TimeoutError:
+                continue
+            bears_force = packet[4] != 0 and not packet[-3] & 2
+            with self._changed:
+                if bears_force:
+                    self._changed.wait_for(lambda: self._may > 0 or self._free)
+                reply = self.board.answer(packet, time.monotonic())
+                if reply is not None:
+                    self._wire.sendto(reply, host)
+                if bears_force and self._may > 0:
+                    self._may -= 1
+                    self._changed.notify_all()
+
+
+@contextlib.contextmanager
+def paced(**ways: float | bool) -> Iterator[Paced]:
+    """A board whose time is the test's; `ways` are those of `Ways`."""
+    board = Paced(Ways(**ways))
+    try:
+        yield board
+    finally:
+        board.close()

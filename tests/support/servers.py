@@ -1,0 +1,135 @@
+"""Sound servers for tests: each with a name, socket and folder of its own, stopped when done."""
+
+import contextlib
+import fcntl
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from patience import until
+
+PACKAGES = {"jackd": "jackd2", "pulseaudio": "pulseaudio", "parec": "pulseaudio-utils"}
+
+
+def need(program: str) -> str:
+    """Path of a program. Where it is missing CI fails; elsewhere the test says what to install."""
+    found = shutil.which(program)
+    if found is None:
+        why = f"{program} is missing: apt-get install {PACKAGES[program]}"
+        if os.environ.get("CI"):
+            pytest.fail(why)
+        pytest.skip(why)
+    return found
+
+
+@contextlib.contextmanager
+def running(command: list[str], **how: object) -> Iterator[subprocess.Popen[bytes]]:
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        **how,
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+@contextlib.contextmanager
+def jack_name() -> Iterator[str]:
+    """A name for a JACK server that nobody else uses meanwhile.
+
+    JACK's registry has eight places for all names of all time: one that was killed keeps its own
+    until a server of the same name comes. So there are few names, and they are lent.
+    """
+    for i in range(4):
+        with open(Path(tempfile.gettempdir()) / f"ergon-test-{i}.lock", "w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                continue
+            name = f"ergon-test-{i}"
+            if _is_there(name):
+                continue  # a run that was killed has left its server
+            yield name
+            return
+    pytest.fail("four test runs use JACK at once, or left servers behind")
+
+
+def _is_there(name: str) -> bool:
+    from ergon import _core
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("JACK_DEFAULT_SERVER", name)
+        return _core.survey_audio()[0][2] != "no JACK server runs"
+
+
+class Jack:
+    """A server without a card; clients find it by `JACK_DEFAULT_SERVER`."""
+
+    def __init__(self, name: str, rate: int = 48000, block: int = 256, channels: int = 24):
+        self.name, self.rate, self.block, self.channels = name, rate, block, channels
+
+    @contextlib.contextmanager
+    def run(self) -> Iterator[subprocess.Popen[bytes]]:
+        from ergon import _core
+
+        # Real-time where it is granted; jackd goes on without.
+        server = [need("jackd"), "-R", "-P", "60", "-n", self.name]
+        driver = ["-d", "dummy", "-r", self.rate, "-p", self.block, "-C", 2, "-P", self.channels]
+        environment = os.environ | {"JACK_NO_AUDIO_RESERVATION": "1"}
+        with running([*server, *map(str, driver)], env=environment) as process:
+            until(lambda: _core.survey_audio()[0][1], "a JACK server")
+            yield process
+
+
+class Pulse:
+    """A server with one null sink `dome`; clients find it by `PULSE_SERVER`."""
+
+    def __init__(self, folder: Path, rate: int = 48000, channels: int = 24):
+        self.folder, self.rate, self.channels = folder, rate, channels
+        self.socket = folder / "pulse.sock"
+        self.map = ",".join(f"aux{i}" for i in range(channels))
+
+    @contextlib.contextmanager
+    def run(self) -> Iterator[subprocess.Popen[bytes]]:
+        from ergon import _core
+
+        self.socket.unlink(missing_ok=True)
+        sink = (
+            f"module-null-sink sink_name=dome format=float32le rate={self.rate} "
+            f"channels={self.channels} channel_map={self.map}"
+        )
+        door = f"module-native-protocol-unix socket={self.socket} auth-anonymous=1"
+        own = {"HOME": str(self.folder), "XDG_RUNTIME_DIR": str(self.folder)}
+        command = [
+            need("pulseaudio"),
+            *("-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no"),
+            *("--resample-method=copy", "-L", sink, "-L", door),
+        ]
+        with running(command, env=os.environ | own) as process:
+            until(lambda: _core.survey_audio()[1][1], "a PulseAudio server")
+            yield process
+
+    @contextlib.contextmanager
+    def recording(self, path: Path) -> Iterator[None]:
+        """What the sink hears, as raw float32 of all channels."""
+        command = [
+            *(need("parec"), "-d", "dome.monitor", "--format=float32le", f"--rate={self.rate}"),
+            *(f"--channels={self.channels}", "--raw", f"--channel-map={self.map}"),
+            *("--latency-msec=20", str(path)),
+        ]
+        with running(command):
+            until(lambda: path.exists() and path.stat().st_size > 0, "a recording")
+            yield

@@ -1,0 +1,135 @@
+"""A session served without a process of its own, and connections that say anything."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from patience import PATIENCE, until
+
+from ergon.repl.session_protocol import Reply, State
+from ergon.repl.wire import local_socket
+from ergon.repl.wire.protocol import encode
+from ergon.repl.wire.remote import Remote
+from ergon.repl.wire.serve import SessionServer
+
+
+def remote(path: Path) -> Remote:
+    return Remote(path, "ergon repl --socket")
+
+
+class Acted:
+    """A face whose lines tell what they do: `slow` until a panic, `quit`, `fail`."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.happened: list[str] = []
+        self.panicked = threading.Event()
+        self.slow = threading.Event()
+        self.closed = False
+
+    def submit(self, text: str, *, releases: bool = True) -> Reply:
+        self.lines.append(text)
+        if text == "slow":
+            self.slow.set()
+            assert self.panicked.wait(PATIENCE)
+        if text == "fail":
+            raise SystemExit
+        if text == "adda":
+            return Reply(False, "unknown verb", "ada", ("⣀⡠", "b"))
+        return Reply(True, f"ok {text[:20]}", leaves=text == "quit")
+
+    def state(self) -> State:
+        return State(bar=len(self.lines) + 1, beat=1.5, tempo=72.0, playing=(("ada", "lean"),))
+
+    def messages(self) -> list[str]:
+        happened, self.happened = self.happened, []
+        return happened
+
+    def panic(self) -> None:
+        self.panicked.set()
+
+    def cancel(self) -> bool:
+        self.cancelled = True
+        return True
+
+    def let_go(self) -> None:
+        self.happened.append("let go")
+
+    def input_ends(self) -> None:
+        self.happened.append("input ends")
+
+    def close(self) -> None:
+        self.closed = True
+
+    def complete(self, line: str, cursor: int) -> list[object]:
+        return [State] if line == "fail" else []
+
+    def tokens(self, line: str) -> list[tuple[int, int, str]]:
+        return [(0, len(line), "name")]
+
+    def is_whole(self, text: str) -> bool:
+        return not text.endswith("\\")
+
+
+@contextlib.contextmanager
+def serving(path: Path, face: Acted | None = None) -> Iterator[Acted]:
+    face = face or Acted()
+    served = SessionServer(
+        face, local_socket.ServerSocket(path), {"version": "0", "score": "s", "journal": "j"}
+    )
+    thread = threading.Thread(target=served.run)
+    thread.start()
+    try:
+        until(lambda: _answers(path), "the session")
+        yield face
+    finally:
+        served.end("the test ends")
+        thread.join(PATIENCE)
+        assert not thread.is_alive()
+        assert face.closed
+        assert not path.exists()
+
+
+def _answers(path: Path) -> bool:
+    try:
+        with raw(path) as found:  # so it was let in, before anything else happens
+            return found.greeting is not None
+    except local_socket.NoSessionError:
+        return False
+
+
+class Raw:
+    """A connection on which anything can be said."""
+
+    def __init__(self, path: Path) -> None:
+        self.socket = local_socket.connect(path)
+        self.socket.settimeout(PATIENCE)
+        self._file = self.socket.makefile("rb")
+        self.greeting = self.read()
+
+    def read(self) -> dict[str, object] | None:
+        """The next line; None at the end."""
+        try:
+            line = self._file.readline()
+        except ConnectionError:
+            return None
+        return json.loads(line) if line else None
+
+    def say(self, data: bytes) -> None:
+        self.socket.sendall(data)
+
+    def ask(self, **fields: object) -> dict[str, object] | None:
+        self.say(encode(**fields))
+        return self.read()
+
+    def close(self) -> None:
+        self._file.close()
+        self.socket.close()
+
+
+def raw(path: Path) -> contextlib.closing[Raw]:
+    return contextlib.closing(Raw(path))

@@ -1,0 +1,136 @@
+"""Lines of a session and what they say: the example session, and every other form."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from ergon.notation.clock.positions import Length, Position, parse_position
+from ergon.repl.language import commands as c
+from ergon.repl.language.parse import parse
+from ergon.repl.language.refusal import Refusal
+from ergon.repl.language.scope import Scope, scope_of
+from ergon.scores.gesture import notation
+from ergon.scores.gesture.transforms import parse_chain
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import UNSAID, Manner
+
+ROOT = Path(__file__).parents[2]
+ONE = Length(beats=1.0)
+
+
+def _scope() -> Scope:
+    piece = load(ROOT / "tests/data/duet-2.2.yaml").piece
+    assert piece is not None
+    known = scope_of(piece)
+    return dataclasses.replace(known, takes={**known.takes, "solo": "take"})
+
+
+SCOPE = _scope()
+
+
+def one(line: str) -> c.Command:
+    (command,) = parse(line, SCOPE)
+    return command
+
+
+def refused(text: str) -> Refusal:
+    with pytest.raises(Refusal) as caught:
+        parse(text, SCOPE)
+    return caught.value
+
+
+def chain(text: str, start: int = 0):
+    return tuple(
+        dataclasses.replace(transform, offset=transform.offset + start)
+        for transform in parse_chain(text)
+    )
+
+
+def plays(what: str, **more) -> c.Plays:
+    nothing = dict.fromkeys(("every", "times", "until"))
+    return c.Plays("ada", what, **{**nothing, "do": (), "manner": UNSAID, **more})
+
+
+# The example session of the design, and every form that it leaves out.
+KNOCK = "0@0 smooth 7@1/8 smooth 0@1/4"
+SESSION = [
+    ("play", c.Play(None)),
+    ("ada plays knock every 1                  # at the next bar", plays("knock", every=ONE)),
+    (f"knock = {KNOCK}     # while sounding", c.Define("knock", notation.parse(KNOCK))),
+    ("? lean                                   # draws it", c.Look("lean")),
+    ("ada plays lean now                       # overrides quant", plays("lean", when=c.NOW)),
+    ("ada do mirror, scale 1.2", c.Do("ada", chain("mirror, scale 1.2"))),
+    ("set bell.m.K x1.5 over 2bar   # glides", c.Set("bell.m.K", None, 1.5, Length(bars=2))),
+    ("tempo 60 -> 84 over 4bar", c.Tempo(60, 84, Length(bars=4))),
+    ("couple k1 k2 K=40N/m", c.Couple("k1", "k2", 40.0, 0.0)),
+    ("record remi as solo-2", c.Record("remi", "solo-2")),
+    ("record off", c.RecordOff()),
+    (
+        "ada plays solo from 4 stretch 2",
+        plays("solo", do=(*chain("from 4", 5), *chain("stretch 2", 12))),
+    ),
+    ("undo                                     # at the next bar", c.Undo()),
+    ("keep 8bar as verse-2", c.Keep(Length(bars=8), "verse-2")),
+    ("hush", c.Hush()),
+    ("damp 3s", c.Damp(3.0)),
+    ("save scores/duet-live.yaml               # comments kept", c.Save("scores/duet-live.yaml")),
+    ("quit", c.Quit()),
+]
+OTHERS = [
+    ("play from B+2", c.Play(parse_position("B+2"))),
+    ("stop at C", c.Stop(when=parse_position("C"))),
+    ("set bell.m.K 900N/m in 2", c.Set("bell.m.K", 900.0, None, None, when=Length(beats=2))),
+    ("set k1.M 350g", c.Set("k1.M", 0.35, None, None)),
+    ("set gong.f A1", c.Set("gong.f", 55.0, None, None)),
+    ("tempo 72", c.Tempo(72)),
+    ("tap", c.Tap()),
+    ("nudge -10ms", c.Nudge(Length(seconds=-0.01))),
+    ("quant now", c.Quant(c.NOW)),
+    ("quant 2bar", c.Quant(Length(bars=2))),
+    ("uncouple k1 k2 at 9|1", c.Uncouple("k1", "k2", when=parse_position("9|1"))),
+    ("couple k1 k2 Z=0.2Ns/m K=1kN/m", c.Couple("k1", "k2", 1000.0, 0.2)),
+    ("guide remi ada K=30N/m", c.Guide("remi", "ada", 30.0)),
+    ("guide remi off", c.Guide("remi", None)),
+    ("gain ada x0.5", c.Gain("ada", 0.5)),
+    ("gain 0dB", c.Gain(None, 1.0)),
+    ("mute bell", c.Mute("bell")),
+    ("solo gong now", c.Solo("gong", when=c.NOW)),
+    ("unmute", c.Unmute(None)),
+    ("unmute bell", c.Unmute("bell")),
+    ("meters", c.Meters()),
+    ("rest ada", c.Rest("ada")),
+    ("rest all", c.Rest(None)),
+    ("panic now", c.Panic()),
+    ("release", c.Release()),
+    ("redo", c.Redo()),
+    ("history", c.History()),
+    ("back 3", c.Back(3)),
+    ("save", c.Save(None)),
+    ('load "my pieces/duet.yaml" at C', c.Load("my pieces/duet.yaml", when=parse_position("C"))),
+    ("reload", c.Reload()),
+    ("seed 18446744073709551615", c.Seed(2**64 - 1)),
+    ("show", c.Show(None)),
+    ("show ada", c.Show("ada")),
+    ("scope k1", c.Trace("k1")),
+    ("help", c.Help(None)),
+    ("help te", c.Help("tempo")),
+    ("help record", c.Help("record")),
+    ("py [x for x in 'a # b']", c.Py("[x for x in 'a # b']")),
+    ("knock=0@0 7@1/8", c.Define("knock", notation.parse("0@0 7@1/8"))),
+    ("new = 0@0 7@1/8 at B", c.Define("new", notation.parse("0@0 7@1/8"), when=Position("B"))),
+    ("?lean", c.Look("lean")),
+    ("? bell.m.K", c.Look("bell.m.K")),
+    ("ada p knock", plays("knock")),
+    (
+        "ada plays knock at 3|1 every 1/2 times 8 until C layer touch tracked grain 5ms",
+        plays(
+            "knock",
+            every=Length(beats=0.5),
+            times=8,
+            until=parse_position("C"),
+            manner=Manner(touch="tracked", grain=0.005, layer=True),
+            when=parse_position("3|1"),
+        ),
+    ),
+]
