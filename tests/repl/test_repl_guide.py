@@ -69,8 +69,8 @@ class Led:
 
         def look() -> None:
             self.session.pump()
-            if (path := self.session.leads.due()) is not None:
-                self.session.leads.hand(*path)
+            if (path := self.session.guidance.due()) is not None:
+                self.session.guidance.hand(*path)
             status = engine.performance.status()
             beat = self.session.commits.running.beat(status.frame)
             found.append((beat % 4.0, status.hands[0].position))

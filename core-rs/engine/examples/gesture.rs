@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use ergon_engine::gesture::profile::Curve;
 use ergon_engine::gesture::script::{Ergons, Gesture, Manner, Touch};
-use ergon_engine::gesture::written::{Way, Written};
+use ergon_engine::gesture::written::{Approach, Written};
 use ergon_engine::network::{Term, Tie};
 use ergon_engine::{Budget, Network, OnFault, Options, Plan, Rate, Simulation, Timeline};
 
@@ -31,7 +31,7 @@ pub(crate) fn path() -> Result<Vec<f64>, Box<dyn Error>> {
     let points = Written {
         t: &[0.0, 0.1, 0.3],  // [s]
         x: &[0.0, 6e-3, 0.0], // [m]
-        way: &[Way::Path(Curve::Smooth); 3],
+        way: &[Approach::Path(Curve::Smooth); 3],
         sources: &[],
     };
     let manner = Manner {
