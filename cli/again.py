@@ -33,9 +33,9 @@ _NOT_HERE = {
 def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     """Write what a session's virtual players played, at the level that was heard."""
     from ergon._core import DivergedError
-    from ergon.exchange import render as exchange
-    from ergon.exchange.level import Level
     from ergon.exchange.wave_header import Stamp, WaveFormat
+    from ergon.rendering.level import Level
+    from ergon.rendering.render import Order, render
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.recorded import opened
     from ergon.repl.session.replay import Again
@@ -57,7 +57,7 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     opening = replay.opening
     piece = again.running.version.piece
     plan = again.running.stage.plan
-    order = exchange.Order(
+    order = Order(
         target=wishes.output or path.with_suffix(".wav").name,
         format=WaveFormat(score.whole_rate(again.rate), again.n_channels, wishes.bits or 24),
         start=0,
@@ -71,7 +71,7 @@ def render_journal(console: Console, path: Path, wishes: Wishes) -> None:
     )
     try:
         with console.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress:
-            done = exchange.render(again, order, progress.at)
+            done = render(again, order, progress.at)
     except DivergedError as error:
         raise Diverged(str(error)) from None
     except JournalError as error:

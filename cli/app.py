@@ -103,7 +103,7 @@ def run(arguments: list[str]) -> int:
 def _outcome(arguments: list[str]) -> int:
     debug = "--debug" in arguments or bool(os.environ.get("ERGON_DEBUG"))
     arguments = [word for word in arguments if word != "--debug"]  # taken before or after a command
-    from ergon.exchange.signals import Terminated, signals_as_exceptions
+    from ergon.cli.signals import Terminated, signals_as_exceptions
 
     console = Console(json="--json" in arguments)
     try:

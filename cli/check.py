@@ -13,8 +13,8 @@ from .outcome import Findings
 from .units import metres
 
 if TYPE_CHECKING:
-    from ergon.exchange.follow import Followed
     from ergon.notation.text.errors import Diagnostic
+    from ergon.rendering.follow import Followed
     from ergon.scores.reading.piece import Piece
 
 
@@ -74,7 +74,7 @@ def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
     if staged is None:
         raise Findings
     if simulate:
-        from ergon.exchange.follow import follow
+        from ergon.rendering.follow import follow
 
         with console.progress(f"simulating {path}", staged.n_frames, staged.rate) as progress:
             _report(console, staged.piece, follow(staged, progress.at))

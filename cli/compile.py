@@ -29,7 +29,8 @@ def compile_score(
     place in the score that it comes from. --json gives JSON lines instead of CSV.
     """
     from ergon.exchange.safe import writing
-    from ergon.exchange.stream import Form, Names, header, stream
+    from ergon.exchange.stream import Form, Names, header
+    from ergon.rendering.ergons import stream
 
     loaded = score.read(console, score_path, trust=trust)
     staged = score.stage_piece(console, loaded, seed=seed, record=True)

@@ -72,7 +72,7 @@ def export(
             file.write(content)
         _say(console, path)
     if stems:
-        from ergon.exchange import render as exchange
+        from ergon.rendering.render import render
 
         from .render import Wishes, order_of
 
@@ -82,7 +82,7 @@ def export(
         order = order_of(score_path, piece, staged.stage, wishes)
         order = replace(order, inputs=loaded.inputs)
         with console.progress("rendering stems", order.stop, staged.stage.rate) as progress:
-            done = exchange.render(staged.stage, order, progress.at)
+            done = render(staged.stage, order, progress.at)
         rendered(console, done, order, staged.plan_s, staged.stage.network)
         finer(console, staged.stage.simulation)
 

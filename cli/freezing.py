@@ -40,7 +40,7 @@ class Wishes:
 def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) -> None:
     """Compute parts of a score into a folder."""
     from ergon._core import DivergedError
-    from ergon.exchange import frozen as exchange
+    from ergon.rendering.frozen import write
 
     loaded = score.read(console, path, trust=wishes.trust)
     piece = score.piece_of(loaded)
@@ -67,7 +67,7 @@ def freeze(console: Console, path: str, wishes: Wishes, *, dry: bool = False) ->
         return
     try:
         with console.progress("freezing", n_frames, stage.rate) as progress:
-            exchange.write(
+            write(
                 stage,
                 taps,
                 source,

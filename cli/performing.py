@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.exchange.level import HIGHPASS
+from ergon.rendering.level import HIGHPASS
 
 from . import playing, score
 from .console import Console

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.exchange.level import HIGHPASS, NORMALISE_DB
+from ergon.rendering.level import HIGHPASS, NORMALISE_DB
 
 from . import freezing, score
 from .console import Console

@@ -17,8 +17,8 @@ from .outcome import Diverged, Outcome, Refused
 from .summary import dry_run, finer, rendered
 
 if TYPE_CHECKING:
-    from ergon.exchange.render import Order
     from ergon.live.recorded import Recorded
+    from ergon.rendering.render import Order
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
@@ -201,7 +201,7 @@ def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bo
     if dry:
         dry_run(console, stage, order)
         return
-    from ergon.exchange import render as exchange
+    from ergon.rendering.render import render as write_files
 
     task = f"rendering {Path(order.target).name}"
     total = min(order.stop, stage.n_frames)
@@ -209,7 +209,7 @@ def _render(console: Console, path: str, loaded: Loaded, wishes: Wishes, dry: bo
 
     try:
         with console.progress(task, total, stage.rate) as progress:
-            done = exchange.render(stage, order, progress.at)
+            done = write_files(stage, order, progress.at)
     except DivergedError as error:
         score.show(console, loaded, [stage.fault(error)])
         raise Diverged from error
@@ -237,8 +237,8 @@ def _recorded(console: Console, loaded: Loaded, wishes: Wishes) -> Recorded | No
 
 def order_of(path: str, piece: Piece, stage: Stage, wishes: Wishes) -> Order:
     """What is to be written, from the options and the score."""
-    from ergon.exchange.render import Order
     from ergon.exchange.wave_header import Stamp, WaveFormat
+    from ergon.rendering.render import Order
 
     bits: Bits = wishes.bits or piece.render.bits
     n_channels = wishes.channels or piece.render.channels or stage.n_channels

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ergon.exchange.level import Level
 from ergon.exchange.wave_header import Bits
+from ergon.rendering.level import Level
 
 from .console import Console, plural
 from .outcome import Findings, Refused

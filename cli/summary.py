@@ -11,7 +11,7 @@ from .units import decibels, level, octets, seconds
 
 if TYPE_CHECKING:
     from ergon._core import Network, Simulation
-    from ergon.exchange.render import Order, Rendered
+    from ergon.rendering.render import Order, Rendered
     from ergon.scores.staging.stage import Stage
 
 _SHORT = 12  # digits of a hash that a person compares

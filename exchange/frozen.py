@@ -9,20 +9,17 @@ frozen.
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon.common.regular import read_bounded
 
-from .ahead import ahead
-from .render import BLOCK, Staged, frames_of, stem_paths
-from .safe import MARK, check_target, writing
-from .wave import WaveWriter, hash_samples, read_info
-from .wave_header import CHANNELS_MAX, NotWaveError, Stamp, WaveFormat
+from .safe import MARK
+from .wave import hash_samples, read_info
+from .wave_header import NotWaveError, WaveFormat
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,62 +91,8 @@ class Checked:
         frames[:, list(self.taps)] = found.reshape(len(frames), width)
 
 
-def write(
-    stage: Staged,
-    taps: Mapping[str, Sequence[int]],
-    source: Source,
-    folder: Path,
-    progress: Callable[[int], None],
-    *,
-    n_frames: int,
-    force: bool = False,
-    threads: int = 1,
-    inputs: Sequence[Path] = (),
-) -> Frozen:
-    """Compute `n_frames` frames of the taps of parts; all files or none.
-
-    Raises RefusedError before any work when a file may not be written, DivergedError from the
-    engine when a part goes non-finite.
-    """
-    import numpy as np
-
-    pieces = [
-        (part, tuple(own[first : first + CHANNELS_MAX]))
-        for part, own in taps.items()
-        for first in range(0, len(own), CHANNELS_MAX)
-    ]
-    paths = stem_paths(folder, [part for part, _ in pieces])
-    for path in (*paths, folder / MANIFEST):
-        check_target(path, force=force, inputs=inputs)
-    stamp = Stamp(source.title, source.score, source.plan)
-    with contextlib.ExitStack() as stack:
-        # Entered first, it gets its name last.
-        manifest = stack.enter_context(writing(folder / MANIFEST, binary=True, force=force))
-        writers = []
-        for (_, own), path in zip(pieces, paths, strict=True):
-            file = stack.enter_context(writing(path, binary=True, force=force))
-            format = WaveFormat(int(source.rate), len(own), "double")
-            writers.append(WaveWriter(file, format, n_frames, stamp))
-        at = 0
-        blocks = frames_of(stage.simulation, n_frames, BLOCK)
-        with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as coming:
-            for frames in coming:
-                for writer, (_, own) in zip(writers, pieces, strict=True):
-                    writer.write(np.ascontiguousarray(frames[:, list(own)]))
-                at += len(frames)
-                progress(at)
-        for writer in writers:
-            writer.close()
-        stems = tuple(
-            Stem(part, path, own, writer.sha256)
-            for (part, own), path, writer in zip(pieces, paths, writers, strict=True)
-        )
-        frozen = Frozen(source, n_frames, stems)
-        manifest.write(_text(frozen).encode())
-    return frozen
-
-
-def _text(frozen: Frozen) -> str:
+def text(frozen: Frozen) -> str:
+    """The manifest as the text of a file."""
     source = frozen.source
     head = {
         "made": f"{MARK.decode()} {source.version}",

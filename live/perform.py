@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.render import BLOCK, frames_of
+from ergon.rendering.render import BLOCK, frames_of
 
 from .boards import Board
 from .guard import response

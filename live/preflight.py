@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.render import BLOCK, frames_of
+from ergon.rendering.render import BLOCK, frames_of
 
 if TYPE_CHECKING:
     from ergon.exchange.frozen import Checked

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon import _core
 from ergon.common.regular import open_regular
-from ergon.exchange.level import Level
+from ergon.rendering.level import Level
 
 from .perform import Order
 

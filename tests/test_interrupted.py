@@ -11,7 +11,7 @@ import pytest
 from benches.interrupts import COMMANDS, begun
 
 from ergon import _core
-from ergon.exchange.signals import signals_as_exceptions
+from ergon.cli.signals import signals_as_exceptions
 
 _PATIENCE = 60.0  # [s] on a machine that does much else
 # `fmt`, `info` and the rest are measured by the bench alone: they take seconds, not hours.

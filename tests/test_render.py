@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import soundfile
 
-from ergon.exchange.ahead import ahead
-from ergon.exchange.level import Level
-from ergon.exchange.render import Order, render, stem_paths
 from ergon.exchange.safe import RefusedError
 from ergon.exchange.wave import hash_samples, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
+from ergon.rendering.ahead import ahead
+from ergon.rendering.level import Level
+from ergon.rendering.render import Order, render, stem_paths
 
 N_FRAMES, RATE = 10_000, 44_100
 

@@ -115,7 +115,7 @@ def test_devices_are_written_straight() -> None:
 SLOW = """
 import sys, time
 from ergon.exchange.safe import writing
-from ergon.exchange.signals import Terminated, signals_as_exceptions
+from ergon.cli.signals import Terminated, signals_as_exceptions
 try:
     with signals_as_exceptions(), writing(sys.argv[1], binary=True) as file:
         file.write(b"half")

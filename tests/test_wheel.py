@@ -17,6 +17,7 @@ PARTS = (
     "lab",
     "live",
     "notation",
+    "rendering",
     "repl",
     "scores",
     "view",

@@ -42,7 +42,7 @@ def _done_again(event: Event) -> Iterator[None]:
 
 
 class Again:
-    """A session that is computed again; what `exchange.render` takes for a stage.
+    """A session that is computed again; what `rendering.render` takes for a stage.
 
     Its simulation gives loudspeakers' frames, and its mixer leaves them as they are.
     """

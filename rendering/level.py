@@ -9,8 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from .wave import WaveWriter
-from .wave_header import Bits
+from ergon.exchange.wave import WaveWriter
+from ergon.exchange.wave_header import Bits
 
 if TYPE_CHECKING:
     import numpy as np

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from ergon.exchange.safe import check_target, writing
+from ergon.exchange.wave import WaveWriter
+from ergon.exchange.wave_header import Stamp, WaveFormat
+
 from .ahead import ahead
 from .level import Finish, Held, Level, ceiling_gain
-from .safe import check_target, writing
-from .wave import WaveWriter
-from .wave_header import Stamp, WaveFormat
 
 if TYPE_CHECKING:
     import numpy as np
