@@ -7,8 +7,10 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
+from ergon.common.errors import ErgonError
 
-class NotRegularError(OSError):
+
+class NotRegularError(ErgonError, OSError):
     """The name stands for a folder, a pipe, a socket or a device."""
 
 

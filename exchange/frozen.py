@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 
 from .safe import MARK
@@ -31,7 +32,7 @@ _SIZE_MAX = 10_000_000  # bytes: no manifest is larger
 _PARTS_MAX = 10_000
 
 
-class NotFrozenError(ValueError):
+class NotFrozenError(ErgonError, ValueError):
     """The folder holds nothing that can be played with this piece; the message says why."""
 
 

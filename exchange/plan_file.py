@@ -9,6 +9,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 
 from .safe import writing
@@ -20,7 +21,7 @@ _NUMBER_MAX = 2**32 - 1
 Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
 
-class NotPlanError(ValueError):
+class NotPlanError(ErgonError, ValueError):
     """The file is no plan that this program reads."""
 
 

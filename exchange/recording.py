@@ -8,6 +8,8 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from ergon.common.errors import ErgonError
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -21,7 +23,7 @@ _MAX_TICKS = 20_000_000  # times axes: what a recording holds
 _NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # what a header of a CSV cannot say
 
 
-class NotRecordingError(ValueError):
+class NotRecordingError(ErgonError, ValueError):
     """What was given cannot be had from a recording, or made into one."""
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from ergon.common.errors import ErgonError
 from ergon.common.terminal import clean
 
 from . import temporary
@@ -23,7 +24,7 @@ MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI 
 _MARK_WITHIN = 1024
 
 
-class RefusedError(Exception):
+class RefusedError(ErgonError):
     """The file will not be written; the message says why and what to do."""
 
 

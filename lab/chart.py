@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 from ergon.lab import runs
 from ergon.lab.energy import drift, production_db
 from ergon.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
@@ -27,7 +28,7 @@ _DOUBLINGS = 2  # of the reference, beyond all that is charted
 Progress = Callable[[int], None]
 
 
-class SilentError(Exception):
+class SilentError(ErgonError):
     """There is no sound to compare."""
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.errors import ErgonError
 from ergon.exchange.safe import MARK, writing
 from ergon.lab.names import EXTRA
 
@@ -29,7 +30,7 @@ _STYLE: dict[Any, Any] = {
 _DPI = 144
 
 
-class NoPicturesError(Exception):
+class NoPicturesError(ErgonError):
     """matplotlib is not there; the message says how to get it."""
 
 

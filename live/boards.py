@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.errors import ErgonError
+
 if TYPE_CHECKING:
     from .calibration import Axis
 
@@ -18,7 +20,7 @@ _NAMED = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
 _MAX_BYTES = 1 << 20  # a list of devices is small; what is larger is another file
 
 
-class BoardError(Exception):
+class BoardError(ErgonError):
     """A device that cannot be meant; `suggestion` says what could."""
 
 

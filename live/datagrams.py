@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
+from ergon.common.errors import ErgonError
+
 MOST = 4096  # bytes of a datagram; what is longer is not for us
 _DEEPEST = 8  # bundles inside bundles
 _BUNDLE = b"#bundle\0"
@@ -13,11 +15,11 @@ _TYPES = re.compile(rb",[ifdhsbtTFN]*\Z")
 PIP = "pip install ergon-live[osc]"
 
 
-class MissingError(Exception):
+class MissingError(ErgonError):
     """python-osc is not there; the message says how to get it."""
 
 
-class MalformedError(Exception):
+class MalformedError(ErgonError):
     """Bytes that are no OSC."""
 
 

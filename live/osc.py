@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 
 from .datagrams import MOST, MalformedError, look, messages, written
 from .osc_in import AskError, no_session, table
@@ -32,7 +33,7 @@ _MOST_KNOWN = 1000  # addresses that nobody knows, each warned of once
 _SHOWN = 80  # characters of such an address
 
 
-class OscError(Exception):
+class OscError(ErgonError):
     """Why there is no OSC here, as a sentence."""
 
 

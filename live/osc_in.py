@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module
@@ -24,7 +25,7 @@ _SILENT = -144.0
 _MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
 
 
-class AskError(Exception):
+class AskError(ErgonError):
     """Why something is not done, as a sentence for whoever asked."""
 
 

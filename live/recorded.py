@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 from ergon.common.regular import open_regular
 from ergon.rendering.level import Level
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-class NotThisError(Exception):
+class NotThisError(ErgonError):
     """A recording that cannot be played with this piece."""
 
 
