@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, cast
 
 import click
 
+from ergon.api import score
+from ergon.api.options import ReadOptions
 from ergon.lab.names import METHODS, METRICS, PRECISIONS
 
-from . import laboratory, options, score
+from . import laboratory, options
 from .console import Console
 from .outcome import Findings, Refused
 
@@ -56,7 +58,7 @@ def chart(
 
     known = laboratory.words(methods, METHODS, "--methods")
     stars = planned(_budget(error))
-    loaded = score.read(console, score_path, trust=trust)
+    loaded = score.read(score_path, ReadOptions(trust=trust), console)
     stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
     wanted = [*settings(known, PRECISIONS, upto), *stars]

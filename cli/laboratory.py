@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.api.score import STDIN
+
 from .console import Console
 from .outcome import Refused
-from .score import STDIN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

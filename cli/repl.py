@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
 from .console import Console
+from .outcome import Findings
+
+if TYPE_CHECKING:
+    from ergon.repl.face import Face
+    from ergon.repl.prompt.signals import Watch
 
 
 @click.command()
@@ -55,18 +60,43 @@ from .console import Console
 @click.option("--strict", is_flag=True, help="Exit 1 when a line was not taken.")
 @options.trust
 @options.speaking
-def repl(console: Console, score_path: str | None, **wishes: Any) -> None:
+def repl(
+    console: Console,
+    score_path: str | None,
+    engine: bool,
+    plain: bool,
+    strict: bool,
+    **given: Any,
+) -> None:
     """Live-code a score: every line is one musical decision.
 
     `play` begins; `help` lists what may be typed. Lines act on the next bar, and whatever is wrong
     with one, the music goes on. F12 is silence.
     """
-    from .performing import Wishes, perform
+    from ergon.api import remote_session, sessions
+    from ergon.api.errors import EngineExitError
 
-    asked = Wishes(**wishes)
+    asked = sessions.SessionOptions(**given)
     if asked.socket is None:
-        perform(console, score_path, asked)
-    else:
-        from .apart import perform_apart
+        from ergon._core import stop_on_signals
 
-        perform_apart(console, score_path, asked)
+        session = sessions.begin(score_path, asked, console)
+        _prompt(session, stop_on_signals, plain=plain, strict=strict)
+    elif engine:
+        remote_session.serve(score_path, asked, console)
+    else:
+        try:
+            from ergon.repl.prompt.signals import unwatched
+
+            remote = remote_session.join(score_path, asked, console)
+        except EngineExitError as ended:  # why stands on the terminal
+            raise click.exceptions.Exit(ended.exit_code) from None
+        _prompt(remote, unwatched, plain=plain, strict=strict)
+
+
+def _prompt(face: Face, watch: Watch, *, plain: bool, strict: bool) -> None:
+    """Read lines until somebody leaves."""
+    from ergon.repl.prompt.run import history_of_user, run
+
+    if run(face, plain=plain, strict=strict, history=history_of_user(), watch=watch):
+        raise Findings

@@ -11,7 +11,7 @@ from ergon.common.errors import ErgonError
 from ergon.common.regular import open_regular
 from ergon.rendering.level import Level
 
-from .perform import Order
+from .perform import PlaybackConfig
 
 _LOUDEST = 1e12  # no gain, and no frequency, is larger
 
@@ -101,6 +101,6 @@ def _doubts(recording: _core.Recording, said: dict[str, Any], piece: Piece) -> l
     return doubts
 
 
-def about(order: Order) -> dict[str, object]:
+def about(config: PlaybackConfig) -> dict[str, object]:
     """What a recording keeps of how it was heard."""
-    return {"gain": order.gain, "limit": order.limit, "highpass": order.highpass}
+    return {"gain": config.gain, "limit": config.limit, "highpass": config.highpass}

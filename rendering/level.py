@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from ergon.exchange.wave import WaveWriter
-from ergon.exchange.wave_header import Bits
+from ergon.exchange.wave_header import Bits, WaveFormat
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,11 +99,51 @@ class Held:
             yield np.frombuffer(data).reshape(-1, self._n_channels)
 
 
+class Writer(Protocol):
+    """Takes finished samples in the order of the piece: `WaveWriter`, `ArrayWriter`."""
+
+    @property
+    def format(self) -> WaveFormat:
+        """Rate, channels and form of the samples."""
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the samples."""
+
+    def write(self, samples: NDArray[Any]) -> None:
+        """Append (n_frames, n_channels) in the form of the format."""
+
+    def close(self) -> None:
+        """End; nothing more comes."""
+
+
+class ArrayWriter:
+    """Samples into an array (n_frames, n_channels) of doubles."""
+
+    def __init__(self, format: WaveFormat, frames: NDArray[np.float64]) -> None:
+        """Fill `frames` from its beginning."""
+        self.format = format
+        self._frames, self._at = frames, 0
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the samples."""
+        return hashlib.sha256(self._frames.data).hexdigest()
+
+    def write(self, samples: NDArray[np.float64]) -> None:
+        """Append (n_frames, n_channels)."""
+        self._frames[self._at : self._at + len(samples)] = samples
+        self._at += len(samples)
+
+    def close(self) -> None:
+        """End; nothing more comes."""
+
+
 class Finish:
     """Gain, limiter, cut, meter and samples of one file; what it measures is what is written."""
 
     def __init__(
-        self, writer: WaveWriter, rate: float, start: int, stop: int, limit: float | None
+        self, writer: Writer, rate: float, start: int, stop: int, limit: float | None
     ) -> None:
         """Write frames `start` to `stop` of what comes, counted from 0."""
         from ergon import _core

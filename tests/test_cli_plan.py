@@ -147,7 +147,7 @@ def test_work_alone_buys_what_it_can(capsys: Capture) -> None:
 
 def test_two_wishes_at_once_are_refused(capsys: Capture) -> None:
     assert app.run(["plan", "all.yaml", "--error", "-60dB", "--cents", "3"]) == 2
-    assert "one of them" in capsys.readouterr().err
+    assert "give one of method, error and cents" in capsys.readouterr().err
     assert app.run(["plan", "all.yaml", "--error", "60"]) == 2
     assert app.run(["plan", "all.yaml", "--method", "bm5"]) == 2
     assert "did you mean 'bm4'?" in capsys.readouterr().err

@@ -25,7 +25,7 @@ from ergon.live.datagrams import MOST, MalformedError, messages, written
 from ergon.live.osc import Osc, OscError, place
 from ergon.live.osc_in import alone
 from ergon.live.osc_out import Ear
-from ergon.live.perform import Order, perform
+from ergon.live.perform import PlaybackConfig, perform
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import Stage, stage
@@ -109,7 +109,7 @@ def listener() -> Iterator[Listener]:
 
 @contextlib.contextmanager
 def played(
-    staged: Stage, order: Order, there: int | None = None
+    staged: Stage, order: PlaybackConfig, there: int | None = None
 ) -> Iterator[tuple[_core.Performance, Osc]]:
     """A performance with OSC, ended afterwards."""
     osc = Osc(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
@@ -178,7 +178,7 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
 
 def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
     staged = stage(piece(), planned=True)
-    with played(staged, Order(audio="null:fast"), listener.port) as (performance, osc):
+    with played(staged, PlaybackConfig(audio="null:fast"), listener.port) as (performance, osc):
         while not performance.wait(1.0):
             pass
         osc.rest()
@@ -207,7 +207,7 @@ def test_time_tags_say_when_it_is_heard(listener: Listener):
     """The card's own clock says so too: when the block came that holds the frame."""
     staged = stage(piece(), planned=True)
     blocks: list[tuple[int, float]] = []
-    order = Order(audio="null", ahead=8192)  # a busy machine is no concern of this test
+    order = PlaybackConfig(audio="null", ahead=8192)  # a busy machine is no concern of this test
     with played(staged, order, listener.port) as (performance, osc):
         while not performance.wait(0.0) and len(blocks) < 400:
             listener.drain(1e-4)
@@ -278,7 +278,7 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
     import soundfile
 
     osc = Osc(("127.0.0.1", 0), None)
-    performance = perform(staged, Order(audio=f"file:{path}", gain=0.1, ahead=256))
+    performance = perform(staged, PlaybackConfig(audio=f"file:{path}", gain=0.1, ahead=256))
     if address is not None:
         osc.begin(performance, staged, 0.1)
         assert osc.place is not None
@@ -293,7 +293,7 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
 
 def test_panic_and_release(listener: Listener):
     staged = stage(piece(), planned=True)
-    with played(staged, Order(audio="null"), listener.port) as (performance, osc):
+    with played(staged, PlaybackConfig(audio="null"), listener.port) as (performance, osc):
         assert osc.place is not None
         listener.until("/ergon/strike")
         listener.say(osc.place[1], "/ergon/panic", 1.0)
@@ -362,7 +362,7 @@ def test_a_bundle_that_would_be_read_for_ever_is_malformed():
 
 
 def test_a_flood_gets_few_answers(listener: Listener):
-    with played(stage(piece(), planned=True), Order(audio="null")) as (_, osc):
+    with played(stage(piece(), planned=True), PlaybackConfig(audio="null")) as (_, osc):
         assert osc.place is not None
         began = time.monotonic()
         for i in range(100):

@@ -12,7 +12,7 @@ from ergon.exchange.wave import hash_samples, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
 from ergon.rendering.ahead import ahead
 from ergon.rendering.level import Level
-from ergon.rendering.render import Order, render, stem_paths
+from ergon.rendering.render import RenderJob, render, stem_paths
 
 N_FRAMES, RATE = 10_000, 44_100
 
@@ -58,8 +58,8 @@ class Stage:
         return [("ada", Matrix([first, silent])), ("re mi/2", Matrix([silent, second]))]
 
 
-def order(path: Path | str, bits=24, level: Level | None = None, **more: object) -> Order:
-    return Order(
+def order(path: Path | str, bits=24, level: Level | None = None, **more: object) -> RenderJob:
+    return RenderJob(
         target=str(path),
         format=WaveFormat(RATE, more.pop("n_channels", 3), bits),
         start=more.pop("start", 0),

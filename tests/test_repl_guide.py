@@ -14,7 +14,7 @@ from servers import until
 from test_repl_live import ok
 
 from ergon.live.boards import Board
-from ergon.live.perform import Order
+from ergon.live.perform import PlaybackConfig
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.live import Live
 from ergon.repl.session.recorded import Opening, opened
@@ -62,7 +62,7 @@ def led(folder: Path, *hand: str) -> Iterator[Session]:
     journal = Journal(folder / "session.jsonl")
     soft = ("--hand", "10N/m", "--grip", "0.1Ns/m")
     with emulator("frame", "--udp", "0", *(hand or soft)) as key:
-        order = Order(audio="null", boards=[Board(key.url, ((0, "remi"),))])
+        order = PlaybackConfig(audio="null", boards=[Board(key.url, ((0, "remi"),))])
         session = Session(
             version,
             lambda stage: Live(stage, order),

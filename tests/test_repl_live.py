@@ -16,7 +16,7 @@ from emulators import emulator
 from servers import until
 from test_repl_session import SCORE, onset
 
-from ergon.live.perform import Order
+from ergon.live.perform import PlaybackConfig
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.live import Live
 from ergon.repl.session.recorded import Opening, opened
@@ -37,7 +37,7 @@ def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:
     journal = Journal(folder / "session.jsonl")
     session = Session(
         version,
-        lambda stage: Live(stage, Order(audio=audio, gain=300.0)),
+        lambda stage: Live(stage, PlaybackConfig(audio=audio, gain=300.0)),
         margin=0.006,
         journal=journal,
         watches=watches,

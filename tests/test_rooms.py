@@ -40,7 +40,17 @@ MAY = {
     },
     "repl.prompt": {"repl.face", "repl.turns"},
     "repl.wire": {"repl.face", "repl.turns"},
+    "api": {
+        "notation",
+        "scores",
+        "exchange",
+        "rendering",
+        "live",
+        "repl",
+        "_core",
+    },
     "cli": {
+        "api",
         "notation",
         "instruments",
         "scores",

@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
+from ergon.common.errors import ErgonError
 from ergon.repl.face import Face, Reply, State
 from ergon.repl.language import building
 from ergon.repl.language.verbs import ways
 
 
-class NotTaken(Exception):
+class NotTaken(ErgonError):
     """A line was refused, and nothing has changed; `reply` is what was said."""
 
     def __init__(self, reply: Reply) -> None:

@@ -9,7 +9,7 @@ from ergon._core import has_let_go, let_go
 from ergon.live.display import told as said
 from ergon.live.display import too_stiff
 from ergon.live.guard import Guard
-from ergon.live.perform import Order, bars, every, perform
+from ergon.live.perform import PlaybackConfig, bars, every, perform
 from ergon.repl.session.engine import Change, Led, Look, Told
 from ergon.repl.session.version import NotTakenError
 
@@ -28,20 +28,20 @@ _PATIENCE = 2.0  # [s] that what is in the ring may take to be heard
 class Live:
     """A stage on a sound card and keys."""
 
-    def __init__(self, stage: Stage, order: Order) -> None:
+    def __init__(self, stage: Stage, config: PlaybackConfig) -> None:
         """Begin to sound. Raises EngineError."""
         self.every = every(stage)
-        self._highpass = order.highpass
+        self._highpass = config.highpass
         self._n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
-            stage, replace(order, endless=True, loose=True)
+            stage, replace(config, endless=True, loose=True)
         )
         self._players = [hand.player for hand in stage.live]
-        self._real = {player for board in order.boards for _, player in board.axes}
+        self._real = {player for board in config.boards for _, player in board.axes}
         numbers = [hand.index for hand in stage.live if hand.player in self._real]
         reaches = [hand.reach for hand in stage.live]
         self.guard = Guard(self._performance.bears, reaches, numbers)
-        self._boards = [board.url for board in order.boards]
+        self._boards = [board.url for board in config.boards]
         self._sound = 0
         # Once it is closed: how it was, and what had not been told.
         self._last: _core.Status | None = None
