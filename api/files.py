@@ -25,8 +25,8 @@ def render_to_file(
     """The sound of a score, or of a session's journal (`.jsonl`), as a WAV file, and its stems.
 
     Without `out`: the file that the score names, else SCORE.wav here; "-" is stdout. All files are
-    written or none. Raises ScoreError, DivergedError, OptionError, and RefusedError where a file
-    may not be written.
+    written or none. Raises ScoreError, DivergedError, OptionError, and FileRefusedError where a
+    file may not be written.
     """
     options, report = options or FileOptions(), report or Report()
     if Path(score).suffix == JOURNAL:

@@ -15,7 +15,7 @@ from .options import AccuracyOptions
 from .render import THREADS
 
 if TYPE_CHECKING:
-    from ergon.exchange.frozen import Checked, Frozen, Source
+    from ergon.exchange.frozen import Frozen, Source, VerifiedStem
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
@@ -55,7 +55,8 @@ def freeze(
 ) -> Frozen:
     """Compute instruments of a score into the folder `out`, else SCORE.frozen beside the score.
 
-    Raises ScoreError, DivergedError, OptionError, and RefusedError where a file may not be written.
+    Raises ScoreError, DivergedError, OptionError, and FileRefusedError where a file may not be
+    written.
     """
     options, report = options or FreezeOptions(), report or Report()
     return write(prepare(score, parts, out, options, report), options, report)
@@ -204,7 +205,7 @@ def are_free(piece: Piece, frozen: Frozen, real: Iterable[str]) -> None:
     _are_free(piece, frozen.parts, dict.fromkeys((*live, *real)), "frozen")
 
 
-def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[Checked]:
+def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:
     """The stems, each read once and hashed. Raises OptionError where one has changed."""
     from ergon.exchange.frozen import NotFrozenError, check
 

@@ -12,7 +12,7 @@ from ergon.rendering.level import HIGHPASS, NORMALISE_DB
 from .errors import OptionError
 
 if TYPE_CHECKING:
-    from ergon.exchange.frozen import Checked
+    from ergon.exchange.frozen import VerifiedStem
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
@@ -22,7 +22,7 @@ def gain_of(
     stage: Stage,
     asked: str | None,
     report: Report,
-    frozen: Sequence[Checked] = (),
+    frozen: Sequence[VerifiedStem] = (),
 ) -> float:
     """The gain (ratio) as asked, as the score's master says, or as a preflight finds.
 

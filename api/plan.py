@@ -40,7 +40,7 @@ class Plan:
     def write(self, path: str | Path, *, force: bool = False) -> None:
         """Write the plan as a file that `plan=` of a render follows; "-" is stdout.
 
-        With `force` a file is overwritten that ergon did not write. Raises RefusedError.
+        With `force` a file is overwritten that ergon did not write. Raises FileRefusedError.
         """
         from ergon.exchange.plan_file import write
 

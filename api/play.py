@@ -21,7 +21,7 @@ from .options import AccuracyOptions, PerformanceOptions
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.exchange.frozen import Checked
+    from ergon.exchange.frozen import VerifiedStem
     from ergon.live.boards import Board
     from ergon.live.osc import Osc
     from ergon.live.perform import PlaybackConfig
@@ -82,7 +82,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
         silent=() if frozen is None else frozen.parts,
         on_fault="mute",
     ).stage
-    stems: Sequence[Checked] = ()
+    stems: Sequence[VerifiedStem] = ()
     if frozen is not None and options.frozen is not None:
         stems = freeze.verified(stage, frozen, options.frozen)
         report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
@@ -128,14 +128,14 @@ def osc_of(options: PlayOptions, report: Report) -> Osc | None:
     """OSC as asked, its sockets open; None where nothing is asked. Raises OptionError."""
     if options.osc is None and options.osc_to is None:
         return None
-    from ergon.live.datagrams import MissingError
+    from ergon.live.datagrams import PythonOscMissingError
     from ergon.live.osc import Osc, OscError, place
 
     try:
         here = None if options.osc is None else place(options.osc)
         there = None if options.osc_to is None else place(options.osc_to)
         osc = Osc(here, there)
-    except (MissingError, OscError) as error:
+    except (PythonOscMissingError, OscError) as error:
         raise OptionError("osc" if options.osc is not None else "osc_to", str(error)) from None
     if osc.place is not None:
         host, port = osc.place
@@ -164,7 +164,7 @@ def _config(
     stage: Stage,
     boards: Sequence[Board],
     options: PlayOptions,
-    frozen: Sequence[Checked],
+    frozen: Sequence[VerifiedStem],
     report: Report,
 ) -> PlaybackConfig:
     from ergon.live.perform import PlaybackConfig, every

@@ -138,7 +138,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
 
 
 def write(prepared: Prepared, report: Report) -> Completed:
-    """Compute the files of a prepared score. Raises DivergedError and RefusedError."""
+    """Compute the files of a prepared score. Raises DivergedError and FileRefusedError."""
     from ergon.rendering.render import render
 
     stage, job = prepared.stage, prepared.job
@@ -209,16 +209,16 @@ def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorde
     """The recorded hands, where a recording is given."""
     if options.hands is None:
         return None
-    from ergon.live.recorded import NotThisError, read
+    from ergon.live.recorded import RecordingMismatchError, read
 
     piece = scores.piece_of(loaded)
     played = piece if options.rate is None else replace(piece, rate=options.rate)
     try:
         recorded = read(Path(options.hands), played)
-    except NotThisError as error:
+    except RecordingMismatchError as error:
         raise OptionError("hands", str(error)) from None
-    for doubt in recorded.doubts:
-        report.warn(f"{options.hands}: {doubt}")
+    for warning in recorded.warnings:
+        report.warn(f"{options.hands}: {warning}")
     return recorded
 
 

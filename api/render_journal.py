@@ -35,8 +35,8 @@ def render_journal(
 ) -> Completed:
     """Write what a session's virtual players played, at the level that was heard.
 
-    Raises OptionError, ScoreError, DivergedError, RefusedError, and ErgonError for a journal that
-    cannot be read or played.
+    Raises OptionError, ScoreError, DivergedError, FileRefusedError, and ErgonError for a journal
+    that cannot be read or played.
     """
     from ergon.exchange.wave_header import Stamp, WaveFormat
     from ergon.rendering.level import Level

@@ -40,7 +40,7 @@ def open_session(
 
     With `socket` in the options the engine is a process of its own: it is joined, or begun where
     none is. `report` hears what a person has to know and do; without one that is printed on
-    stderr. Raises ScoreError, OptionError, DeviceError, EngineExitError and RefusedError.
+    stderr. Raises ScoreError, OptionError, DeviceError, EngineExitError and FileRefusedError.
     """
     options, report = options or SessionOptions(), report or PrintedReport()
     path = None if score is None else str(score)

@@ -51,7 +51,7 @@ def chart(
     The table (NAME.csv) holds every measure, and the reason of what failed.
     """
     from ergon.lab import chart_table
-    from ergon.lab.chart import SilentError, measure, planned, settings, work
+    from ergon.lab.chart import SilentPieceError, measure, planned, settings, work
     from ergon.lab.draw_chart import draw
     from ergon.lab.machine import machine
     from ergon.lab.scene import Score
@@ -66,7 +66,7 @@ def chart(
     try:
         with console.progress(f"charting {score_path}", total, piece.rate) as progress:
             found = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
-    except SilentError as silence:
+    except SilentPieceError as silence:
         raise Refused(f"{silence}; --seconds takes more of it") from None
     title, where = piece.title or stem.name, machine()
     _report(console, found)

@@ -19,7 +19,7 @@ from .units import metres
 
 if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic, Severity
-    from ergon.rendering.follow import Followed
+    from ergon.rendering.follow import GestureFidelity
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
 
@@ -77,7 +77,7 @@ def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
     return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"
 
 
-def _report(console: Console, piece: Piece, found: list[Followed]) -> None:
+def _report(console: Console, piece: Piece, found: list[GestureFidelity]) -> None:
     for one in found:
         at = None if isnan(one.worst_at) else score.where(piece, one.worst_at)
         if console.json:

@@ -77,7 +77,7 @@ def _chosen(scores: dict[str, Path], name: str | None) -> Path:
     from ergon.notation.text.spelling import nearest
 
     if not scores:
-        raise Refused("no scores ship with this installation")
+        raise Refused("this installation has no scores; install ergon again")
     if name is None:
         return scores.get(_FIRST) or next(iter(scores.values()))
     if name not in scores:

@@ -60,7 +60,7 @@ def rendered(console: Console, completed: Completed) -> None:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
     if done.stems and done.stems[0].gain != mix.gain:
         lower = decibels(done.stems[0].gain / mix.gain)
-        console.warn(f"stems are {lower:.1f} dB against the mix, or one of them would clip")
+        console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
     if job.format.bits != "float":
         for file in (mix, *done.stems):
             if file.peak > 1:
@@ -76,7 +76,7 @@ def finer(console: Console, simulation: Simulation) -> None:
         were = "was" if frames == 1 else "were"
         console.say(
             f"{part}: {plural(frames, 'frame')} {were} computed finer, up to {most} times: "
-            "there its links stiffen beyond what a frame bears"
+            "there its links are too stiff for one frame"
         )
 
 

@@ -73,7 +73,7 @@ class Frozen:
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class VerifiedStem:
     """A stem that is whole: its doubles begin after `offset` bytes."""
 
     path: Path
@@ -149,7 +149,7 @@ def _stem(folder: Path, found: Any) -> Stem:
     return Stem(str(found["part"]), folder / name, taps, str(found["sha256"]))
 
 
-def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[Checked]:
+def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[VerifiedStem]:
     """The stems, if they are whole and of this stage's taps. Raises NotFrozenError.
 
     Every file is read once and hashed.
@@ -165,7 +165,7 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
     return [_whole(stem, frozen) for stem in frozen.stems]
 
 
-def _whole(stem: Stem, frozen: Frozen) -> Checked:
+def _whole(stem: Stem, frozen: Frozen) -> VerifiedStem:
     try:
         info = read_info(stem.path)
         same = WaveFormat(int(frozen.source.rate), len(stem.taps), "double")
@@ -175,4 +175,4 @@ def _whole(stem: Stem, frozen: Frozen) -> Checked:
             raise NotFrozenError(f"{stem.path} is not the file that was frozen: its samples differ")
     except (OSError, NotWaveError) as error:
         raise NotFrozenError(f"{stem.path}: {error}") from None
-    return Checked(stem.path, info.offset, info.n_frames, stem.taps)
+    return VerifiedStem(stem.path, info.offset, info.n_frames, stem.taps)

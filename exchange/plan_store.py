@@ -21,7 +21,7 @@ from ergon import _core
 from ergon.common.regular import read_bounded
 
 from .plan_file import Choices, NotPlanError, decided, text
-from .safe import RefusedError, writing
+from .safe import FileRefusedError, writing
 
 _Row = tuple[float | None, float | None, float | None, float | None, str | None]
 Told = Sequence[_Row]
@@ -64,7 +64,7 @@ class PlanStore:
         content = text(choices, digest, key=key, told=told).encode()
         if len(content) > _ONE_MAX:
             return
-        with contextlib.suppress(OSError, RefusedError):
+        with contextlib.suppress(OSError, FileRefusedError):
             self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with writing(self._path(key), binary=False, force=True, sync=False) as file:
                 file.write(content)

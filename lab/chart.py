@@ -28,7 +28,7 @@ _DOUBLINGS = 2  # of the reference, beyond all that is charted
 Progress = Callable[[int], None]
 
 
-class SilentError(ErgonError):
+class SilentPieceError(ErgonError):
     """There is no sound to compare."""
 
 
@@ -143,7 +143,7 @@ def work(wanted: Sequence[Setting], n_frames: int) -> int:
 def measure(
     scene: Scene, wanted: Sequence[Setting], seconds: float, metric: Metric, progress: Progress
 ) -> Chart:
-    """Run everything, compare everything. Raises SilentError when no sound was made to compare."""
+    """Run and compare every setting. Raises SilentPieceError where no sound was made."""
     bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
     for setting in wanted:
         run = bench.begin(setting)
@@ -163,7 +163,7 @@ def measure(
     if reference is not None:
         doubtful = tuple(doubts(sounds, reference))
         if onset(reference.sound) is None:
-            raise SilentError(f"nothing sounds in the first {seconds:g} s")
+            raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
         judge = Judge(reference, scene.rate)
         ran = [judge.point(point, bench.sounds[point.setting]) for point in ran]
         floor = judge.floor(metric)

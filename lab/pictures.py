@@ -30,7 +30,7 @@ _STYLE: dict[Any, Any] = {
 _DPI = 144
 
 
-class NoPicturesError(ErgonError):
+class MatplotlibMissingError(ErgonError):
     """matplotlib is not there; the message says how to get it."""
 
 
@@ -41,7 +41,7 @@ def save(
     try:
         import matplotlib
     except ImportError:
-        raise NoPicturesError(f"pictures need matplotlib: {EXTRA}") from None
+        raise MatplotlibMissingError(f"pictures need matplotlib: {EXTRA}") from None
     with matplotlib.rc_context(_STYLE):
         figure = draw()
         svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 from ergon import _core
 from ergon.common.errors import ErgonError
 
-from .datagrams import MOST, MalformedError, look, messages, written
-from .osc_in import AskError, no_session, table
-from .osc_out import Teller
+from .datagrams import MOST, MalformedDatagramError, messages, require_python_osc, written
+from .osc_in import OscRequestError, no_session, table
+from .osc_out import OscTeller
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
@@ -34,14 +34,14 @@ _SHOWN = 80  # characters of such an address
 
 
 class OscError(ErgonError):
-    """Why there is no OSC here, as a sentence."""
+    """An address that OSC cannot use, or a socket that does not open."""
 
 
 def place(text: str) -> Place:
     """`[HOST:]PORT` as (host, port); without a host, this machine alone. Raises OscError."""
     host, _, port = text.rpartition(":")
     if not port.isascii() or not port.isdigit() or int(port) > 65535:
-        raise OscError(f"{text}: a place is PORT or HOST:PORT, such as {LOOPBACK}:9000")
+        raise OscError(f"{text}: an OSC address is PORT or HOST:PORT, such as {LOOPBACK}:9000")
     return host.removeprefix("[").removesuffix("]") or LOOPBACK, int(port)
 
 
@@ -51,8 +51,8 @@ class Osc:
     def __init__(
         self, here: Place | None, there: Place | None, command: Command = no_session
     ) -> None:
-        """Open the sockets. Raises OscError, or MissingError without python-osc."""
-        look()
+        """Open the sockets. Raises OscError, or PythonOscMissingError without python-osc."""
+        require_python_osc()
         self._command = command
         self._here = None if here is None else _socket(here, bound=True)
         self._there = None if there is None else _socket(there, bound=False)
@@ -64,7 +64,7 @@ class Osc:
         self._unknown: set[str] = set()
         self._answers: deque[float] = deque(maxlen=_ANSWERS)
         self._table: Table = {}
-        self._teller: Teller | None = None
+        self._teller: OscTeller | None = None
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -78,7 +78,7 @@ class Osc:
             performance.stop()
 
         self._table = table(performance, stage, gain, stop, self._command)
-        self._teller = Teller(performance, stage, start, self._send) if self._there else None
+        self._teller = OscTeller(performance, stage, start, self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
         self._thread.start()
@@ -151,9 +151,9 @@ class Osc:
     def _do(self, datagram: bytes, sender: tuple[object, ...]) -> None:
         try:
             if len(datagram) > MOST:
-                raise MalformedError
+                raise MalformedDatagramError
             asked = messages(datagram)
-        except MalformedError:
+        except MalformedDatagramError:
             self.malformed += 1
             return
         for address, arguments in asked:
@@ -163,7 +163,7 @@ class Osc:
                     self._wonder(address)
                 else:
                     ask(arguments)
-            except AskError as error:
+            except OscRequestError as error:
                 self._answer(sender, str(error))
             except _core.EngineError:
                 return  # it is over

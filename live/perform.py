@@ -15,7 +15,7 @@ from .boards import Board
 from .guard import response
 
 if TYPE_CHECKING:
-    from ergon.exchange.frozen import Checked
+    from ergon.exchange.frozen import VerifiedStem
     from ergon.scores.staging.stage import Stage
 
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
@@ -41,7 +41,7 @@ class PlaybackConfig:
     ahead: int | None = None
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
-    frozen: Sequence[Checked] = ()
+    frozen: Sequence[VerifiedStem] = ()
     endless: bool = False
     loose: bool = False  # every hand has a guide, which begins let go
 

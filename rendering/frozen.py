@@ -29,7 +29,7 @@ def write(
 ) -> Frozen:
     """Compute `n_frames` frames of the taps of parts; all files or none.
 
-    Raises RefusedError before any work when a file may not be written, DivergedError from the
+    Raises FileRefusedError before any work when a file may not be written, DivergedError from the
     engine when a part goes non-finite.
     """
     import numpy as np

@@ -56,7 +56,7 @@ def ceiling_gain(peak: float, ceiling: float) -> float:
     return ceiling / peak if peak > 0 else float("inf")
 
 
-class Held:
+class FrameSpool:
     """Frames in a raw file without a name: however the run ends, nothing stays on the disk."""
 
     def __init__(self, folder: Path | None, n_channels: int, start: int, stop: int) -> None:
@@ -139,7 +139,7 @@ class ArrayWriter:
         """End; nothing more comes."""
 
 
-class Finish:
+class MasterChain:
     """Gain, limiter, cut, meter and samples of one file; what it measures is what is written."""
 
     def __init__(

@@ -20,7 +20,7 @@ from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
-from .level import ArrayWriter, Finish, Held, Level, Writer, ceiling_gain
+from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -121,8 +121,8 @@ class _Track:
 
     path: str
     mixer: Mixer
-    finish: Finish
-    held: Held | None
+    finish: MasterChain
+    held: FrameSpool | None
 
 
 def stem_paths(folder: Path, names: Sequence[str]) -> list[Path]:
@@ -134,7 +134,7 @@ def stem_paths(folder: Path, names: Sequence[str]) -> list[Path]:
 def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> RenderedFiles:
     """Write the files of `job`; `progress` hears how many frames are simulated.
 
-    Raises RefusedError before any work when a file may not be written, DivergedError from the
+    Raises FileRefusedError before any work when a file may not be written, DivergedError from the
     engine when a part goes non-finite; neither leaves a file.
     """
     start = time.perf_counter()
@@ -192,13 +192,13 @@ def _track(
     mixer: Mixer,
     limit: float | None,
 ) -> _Track:
-    finish = Finish(writer, stage.rate, job.start, job.stop, limit)
+    finish = MasterChain(writer, stage.rate, job.start, job.stop, limit)
     finish.gain = job.level.gain
     held = None
     if job.level.normalise is not None:
         folder = None if path == "-" else Path(path).resolve().parent
         n_channels = job.format.n_channels
-        held = stack.enter_context(Held(folder, n_channels, job.start, job.stop))
+        held = stack.enter_context(FrameSpool(folder, n_channels, job.start, job.stop))
     return _Track(path, mixer, finish, held)
 
 

@@ -145,7 +145,7 @@ def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
         (["hand.take", "0s", "1kg", "-o", "x.take"], "TO: "),
         (["hand.take", "0s", "1s"], "where to? -o NEW.take"),
         (["hand.take", "0s", "1s", "-o", "x.csv"], "called something.take"),
-        (["hand.take", "0s", "1s", "-o", "hand.take", "-f"], "is what is read"),
+        (["hand.take", "0s", "1s", "-o", "hand.take", "-f"], "is an input"),
         (["hand.take", "0s", "1s", "-o", "other.take"], "other.take exists"),
     ],
 )

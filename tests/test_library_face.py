@@ -125,7 +125,7 @@ def test_a_plan_is_written_and_followed():
     plan.write("bell.plan")
     again = ergon.plan("bell.yaml", ergon.AccuracyOptions(plan="bell.plan"))
     assert (again.hash, again.choices) == (plan.hash, plan.choices)
-    with pytest.raises(ergon.RefusedError, match="is what is read"):
+    with pytest.raises(ergon.FileRefusedError, match="is an input"):
         plan.write("bell.yaml")
 
 
@@ -193,7 +193,7 @@ def test_what_is_refused_is_an_ergon_error(capsys: pytest.CaptureFixture[str]):
         assert refused.value.option == option
         assert isinstance(refused.value, ergon.ErgonError)
     Path("mine.wav").write_bytes(b"not a render")
-    with pytest.raises(ergon.RefusedError, match="not made by ergon"):
+    with pytest.raises(ergon.FileRefusedError, match="not made by ergon"):
         ergon.render_to_file("bell.yaml", "mine.wav")
     assert capsys.readouterr() == ("", "")
 

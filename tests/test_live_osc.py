@@ -21,10 +21,10 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 
 from ergon import _core
 from ergon.cli import app
-from ergon.live.datagrams import MOST, MalformedError, messages, written
+from ergon.live.datagrams import MOST, MalformedDatagramError, messages, written
 from ergon.live.osc import Osc, OscError, place
 from ergon.live.osc_in import alone
-from ergon.live.osc_out import Ear
+from ergon.live.osc_out import HearingClock
 from ergon.live.perform import PlaybackConfig, perform
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
@@ -156,16 +156,20 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
         port = where["port"]
         assert listener.until("/ergon/beat")[3][:2] == [1, 1]
         listener.say(port, "/ergon/cmd", "rest ada")
-        assert listener.until("/ergon/error")[3] == ["the REPL takes commands"]
+        assert listener.until("/ergon/error")[3] == [
+            "commands need a session: ergon repl takes them, ergon play does not"
+        ]
         listener.say(port, "/ergon/nothing\x1b[2J")
         listener.say(port, "/ergon/nothing\x1b[2J")
         listener.socket.sendto(b"\0\xff/ergon", ("127.0.0.1", port))
         listener.say(port, "/ergon/instrument/bell/gain", -6.0)
         listener.say(port, "/ergon/player/bo/gain", -6.0)
-        assert "by bo's key alone" in listener.until("/ergon/error")[3][0]
+        assert "shared with other keys" in listener.until("/ergon/error")[3][0]
         listener.say(port, "/ergon/stop", 0)  # a button that is let go
         listener.say(port, "/ergon/gain", "loud")
-        assert listener.until("/ergon/error")[3] == ["this takes one number, in dB"]
+        assert listener.until("/ergon/error")[3] == [
+            "the argument has to be one number, a level in dB"
+        ]
         listener.say(port, "/ergon/stop")
         assert told(process, "warning")["message"] == "osc: no address /ergon/nothing\\x1b[2J"
         assert told(process, "warning")["message"] == "1 datagrams were no OSC and were ignored"
@@ -234,7 +238,7 @@ def test_an_ear_takes_the_earliest_of_late_blocks():
             self.sounding, self.underruns = sounding, underruns
             self.latency, self.paced, self.dropped, self.alive = 0.01, True, 0, True
 
-    ear = Ear(1000.0, 500)
+    ear = HearingClock(1000.0, 500)
     assert ear.when(500) is None
     for i, late in enumerate((0.004, 0.0, 0.007, 0.002)):
         ear.look(Said(0.1 * i - late), 50.0 + 0.1 * i)  # type: ignore[arg-type]
@@ -324,7 +328,7 @@ def _message(address: str, *arguments: object) -> bytes:
 @given(st.binary(max_size=200))
 def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     for bytes_ in (datagram, b"#bundle\0" + datagram, b"/a\0\0," + datagram):
-        with contextlib.suppress(MalformedError):
+        with contextlib.suppress(MalformedDatagramError):
             for address, _ in messages(bytes_):
                 assert address.startswith("/")
 
@@ -343,21 +347,21 @@ def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     st.binary(min_size=1, max_size=4),
 )
 def test_a_spoilt_datagram_harms_nobody(datagram: bytes, at: int, spoil: bytes):
-    with contextlib.suppress(MalformedError):
+    with contextlib.suppress(MalformedDatagramError):
         assert all(one == ("/a", [1, 0.5, "x"]) for one in messages(datagram))
     at %= len(datagram)
-    with contextlib.suppress(MalformedError):
+    with contextlib.suppress(MalformedDatagramError):
         messages(datagram[:at] + spoil + datagram[at + len(spoil) :])
 
 
 def test_a_bundle_that_would_be_read_for_ever_is_malformed():
     for size in (-4, 0, 3, 1 << 20):
-        with pytest.raises(MalformedError):
+        with pytest.raises(MalformedDatagramError):
             messages(b"#bundle\0" + bytes(8) + struct.pack(">i", size) + _message("/a"))
     deep = _message("/a")
     for _ in range(9):
         deep = b"#bundle\0" + bytes(8) + struct.pack(">i", len(deep)) + deep
-    with pytest.raises(MalformedError):
+    with pytest.raises(MalformedDatagramError):
         messages(deep)
 
 

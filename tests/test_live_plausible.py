@@ -58,7 +58,7 @@ def harm(log: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
-        ({"motor": -1.0}, "its motor pushes against what it is told"),
+        ({"motor": -1.0}, "its motor pushes the wrong way"),
         ({"frozen": True}, "its position stays the same"),
     ],
 )
@@ -110,7 +110,7 @@ def test_unchecked_it_is_found_at_its_first_movement(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
         code, told = duet(tmp_path, board, "--unchecked", "--guide", "remi=800N/m")
         assert code == 0, told
-        assert "its motor pushes against what it is told" in told
+        assert "its motor pushes the wrong way" in told
         log = board.log()
     assert np.abs(log["x"]).max() < 5e-3
     assert not log["force"][-1000:].any(), "it stays off"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from ergon.exchange.safe import RefusedError
+from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.wave import hash_samples, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
 from ergon.rendering.ahead import ahead
@@ -213,7 +213,7 @@ def test_a_foreign_file_is_refused_before_any_work(tmp_path: Path) -> None:
     folder.mkdir()
     soundfile.write(folder / "02_re_mi_2.wav", np.zeros(10), RATE)
     stage = Stage()
-    with pytest.raises(RefusedError, match="02_re_mi_2"):
+    with pytest.raises(FileRefusedError, match="02_re_mi_2"):
         render(stage, order(tmp_path / "x.wav", stems=folder), quiet)
     assert stage.simulation.frame == 0
     assert not (tmp_path / "x.wav").exists()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ergon._core import has_let_go, let_go
 from ergon.live.display import told as said
-from ergon.live.display import too_stiff
+from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import PlaybackConfig, bars, every, perform
 from ergon.repl.session.engine import Change, Led, Look, Told
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from ergon import _core
-    from ergon.live.guard import Bearing
+    from ergon.live.guard import HandForceBounds
     from ergon.scores.staging.gliding import Glide
     from ergon.scores.staging.stage import Stage
 
@@ -58,13 +58,13 @@ class Live:
         return self._status().frame
 
     def bearings(
-        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
-    ) -> Sequence[Bearing]:
+        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
+    ) -> Sequence[HandForceBounds]:
         """What real hands get of a stage that takes over at frame `start`. Raises NotTakenError."""
         found = self.guard.bearings(stage, start, glides, before)
         for one in found:
             if not one.least.is_enough:
-                raise NotTakenError(too_stiff(one))
+                raise NotTakenError(why_too_stiff(one))
         return found
 
     def change(self, change: Change) -> int:
@@ -82,7 +82,7 @@ class Live:
             bars=bars(stage, change.at + int(_BARS * stage.rate)),
         )
 
-    def _bounds(self, bearings: Sequence[Bearing]) -> list[list[tuple[int, float]]]:
+    def _bounds(self, bearings: Sequence[HandForceBounds]) -> list[list[tuple[int, float]]]:
         by_player = {one.player: one.bounds for one in bearings}
         return [list(by_player.get(player, ())) for player in self._players]
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
-    from ergon.exchange.safe import RefusedError
+    from ergon.exchange.safe import FileRefusedError
     from ergon.notation.text.errors import Diagnostic
     from ergon.rendering.render import RenderedFile, RenderedFiles
     from ergon.repl.face import Reply, State
@@ -50,7 +50,7 @@ __all__ = [
     "PrintedReport",
     "Progress",
     "ReadOptions",
-    "RefusedError",
+    "FileRefusedError",
     "Render",
     "RenderOptions",
     "RenderedFile",
@@ -88,7 +88,7 @@ _PLACES = {
     "PrintedReport": "common.report",
     "Progress": "common.report",
     "ReadOptions": "api.options",
-    "RefusedError": "exchange.safe",
+    "FileRefusedError": "exchange.safe",
     "Render": "api.render",
     "RenderOptions": "api.render",
     "RenderedFile": "rendering.render",
