@@ -66,16 +66,16 @@ def _try(board: Board, number: int, player: str, found: dict[int, Axis], report:
             axis = tried(board.url, number, before)
     except _core.UnsureError as error:
         if board.emulated:
-            report.warn(f"{player}: {error}; an emulated key plays without")
+            report.warn(f"{player}: {error}; the key is emulated, so the trial is left out")
             return
         raise OptionError(
-            "live", f"{error} (unchecked plays without a trial)", value=player
+            "live", f"{error} (--unchecked plays without a trial)", value=player
         ) from None
     if axis.sign != sign and board.emulated:
         raise OptionError(
             "live",
             f"the motor pushes the wrong way; `ergon devices calibrate {board.url} "
-            f"--axis {number}` puts it right (unchecked plays without a trial)",
+            f"--axis {number}` puts it right (--unchecked plays without a trial)",
             value=player,
         )
     if axis is before or board.emulated:

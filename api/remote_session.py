@@ -62,7 +62,10 @@ def _place(options: SessionOptions) -> Path:
     if not options.socket:
         return default()
     if options.socket.endswith((".yaml", ".yml")):
-        raise OptionError("socket", f"the score comes first: ergon repl {options.socket} --socket")
+        raise OptionError(
+            "socket",
+            f"a score comes first: ergon repl {options.socket} --socket",
+        )
     return Path(options.socket).absolute()
 
 

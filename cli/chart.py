@@ -67,7 +67,7 @@ def chart(
         with console.progress(f"charting {score_path}", total, piece.rate) as progress:
             found = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
     except SilentPieceError as silence:
-        raise Refused(f"{silence}; --seconds takes more of it") from None
+        raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()
     _report(console, found)
     table = chart_table.csv(found, title, where)
@@ -88,7 +88,7 @@ def _budget(text: str | None) -> float | None:
     except TextError as error:
         raise Refused(f"--error: {error}") from None
     if db >= 0.0:
-        raise Refused(f"--error: {text} is no less than the sound itself; -60dB is usual")
+        raise Refused(f"--error: {text} is not below the sound itself; give a level such as -60dB")
     return db
 
 

@@ -1,4 +1,4 @@
-"""What a person and a script read: messages on stderr, data on stdout, JSON lines on request."""
+"""Output of commands: messages on stderr, data on stdout, JSON lines on request."""
 
 from __future__ import annotations
 

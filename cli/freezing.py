@@ -22,7 +22,7 @@ def freeze_parts(
             option = f"--{name.strip('_')}"
             raise Refused(f"--freeze writes whole parts as they are, and excludes {option}")
     if output == "-":
-        raise Refused("--freeze writes a folder, which stdout is not")
+        raise Refused("--freeze writes a folder; -o - is stdout")
     names = list(dict.fromkeys(filter(None, parts.replace(",", " ").split())))
     if not names:
         raise Refused("--freeze: name an instrument, or several with commas between them")

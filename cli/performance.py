@@ -1,4 +1,4 @@
-"""A performance from its first frame to its last, and what is shown of it."""
+"""A performance, shown from its first frame to its last."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _AFTER = 10.0  # [s] that what is in the ring may take to be heard
 
 
 class Shown:
-    """A performance from its first frame to its last, and what is shown of it."""
+    """A performance, shown from its first frame to its last."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class Shown:
             "missed": status.missed,
         }
         if self._osc is not None and (ignored := self._osc.malformed):
-            self._console.warn(f"{ignored} datagrams were no OSC and were ignored")
+            self._console.warn(f"{ignored} datagrams were not valid OSC and were ignored")
         if self._console.json:
             self._console.record("played", **fields)
         else:
@@ -170,6 +170,6 @@ class Shown:
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
         if status.missed:
             missed = status.missed / self._stage.rate
-            self._console.warn(f"{missed:.3f} s of frozen parts were not read in time: silent")
+            self._console.warn(f"{missed:.3f} s of frozen parts were read too late: silent")
         if self._strict and (late or status.underruns or status.dropped or status.missed):
             raise Late(f"{late} late ticks, {status.underruns} gaps in the sound (--strict)")

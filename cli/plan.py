@@ -60,7 +60,7 @@ def plan(
     are counted by a table that ships with ergon, 1.0 being one core at real time.
     """
     if output == "-" and console.json:
-        raise Refused("--json and -o - both want stdout")
+        raise Refused("--json and -o - both write to stdout; give one")
     asked = AccuracyOptions(
         method=method, error=error, cents=cents, plan=plan, seed=seed, trust=trust
     )
@@ -198,9 +198,9 @@ def _why(row: PlanRow) -> list[str]:
             f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
         )
         if row.offered:
-            said.append("  Nobody asked for that: the planner did, for so its island costs less.")
+            said.append("  The planner chose this by itself: it costs less.")
         if row.radius is not None:
-            said.append(f"  From pull to pull nothing grows: |λ| is {row.radius:.9g} at most.")
+            said.append(f"  Nothing grows from pull to pull: |λ| is at most {row.radius:.9g}.")
     elif row.what == "stepped":
         said.append(f"  It is stepped module by module by the CA scheme, {_often(row.times)}.")
     else:
@@ -215,9 +215,7 @@ def _why(row: PlanRow) -> list[str]:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
     if row.spectral_db is not None:
-        said.append(
-            "  After that the smallest difference has grown until no two methods give one waveform;"
-        )
+        said.append("  After that it is chaotic: no two methods give the same waveform;")
         said.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
     if row.word is not None:
         said.append(

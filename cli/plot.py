@@ -59,7 +59,7 @@ def plot(
         return
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     if name is None:
-        raise Refused(f"what is to be drawn? {_known(score.piece_of(loaded))}")
+        raise Refused(f"say what is to be drawn: {_known(score.piece_of(loaded))}")
     curves, title = _curves(console, loaded, name, key)
     if console.json:
         for curve in curves:
@@ -113,9 +113,9 @@ def _staged(
         if played:
             return stage, played[:1]
     if name in piece.players:
-        raise Refused("--key takes a gesture or a take; a player has a key already")
+        raise Refused("--key is for a gesture or a take; a player has a key of its own")
     if not piece.keys:
-        raise Refused("this piece has no key to play on")
+        raise Refused("this piece has no key that could play it")
     with score.staging(lambda: loaded, console):
         alone = solo(piece, name, key or next(iter(piece.keys)))
     return alone, alone.gestures

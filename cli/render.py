@@ -90,7 +90,7 @@ def render(
     """
     asked = FileOptions(**given)
     if output == "-" and console.json:
-        raise Refused("--json and -o - both want stdout")
+        raise Refused("--json and -o - both write to stdout; give one")
     from ergon.api.render_journal import JOURNAL, render_journal
 
     if Path(score_path).suffix == JOURNAL:
@@ -136,7 +136,7 @@ def _watch(console: Console, path: str, output: str | None, asked: FileOptions) 
     from .watch import changes
 
     if path == score.STDIN or output == "-":
-        raise Refused("--watch needs a score and a WAV file that are files")
+        raise Refused("--watch needs files: neither the score nor the WAV file can be -")
     files = {Path(path)}
     first = True
     for _ in changes(files):

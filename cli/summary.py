@@ -1,4 +1,4 @@
-"""What a render says at its end, and before it begins."""
+"""The summaries of a render: what was written, and under --dry-run what would be."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Opening files that nobody vouches for: regular ones alone, and never waiting for one."""
+"""Opening untrusted names: regular files alone, and never blocking on a pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text from anywhere as a terminal may be given it, and as JSON that holds nothing of the kind."""
+"""Untrusted text without control characters, for a terminal and in JSON."""
 
 from __future__ import annotations
 

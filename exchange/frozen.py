@@ -1,4 +1,4 @@
-"""Prepared parts of a piece: what their outputs hear, and a manifest that says of which piece.
+"""Frozen parts of a piece: the signals of their outputs, and a manifest that names the piece.
 
     DIR/frozen.json   {"made": …, "ergon_frozen": 1, "score": …, "seed": …, "stems": […]}
     DIR/01_gong.wav   a channel for each output of a part: doubles, before gains and high-passes
@@ -118,10 +118,10 @@ def read(folder: Path) -> Frozen:
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
-            raise NotFrozenError(f"{path}: larger than any manifest")
+            raise NotFrozenError(f"{path}: larger than a manifest may be")
         found = json.loads(data)
         if found["ergon_frozen"] != VERSION:
-            raise NotFrozenError(f"{path}: this is no manifest of version {VERSION}")
+            raise NotFrozenError(f"{path}: not a manifest of version {VERSION}")
         source = Source(
             str(found["title"]),
             str(found["score"]),
@@ -138,7 +138,7 @@ def read(folder: Path) -> Frozen:
     except NotFrozenError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        raise NotFrozenError(f"{path}: this is no manifest of frozen parts") from None
+        raise NotFrozenError(f"{path}: not a manifest of frozen parts") from None
 
 
 def _stem(folder: Path, found: Any) -> Stem:
@@ -161,7 +161,7 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
         raise NotFrozenError(f"it lasts {frozen.n_frames:,} frames, the piece {n_frames:,}")
     for part, own in taps.items():
         if found.get(part) != list(own):
-            raise NotFrozenError(f"its {part} has other outputs than the score's")
+            raise NotFrozenError(f"'{part}' has other outputs than in the score")
     return [_whole(stem, frozen) for stem in frozen.stems]
 
 

@@ -1,4 +1,4 @@
-"""Plans kept from one run to the next, in the user's cache folder; a convenience, never needed.
+"""A cache of plans in the user's cache folder: a convenience, never needed.
 
 $XDG_CACHE_HOME/ergon/plans, or ~/.cache/ergon/plans; ERGON_CACHE=off keeps none. A file is a plan
 file (`ergon plan -o`) with its key and what was told of each row; one that is broken or foreign

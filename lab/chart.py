@@ -29,7 +29,7 @@ Progress = Callable[[int], None]
 
 
 class SilentPieceError(ErgonError):
-    """There is no sound to compare."""
+    """The piece makes no sound that could be compared."""
 
 
 @dataclass(frozen=True, slots=True)

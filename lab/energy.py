@@ -1,4 +1,4 @@
-"""What a ledger says of a run: energy that the scheme itself made, and its drift."""
+"""The energy error of a run, from its ledger: energy that the scheme itself made, and its drift."""
 
 from __future__ import annotations
 

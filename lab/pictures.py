@@ -31,7 +31,7 @@ _DPI = 144
 
 
 class MatplotlibMissingError(ErgonError):
-    """matplotlib is not there; the message says how to get it."""
+    """matplotlib is not installed; the message says how to install it."""
 
 
 def save(

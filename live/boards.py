@@ -1,4 +1,4 @@
-"""Which device axis is whose hand: `remi=firefader:/dev/ttyACM0#1`, and names for devices."""
+"""Devices under players' keys: `remi=firefader:/dev/ttyACM0#1`, and names for devices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found of single axes, kept in the list of devices between the user's own lines."""
+"""Calibrations of axes, kept in the user's list of devices beside the user's own lines."""
 
 from __future__ import annotations
 

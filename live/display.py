@@ -1,4 +1,4 @@
-"""What a player sees while a piece sounds: where it is, who plays what, keys, load, level."""
+"""The display of a performance: position, players, keys, load and level, as lines and records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether this machine is fit to play: what was measured, and what to do about it."""
+"""Measurements of whether this machine is fit to play, each with what to do about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OSC beside a performance: a socket, a thread of its own, and no more than somebody can read."""
+"""OSC beside a performance: sockets and a thread of its own, with bounds on what is answered."""
 
 from __future__ import annotations
 

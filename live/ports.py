@@ -1,4 +1,4 @@
-"""What is plugged in: serial ports that look like boards, and the URL that plays each."""
+"""Serial ports that look like boards, and the URLs that open each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How loud a piece is before anybody hears it: its gain for loudspeakers."""
+"""The gain of a piece for loudspeakers, found by computing its beginning unheard."""
 
 from __future__ import annotations
 

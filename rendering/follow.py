@@ -1,4 +1,4 @@
-"""How the gestures of a piece were followed: its reports, one for each player, gesture and key."""
+"""How closely keys followed their gestures: one report for each player, gesture and key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From mixed frames to the level of the file: hold until the peak is known, gain, limit, cut."""
+"""From mixed frames to finished samples: spool until the peak is known, gain, limiter, cut."""
 
 from __future__ import annotations
 

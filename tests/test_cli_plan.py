@@ -110,13 +110,13 @@ def test_a_render_by_a_plan_is_that_render(capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("{", "this is no plan"),
-        ('{"ergon_plan": 2, "choices": []}', "no plan of version 1"),
+        ("{", "not a plan"),
+        ('{"ergon_plan": 2, "choices": []}', "not a plan of version 1"),
         ('{"ergon_plan": 1, "choices": [[1, 2]]}', "whole numbers"),
         ('{"ergon_plan": 1, "choices": [[1, 1, 1, [[-1]]]]}', "whole numbers"),
         ('{"ergon_plan": 1, "choices": []}', "another score"),
         ('{"ergon_plan": 1, "choices": [[27, 1, 0, [[900]]]]}', "another score"),
-        ("[" * 100_000, "this is no plan"),
+        ("[" * 100_000, "not a plan"),
     ],
 )
 def test_a_plan_that_does_not_fit_leaves_no_file(text: str, says: str, capsys: Capture) -> None:

@@ -172,7 +172,9 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
         ]
         listener.say(port, "/ergon/stop")
         assert told(process, "warning")["message"] == "osc: no address /ergon/nothing\\x1b[2J"
-        assert told(process, "warning")["message"] == "1 datagrams were no OSC and were ignored"
+        assert (
+            told(process, "warning")["message"] == "1 datagrams were not valid OSC and were ignored"
+        )
         told(process, "played")
         assert process.wait(timeout=20) == 0
 
