@@ -105,3 +105,19 @@ class PerformanceOptions:
     def card(self) -> str:
         """Where the sound goes, with the size of its blocks."""
         return self.audio if self.block is None else f"{self.audio},block={self.block}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOptions(PerformanceOptions):
+    """How a session is opened.
+
+    Lines go into the file `journal`; `resume` is a journal that goes on where it ends; with `watch`
+    the score is read again whenever it is saved. With a `socket` (a path, "" for the usual one) the
+    engine is a process of its own. With `trust` a score may name files outside its folder.
+    """
+
+    journal: Path | str = Path("session.jsonl")
+    resume: Path | str | None = None
+    watch: bool = False
+    socket: str | None = None
+    trust: bool = False

@@ -18,7 +18,8 @@ from ergon.common.report import Report
 from ergon.common.terminal import clean
 
 from .errors import EngineExitError, OptionError
-from .sessions import SessionOptions, begin
+from .local_session import begin
+from .options import SessionOptions
 
 if TYPE_CHECKING:
     from ergon.repl.wire.remote import Remote

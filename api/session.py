@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from ergon.common.report import PrintedReport, Report
 from ergon.repl.session.api import Typed
 
+from .local_session import begin
+from .options import SessionOptions
 from .remote_session import join
-from .sessions import SessionOptions, begin
 
 if TYPE_CHECKING:
     from ergon.repl.face import Face

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from ergon.api.freeze import FreezeOptions, Prepared, prepare, write
 from ergon.api.render import FileOptions
 
@@ -26,17 +28,8 @@ def freeze_parts(
     names = list(dict.fromkeys(filter(None, parts.replace(",", " ").split())))
     if not names:
         raise Refused("--freeze: name an instrument, or several with commas between them")
-    options = FreezeOptions(
-        trust=asked.trust,
-        method=asked.method,
-        error=asked.error,
-        cents=asked.cents,
-        plan=asked.plan,
-        seed=asked.seed,
-        rate=asked.rate,
-        threads=asked.threads,
-        force=asked.force,
-    )
+    shared = {field.name: getattr(asked, field.name) for field in fields(FreezeOptions)}
+    options = FreezeOptions(**shared)
     prepared = prepare(path, names, output, options, console)
     if not dry:
         write(prepared, options, console)

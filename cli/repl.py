@@ -73,14 +73,15 @@ def repl(
     `play` begins; `help` lists what may be typed. Lines act on the next bar, and whatever is wrong
     with one, the music goes on. F12 is silence.
     """
-    from ergon.api import remote_session, sessions
+    from ergon.api import local_session, remote_session
     from ergon.api.errors import EngineExitError
+    from ergon.api.options import SessionOptions
 
-    asked = sessions.SessionOptions(**given)
+    asked = SessionOptions(**given)
     if asked.socket is None:
         from ergon._core import stop_on_signals
 
-        session = sessions.begin(score_path, asked, console)
+        session = local_session.begin(score_path, asked, console)
         _prompt(session, stop_on_signals, plain=plain, strict=strict)
     elif engine:
         remote_session.serve(score_path, asked, console)

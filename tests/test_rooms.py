@@ -65,8 +65,8 @@ MAY = {
 }
 
 
-def imported(path: Path) -> set[str]:
-    """Modules of the package that a file names, anywhere in it, but for its annotations."""
+def nodes(path: Path) -> list[ast.AST]:
+    """The syntax of a file, but for what only type checkers see."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     only_types = {
         id(inner)
@@ -74,10 +74,13 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
+    return [node for node in ast.walk(tree) if id(node) not in only_types]
+
+
+def imported(path: Path) -> set[str]:
+    """Modules of the package that a file names, anywhere in it, but for its annotations."""
     names = set()
-    for node in ast.walk(tree):
-        if id(node) in only_types:
-            continue
+    for node in nodes(path):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ergon"):
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Import):
@@ -95,3 +98,28 @@ def test_a_room_imports_only_what_it_may(room: str):
         for name in imported(path):
             known = name.startswith(tuple(f"{one}." for one in allowed)) or name in allowed
             assert known, f"{path.relative_to(ROOT)} imports {name}"
+
+
+def test_no_files_import_each_other_in_a_circle():
+    """Imports inside functions count as well; those for annotations do not."""
+    folders = {room.partition(".")[0] for room in MAY}
+    files = {
+        ".".join(("ergon", *path.relative_to(ROOT).with_suffix("").parts)): path
+        for folder in folders
+        for path in (ROOT / folder).rglob("*.py")
+    }
+    graph = {name: _files_imported(name, path) & files.keys() for name, path in files.items()}
+    assert sum(map(len, graph.values())) > 500
+    while leaves := {name for name, uses in graph.items() if not uses}:
+        graph = {name: uses - leaves for name, uses in graph.items() if name not in leaves}
+    assert not graph, f"in a circle, or using one: {', '.join(sorted(graph))}"
+
+
+def _files_imported(name: str, path: Path) -> set[str]:
+    """All that a file's imports may name, relative ones in full; not itself."""
+    found = imported(path)
+    for node in nodes(path):
+        if isinstance(node, ast.ImportFrom) and node.level == 1:
+            base = f"{name.rpartition('.')[0]}.{node.module or ''}".rstrip(".")
+            found |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    return (found | {one.rpartition(".")[0] for one in found}) - {name}

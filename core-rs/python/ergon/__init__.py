@@ -18,11 +18,10 @@ if TYPE_CHECKING:
     )
     from ergon.api.files import render_to_file
     from ergon.api.freeze import FreezeOptions, freeze
-    from ergon.api.options import AccuracyOptions, ReadOptions
+    from ergon.api.options import AccuracyOptions, ReadOptions, SessionOptions
     from ergon.api.plan import Plan, plan
     from ergon.api.render import FileOptions, Render, RenderOptions, render
     from ergon.api.session import Session, open_session
-    from ergon.api.sessions import SessionOptions
     from ergon.common.errors import ErgonError
     from ergon.common.report import PrintedReport, Progress, Report
     from ergon.exchange.frozen import Frozen
@@ -97,7 +96,7 @@ _PLACES = {
     "Report": "common.report",
     "ScoreError": "api.errors",
     "Session": "api.session",
-    "SessionOptions": "api.sessions",
+    "SessionOptions": "api.options",
     "State": "repl.face",
     "check": "api.check",
     "freeze": "api.freeze",

@@ -6,7 +6,7 @@ import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,7 @@ from . import score as scores
 from .errors import DeviceError, OptionError
 from .gain import gain_of
 from .hands import boards_of, ready
-from .options import PerformanceOptions, ReadOptions
+from .options import ReadOptions, SessionOptions
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
@@ -35,22 +35,6 @@ if TYPE_CHECKING:
 # What a change takes from the session to the physics thread: its tick, and a busy machine [s].
 _MARGIN = 0.006
 _SWITCH = 0.0005  # [s]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SessionOptions(PerformanceOptions):
-    """How a session is opened.
-
-    Lines go into the file `journal`; `resume` is a journal that goes on where it ends; with `watch`
-    the score is read again whenever it is saved. With a `socket` (a path, "" for the usual one) the
-    engine is a process of its own. With `trust` a score may name files outside its folder.
-    """
-
-    journal: Path | str = Path("session.jsonl")
-    resume: Path | str | None = None
-    watch: bool = False
-    socket: str | None = None
-    trust: bool = False
 
 
 def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
