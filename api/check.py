@@ -64,7 +64,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
 
 
 def _staged(piece: Piece) -> Stage:
-    """A plan takes time, and can do what the plain scheme cannot: if asked for, or needed."""
+    """Stage as written; by a plan, which takes time, where it is asked for or needed."""
     from ergon.scores.reading.piece import Accuracy
     from ergon.scores.staging.stage import StageError, stage
 

@@ -68,7 +68,7 @@ class EngineExitError(ErgonError):
     """The process of a session ended before it answered; `exit_code` is its own."""
 
     def __init__(self, exit_code: int) -> None:
-        """What it said stands on stderr."""
+        """`exit_code` is the code of the process, whose messages stand on stderr."""
         super().__init__(f"the engine of the session ended with exit code {exit_code}")
         self.exit_code = exit_code
 

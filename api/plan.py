@@ -1,4 +1,4 @@
-"""What is computed of a score, by which method, at what cost and error."""
+"""The plan of a score: by which method each part is computed, at what cost and error."""
 
 from __future__ import annotations
 

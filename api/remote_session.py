@@ -120,7 +120,7 @@ def _join(path: str | None, options: SessionOptions, here: Path, report: Report)
 
 
 def _start(path: str | None, options: SessionOptions, here: Path, report: Report) -> Remote:
-    """A process that no terminal's end ends; what it says is heard until it answers."""
+    """Begin the engine in a session of its own (setsid); pass on its stderr until it answers."""
     from ergon.repl.wire.place import NobodyError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import Remote

@@ -92,7 +92,7 @@ class Prepared:
 
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """Files that were written, and what computed them."""
+    """Files that were written, with the job, network and simulation behind them."""
 
     files: RenderedFiles
     job: RenderJob

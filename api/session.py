@@ -1,4 +1,4 @@
-"""A session for programs and notebooks: what `ergon repl` opens, its verbs as methods."""
+"""A session for programs and notebooks: every verb of `ergon repl` is a method."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
 
 
 def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
-    """`2 errors, 1 warning`, or `no mistakes`; those that were not shown count as well."""
+    """`2 errors, 1 warning`, or `no mistakes`; diagnostics that were not shown count too."""
     counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0, **loaded.left_out}
     for found in (*loaded.diagnostics, *more):
         counts[found.severity] += 1

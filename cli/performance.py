@@ -136,10 +136,10 @@ class Shown:
         self._drawn = 0
 
     def _tell(self, events: Sequence[tuple[int, str, float]]) -> None:
-        from ergon.live.display import told
+        from ergon.live.display import event_sentence
 
         for event in events:
-            if sentence := told(event, self._players, self._boards):
+            if sentence := event_sentence(event, self._players, self._boards):
                 at = where(self._stage.piece, event[0] / self._stage.rate)
                 self._say(f"{at} {sentence}")
 

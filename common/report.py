@@ -1,4 +1,4 @@
-"""What long work says to whoever waits for it."""
+"""Messages and progress of long work, for whoever calls it."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ class Report:
     __slots__ = ()
 
     def say(self, message: str) -> None:
-        """What happened, or what a person has to do now."""
+        """A sentence: an event, or something that a person has to do now."""
 
     def warn(self, message: str) -> None:
-        """What a person should know though the work goes on."""
+        """A warning: the work goes on."""
 
     def event(self, name: str, **fields: object) -> None:
         """The same as `say`, as a record for another program."""
@@ -66,9 +66,9 @@ class PrintedReport(Report):
     __slots__ = ()
 
     def say(self, message: str) -> None:
-        """What happened, or what a person has to do now."""
+        """A sentence: an event, or something that a person has to do now."""
         print(clean(message), file=sys.stderr)
 
     def warn(self, message: str) -> None:
-        """What a person should know though the work goes on."""
+        """A warning: the work goes on."""
         self.say(f"warning: {message}")

@@ -28,6 +28,6 @@ def printable(text: str) -> str:
 
 
 def json_text(value: Any) -> str:
-    """One line of JSON in which what steers a terminal is escaped."""
+    """One line of JSON with control characters escaped."""
     text = json.dumps(value, ensure_ascii=False)
     return _STEERING.sub(lambda found: json.dumps(found[0])[1:-1], text)

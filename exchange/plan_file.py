@@ -58,7 +58,7 @@ def read(path: Path) -> Choices:
 
 
 def decided(found: object) -> Choices:
-    """The choices of what a file holds. Raises NotPlanError with a sentence."""
+    """The choices in the parsed JSON of a file. Raises NotPlanError."""
     if not isinstance(found, dict) or found.get("ergon_plan") != VERSION:
         raise NotPlanError(f"not a plan of version {VERSION}")
     choices = found.get("choices")

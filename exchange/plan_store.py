@@ -35,7 +35,7 @@ _NAME = re.compile("[0-9a-f]{64}[.]json")
 
 
 class PlanStore:
-    """Plans by what they are a function of."""
+    """Plans by the hash of all that they are a function of."""
 
     def __init__(self, folder: Path) -> None:
         """Use a folder, which need not exist."""
@@ -74,7 +74,7 @@ class PlanStore:
         return self._folder / f"{key}.json"
 
     def _forget(self) -> None:
-        """Remove what was not used for longest, until there is little enough."""
+        """Remove the files that were used least recently, until the rest is within the bounds."""
         ours = []
         for path in self._folder.iterdir():
             if _NAME.fullmatch(path.name):

@@ -28,7 +28,7 @@ class NotRecordingError(ErgonError, ValueError):
 
 
 def about(recording: Recording) -> dict[str, Any]:
-    """What whoever recorded said of it; nothing where that is no JSON object."""
+    """The description that was recorded with it; empty where it is not a JSON object."""
     try:
         said = json.loads(recording.about)
     except (ValueError, RecursionError):

@@ -25,7 +25,7 @@ _MARK_WITHIN = 1024
 
 
 class FileRefusedError(ErgonError):
-    """The file will not be written; the message says why and what to do."""
+    """A file that is not written; the message says why, and what to do."""
 
 
 def is_ours(path: Path) -> bool:

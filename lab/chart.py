@@ -177,7 +177,7 @@ def measure(
 
 
 def _costs(bench: _Bench) -> dict[Setting, float]:
-    """Medians of interleaved rounds: whatever else the machine does, it does to all alike."""
+    """Medians of interleaved rounds, so that other load on the machine slows all alike."""
     spent: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
     for _ in range(ROUNDS):
         for setting, run in bench.ready.items():

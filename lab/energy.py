@@ -39,7 +39,7 @@ class Ledger(Protocol):
 
 
 def production_db(ledger: Ledger) -> float:
-    """10·log10 of the energy made or missing over the energy given; -inf when the books close."""
+    """10·log10 of the energy made or missing over the energy given; -inf where none is."""
     wrong = abs(ledger.produced) + abs(ledger.residual)
     given = abs(ledger.start) + abs(ledger.injected)
     if wrong == 0.0:

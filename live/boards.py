@@ -26,7 +26,7 @@ class BoardError(ErgonError):
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A device, its axes as (axis, player), and what was found of axes by their numbers."""
+    """A device, its axes as (axis, player), and the calibrations of axes by their numbers."""
 
     url: str
     axes: tuple[tuple[int, str], ...]

@@ -148,7 +148,7 @@ def record(view: PerformanceView, frame: int) -> dict[str, object]:
     }
 
 
-def feels(bearing: HandForceBounds) -> str:
+def force_sentence(bearing: HandForceBounds) -> str:
     """The part of the scene's force that a hand gets, in words."""
     last = bearing.last
     if last.scale >= 1.0:
@@ -173,8 +173,10 @@ def _percent(part: float) -> str:
     return f"{100 * part:.2g} %" if part < 0.1 else f"{100 * part:.0f} %"
 
 
-def told(event: tuple[int, str, float], players: Sequence[str], boards: Sequence[str]) -> str:
-    """What happened, as a sentence; empty for what needs none."""
+def event_sentence(
+    event: tuple[int, str, float], players: Sequence[str], boards: Sequence[str]
+) -> str:
+    """An event as a sentence; empty where a player need not know of it."""
     _, what, number = event
     board = boards[int(number)] if int(number) < len(boards) else "a device"
     player = players[int(number)] if int(number) < len(players) else "a hand"

@@ -46,7 +46,7 @@ def place(text: str) -> Place:
 
 
 class Osc:
-    """Hears at `here` what is asked, tells `there` what happens; either may be None."""
+    """Receives requests at the address `here`, sends events to `there`; either may be None."""
 
     def __init__(
         self, here: Place | None, there: Place | None, command: Command = no_session
@@ -84,7 +84,7 @@ class Osc:
         self._thread.start()
 
     def rest(self) -> None:
-        """Serve it no longer; what is left to be told is told."""
+        """End serving a performance; events that wait are still sent."""
         if self._thread is None:
             return
         self._over.set()
@@ -131,7 +131,7 @@ class Osc:
             self.unsent += 1
 
     def _hear(self, patience: float) -> None:
-        """Do what came, or wait for it up to `patience` [s]."""
+        """Carry out the requests that came; wait up to `patience` [s] for one."""
         if self._here is None:
             self._over.wait(max(0.0, patience))
             return

@@ -142,7 +142,7 @@ def _skip(
     n_frames: int,
     progress: Callable[[int], None],
 ) -> None:
-    """Go on unheard; the mixer hears it, so that its filters are where they would be."""
+    """Compute `n_frames` unheard; the mixer takes them, so that its filters go on as they would."""
     import numpy as np
 
     at = 0

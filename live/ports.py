@@ -21,7 +21,7 @@ _VENDORS: dict[int, tuple[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """A serial port. `urls` are what may be opened there; none where no board is known by it."""
+    """A serial port. `urls` open the boards that it may be; none where no board is recognised."""
 
     path: str
     name: str

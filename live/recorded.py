@@ -78,7 +78,7 @@ def read(path: Path, piece: Piece) -> Recorded:
 
 
 def _level(said: dict[str, Any]) -> Level:
-    """As it was heard; what is not said is as it is."""
+    """The level that was heard; fields that the recording lacks leave the level as it is."""
     level = said.get("level")
     level = level if isinstance(level, dict) else {}
 

@@ -140,12 +140,12 @@ class ArrayWriter:
 
 
 class MasterChain:
-    """Gain, limiter, cut, meter and samples of one file; what it measures is what is written."""
+    """Gain, limiter, cut and meter before one writer; the meter measures the written samples."""
 
     def __init__(
         self, writer: Writer, rate: float, start: int, stop: int, limit: float | None
     ) -> None:
-        """Write frames `start` to `stop` of what comes, counted from 0."""
+        """Write frames `start` to `stop` of those that are taken, counted from 0."""
         from ergon import _core
 
         n_channels = writer.format.n_channels
@@ -164,7 +164,7 @@ class MasterChain:
 
     @property
     def loudness(self) -> float:
-        """Integrated loudness of what was written [LUFS]."""
+        """Integrated loudness of the written samples [LUFS]."""
         return self._meter.loudness
 
     @property

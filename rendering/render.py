@@ -117,7 +117,7 @@ class RenderedFiles:
 
 @dataclass(slots=True)
 class _Track:
-    """One file on its way: its mixer, what holds its frames back, and its end."""
+    """One output in the making: its mixer, the spool of its frames, and its master chain."""
 
     path: str
     mixer: Mixer

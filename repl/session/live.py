@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon._core import has_let_go, let_go
-from ergon.live.display import told as said
+from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import PlaybackConfig, bars, every, perform

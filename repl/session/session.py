@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
-from ergon.live.display import feels
+from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.edit import EditError
 from ergon.repl.face import Reply, State
@@ -248,7 +248,7 @@ class Session:
         """What real hands get of a version, where that is not what they were told last."""
         told = [one for one in made.bearings if self._felt.get(one.player, 1.0) != one.last.scale]
         self._felt |= {one.player: one.last.scale for one in told}
-        return [feels(one) for one in told]
+        return [force_sentence(one) for one in told]
 
     def queue(
         self,
