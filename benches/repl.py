@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 
 from benches.measure import Row
-from ergon.live.perform import Order
+from ergon.live.perform import PlaybackConfig
 from ergon.repl.session.live import LiveEngine
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
@@ -47,7 +47,7 @@ def _answered(what: str, text: str, names: dict[str, str], folder: Path | None =
         texts = Texts(str(path), text)
         version = Version(0, "", texts, piece_of(texts))
         taken = []
-        order = Order(audio="null", gain=1.0)
+        order = PlaybackConfig(audio="null", gain=1.0)
         make = lambda stage: LiveEngine(stage, order)  # noqa: E731 - one word
         with closing(Session(version, make, margin=_MARGIN)) as session:
             gc.collect()

@@ -1,1 +1,1 @@
-"""The command line: one file per command, no logic of its own."""
+"""The command line: one file per command, which reads options, calls `ergon.api` and prints."""

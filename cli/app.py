@@ -9,11 +9,21 @@ from typing import Any
 
 import click
 
+from ergon.common.errors import ErgonError
 from ergon.common.terminal import clean
 
 from .console import Console
 from .lazy import LazyGroup, Table
-from .outcome import EXIT_CODES, INTERNAL, INTERRUPTED, Diverged, Findings, Outcome, Refused
+from .outcome import (
+    EXIT_CODES,
+    INTERNAL,
+    INTERRUPTED,
+    DeviceMissing,
+    Diverged,
+    Findings,
+    Outcome,
+    Refused,
+)
 from .streams import make_whole
 
 COMMANDS: Table = {
@@ -103,7 +113,7 @@ def run(arguments: list[str]) -> int:
 def _outcome(arguments: list[str]) -> int:
     debug = "--debug" in arguments or bool(os.environ.get("ERGON_DEBUG"))
     arguments = [word for word in arguments if word != "--debug"]  # taken before or after a command
-    from ergon.exchange.signals import Terminated, signals_as_exceptions
+    from ergon.cli.signals import Terminated, signals_as_exceptions
 
     console = Console(json="--json" in arguments)
     try:
@@ -144,13 +154,11 @@ def explain(error: BaseException) -> Outcome:
     """The outcome that an exception means to the person at the terminal."""
     if isinstance(error, Outcome):
         return error
-    from ergon.exchange.safe import RefusedError
-
-    if isinstance(error, RefusedError):
-        return Refused(str(error))
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return Refused(f"{where}{error.strerror or error}")
+    if isinstance(error, ErgonError):
+        return _refused(error)
     if isinstance(error, MemoryError):
         return Refused("there is not enough memory for this piece")
     core: Any = sys.modules.get("ergon._core")  # its exceptions exist only once it is loaded
@@ -160,6 +168,22 @@ def explain(error: BaseException) -> Outcome:
         f"internal error: {type(error).__name__}: {error} "
         "(please report it; --debug shows where it happened)"
     )
+
+
+def _refused(error: ErgonError) -> Outcome:
+    """The outcome of what a call of the library refused; diagnostics are printed already."""
+    from ergon.api.errors import DeviceError, DivergedError, OptionError, ScoreError
+
+    match error:
+        case DivergedError():
+            return Diverged(error.reason)
+        case ScoreError():
+            return Findings(error.reason)
+        case OptionError():
+            return Refused(error.on_command_line)
+        case DeviceError():
+            return DeviceMissing(str(error))
+    return Refused(str(error))
 
 
 def _engine(error: BaseException, core: Any) -> Outcome:

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, cast
 
 import click
 
+from ergon.api import score
+from ergon.api.options import ReadOptions
 from ergon.lab.names import METHODS, METRICS, PRECISIONS
 
-from . import laboratory, options, score
+from . import laboratory, options
 from .console import Console
 from .outcome import Findings, Refused
 
@@ -49,14 +51,14 @@ def chart(
     The table (NAME.csv) holds every measure, and the reason of what failed.
     """
     from ergon.lab import chart_table
-    from ergon.lab.chart import SilentError, measure, planned, settings, work
+    from ergon.lab.chart import SilentPieceError, measure, planned, settings, work
     from ergon.lab.draw_chart import draw
     from ergon.lab.machine import machine
     from ergon.lab.scene import Score
 
     known = laboratory.words(methods, METHODS, "--methods")
     stars = planned(_budget(error))
-    loaded = score.read(console, score_path, trust=trust)
+    loaded = score.read(score_path, ReadOptions(trust=trust), console)
     stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
     wanted = [*settings(known, PRECISIONS, upto), *stars]
@@ -64,8 +66,8 @@ def chart(
     try:
         with console.progress(f"charting {score_path}", total, piece.rate) as progress:
             found = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
-    except SilentError as silence:
-        raise Refused(f"{silence}; --seconds takes more of it") from None
+    except SilentPieceError as silence:
+        raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()
     _report(console, found)
     table = chart_table.csv(found, title, where)
@@ -86,7 +88,7 @@ def _budget(text: str | None) -> float | None:
     except TextError as error:
         raise Refused(f"--error: {error}") from None
     if db >= 0.0:
-        raise Refused(f"--error: {text} is no less than the sound itself; -60dB is usual")
+        raise Refused(f"--error: {text} is not below the sound itself; give a level such as -60dB")
     return db
 
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isnan
 from typing import TYPE_CHECKING
 
 import click
 
-from . import options, score
+from ergon.api import score
+from ergon.api.check import try_stage
+from ergon.api.options import ReadOptions
+
+from . import options
 from .console import Console, Form, plural
 from .outcome import Findings
 from .units import metres
 
 if TYPE_CHECKING:
-    from ergon.exchange.follow import Followed
-    from ergon.notation.text.errors import Diagnostic
+    from ergon.notation.text.errors import Diagnostic, Severity
+    from ergon.rendering.follow import GestureFidelity
+    from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
 
 
@@ -51,36 +57,27 @@ def check(
 
 
 def _check(console: Console, path: str, simulate: bool, trust: bool) -> None:
-    loaded = score.read(console, path, trust=trust)
-    found: list[Diagnostic] = []
-    staged = None
-    if loaded.piece is not None:
-        from ergon.scores.reading.piece import Accuracy
-        from ergon.scores.staging.stage import StageError, stage
-
-        # What the engine will not run is a mistake of the score as well.
-        try:
-            # A plan takes time, and can do what the plain scheme cannot: if asked for, or needed.
-            planned = loaded.piece.accuracy != Accuracy()
-            try:
-                staged = stage(loaded.piece, planned=planned)
-            except StageError:
-                staged = stage(loaded.piece, planned=True)
-            found = staged.diagnostics
-        except StageError as error:
-            found = error.diagnostics
-        score.show(console, loaded, found)
-    console.say(f"{path}: {score.tally(loaded, found)}")
+    loaded = score.read(path, ReadOptions(trust=trust), console)
+    staged, found = try_stage(loaded, console)
+    console.say(f"{path}: {_tally(loaded, found)}")
     if staged is None:
         raise Findings
     if simulate:
-        from ergon.exchange.follow import follow
+        from ergon.rendering.follow import follow
 
         with console.progress(f"simulating {path}", staged.n_frames, staged.rate) as progress:
             _report(console, staged.piece, follow(staged, progress.at))
 
 
-def _report(console: Console, piece: Piece, found: list[Followed]) -> None:
+def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
+    """`2 errors, 1 warning`, or `no mistakes`; diagnostics that were not shown count too."""
+    counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0, **loaded.left_out}
+    for found in (*loaded.diagnostics, *more):
+        counts[found.severity] += 1
+    return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"
+
+
+def _report(console: Console, piece: Piece, found: list[GestureFidelity]) -> None:
     for one in found:
         at = None if isnan(one.worst_at) else score.where(piece, one.worst_at)
         if console.json:

@@ -1,4 +1,4 @@
-"""When colour is welcome, and what it means."""
+"""Colours of messages, and whether a terminal wants them."""
 
 from __future__ import annotations
 

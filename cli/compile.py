@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import click
 
-from . import options, score
+from ergon.api import score
+from ergon.api.options import ReadOptions
+
+from . import options
 from .console import Console
 
 
@@ -29,10 +32,11 @@ def compile_score(
     place in the score that it comes from. --json gives JSON lines instead of CSV.
     """
     from ergon.exchange.safe import writing
-    from ergon.exchange.stream import Form, Names, header, stream
+    from ergon.exchange.stream import Form, Names, header
+    from ergon.rendering.ergons import stream
 
-    loaded = score.read(console, score_path, trust=trust)
-    staged = score.stage_piece(console, loaded, seed=seed, record=True)
+    loaded = score.read(score_path, ReadOptions(trust=trust), console)
+    staged = score.stage_piece(loaded, None, console, seed=seed, record=True)
     piece, stage = staged.piece, staged.stage
     form: Form = "json" if console.json else "csv"
     reaches = {name: key.reach for name, key in piece.keys.items()}

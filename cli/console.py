@@ -1,4 +1,4 @@
-"""What a person and a script read: messages on stderr, data on stdout, JSON lines on request."""
+"""Output of commands: messages on stderr, data on stdout, JSON lines on request."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from ergon.common.report import Progress, Report
 from ergon.common.terminal import clean, json_text
 
 from .colour import style
@@ -16,14 +17,12 @@ if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic, Severity, Source
 
     from .outcome import Outcome
-    from .progress import Progress
-
 VERSION = 1
 Form = Literal["full", "concise", "github", "json"]
 
 
 @dataclass(frozen=True, slots=True)
-class Console:
+class Console(Report):
     """The manner of speaking that the options of a command ask for."""
 
     json: bool = False
@@ -47,6 +46,11 @@ class Console:
         """What happened; left out under --quiet and --json."""
         if not self.quiet and not self.json:
             print(clean(message), file=sys.stderr)
+
+    def event(self, name: str, **fields: object) -> None:
+        """A JSON line under --json alone."""
+        if self.json:
+            self.record(name, **fields)
 
     def detail(self, message: str) -> None:
         """More of it, under --verbose only."""

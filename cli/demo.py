@@ -45,11 +45,13 @@ def demo(
                 console.data(f"{path.stem:<20} {about(path)}\n")
         return
     path = _chosen(scores, name)
-    from .render import Wishes, render_file
+    from ergon.api.render import FileOptions
+
+    from .render import render_file
 
     target = output or f"{path.stem}.wav"
     console.say(f"score: {path}")
-    render_file(console, str(path), Wishes(output=target, force=force))
+    render_file(console, str(path), target, FileOptions(force=force))
     if not no_audio and target != "-":
         _play(console, target)
 
@@ -75,7 +77,7 @@ def _chosen(scores: dict[str, Path], name: str | None) -> Path:
     from ergon.notation.text.spelling import nearest
 
     if not scores:
-        raise Refused("no scores ship with this installation")
+        raise Refused("this installation has no scores; install ergon again")
     if name is None:
         return scores.get(_FIRST) or next(iter(scores.values()))
     if name not in scores:

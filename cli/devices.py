@@ -1,4 +1,4 @@
-"""`ergon devices`: what there is to play on, and with what."""
+"""`ergon devices`: the sound cards and keys of this machine."""
 
 from __future__ import annotations
 

@@ -64,12 +64,12 @@ def calibrate(
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
     try:
-        console.say("let go of it: a small pulse, to one side and to the other")
+        console.say("let go of the key: it gets a small pulse to one side, then to the other")
         found = plain(own, int(own.direction(number, _PERIOD)))
         if seconds > 0:
             found = _ended(console, own, found, number, seconds, travel)
         elif travel is not None:
-            raise Refused("--travel is from end to end, and --seconds 0 does not look for ends")
+            raise Refused("--travel needs the ends, which --seconds 0 does not look for")
     except _core.EngineError as error:
         raise Refused(f"{key(url, number)}: {error}") from None
     finally:
@@ -87,7 +87,7 @@ def _ended(
 ) -> Axis:
     from ergon.live.calibration import between
 
-    console.say(f"move it from end to end, for {seconds:g} s")
+    console.say(f"move the key from end to end, for {seconds:g} s")
     low, high = own.ends(seconds, _PERIOD)[number].tolist()
     least, most = own.range
     if high - low < _LEAST * (most - least):

@@ -107,10 +107,10 @@ def emulate(
     if axes is not None and axes != usual_axes and device != "frame":
         raise Refused(f"a {device} has {usual_axes} axes")
     if force_max is not None and device != "frame":
-        raise Refused(f"a {device} has the motors it has: --force-max is for a frame")
+        raise Refused(f"--force-max is for a frame; the motors of a {device} are given")
     axes = axes or usual_axes
     if len(gestures) > axes:
-        raise Refused(f"{len(gestures)} gestures, and {axes} keys")
+        raise Refused(f"{len(gestures)} gestures are given for {axes} keys")
     transport, port = _way(device, ways, terminal, udp, ws)
     suffix = "?lockstep" if lockstep else ""
 
@@ -127,7 +127,7 @@ def emulate(
         elif console.json:
             console.record(event)
         else:
-            console.say({"let-go": "no host: force -> 0", "host-gone": "the host hung up"}[event])
+            console.say({"let-go": "no host: force -> 0", "host-gone": "the host has gone"}[event])
 
     _core.emulate(
         cast("Literal['firefader', 'frame', 'haply']", device),
@@ -152,10 +152,10 @@ def _way(
     asked = [("pty", 0)] if terminal else []
     asked += [(name, port) for name, port in (("udp", udp), ("ws", ws)) if port is not None]
     if len(asked) > 1:
-        raise Refused("one of --pty, --udp and --ws")
+        raise Refused("--pty, --udp and --ws exclude each other; give one")
     name, port = asked[0] if asked else (next(iter(ways)), 10001 if "ws" in ways else 0)
     if name not in ways:
-        raise Refused(f"a {device} is reached by --{' or --'.join(ways)}")
+        raise Refused(f"a {device} is emulated by --{' or --'.join(ways)}")
     return name, port
 
 

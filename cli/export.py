@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from . import options, score
+from ergon.api import score
+from ergon.api.options import ReadOptions
+
+from . import options
 from .console import Console
 from .outcome import Refused
 from .summary import finer, rendered
@@ -51,8 +54,8 @@ def export(
     from ergon.exchange.markers import markers_csv
     from ergon.exchange.safe import check_target, writing
 
-    loaded = score.read(console, score_path, trust=trust)
-    staged = score.stage_piece(console, loaded)
+    loaded = score.read(score_path, ReadOptions(trust=trust), console)
+    staged = score.stage_piece(loaded, None, console)
     piece = staged.piece
     end = staged.stage.n_frames / staged.stage.rate
     tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
@@ -72,19 +75,14 @@ def export(
             file.write(content)
         _say(console, path)
     if stems:
-        from ergon.exchange import render as exchange
+        from ergon.api.render import FileOptions, Prepared, job_of, write
 
-        from .render import Wishes, order_of
-
-        wishes = Wishes(
-            output=str(output / "mix.wav"), stems=output / "stems", bits=bits, force=force
-        )
-        order = order_of(score_path, piece, staged.stage, wishes)
-        order = replace(order, inputs=loaded.inputs)
-        with console.progress("rendering stems", order.stop, staged.stage.rate) as progress:
-            done = exchange.render(staged.stage, order, progress.at)
-        rendered(console, done, order, staged.plan_s, staged.stage.network)
-        finer(console, staged.stage.simulation)
+        asked = FileOptions(stems=output / "stems", bits=bits, force=force)
+        job = job_of(piece, staged.stage, str(output / "mix.wav"), asked)
+        job = replace(job, inputs=loaded.inputs)
+        done = write(Prepared(loaded, staged.stage, job, staged.plan_s), console)
+        rendered(console, done)
+        finer(console, done.simulation)
 
 
 def _tempo_file(piece: Piece, end: float) -> bytes:

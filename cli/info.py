@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from . import options, score
+from ergon.api import score
+from ergon.api.options import ReadOptions
+
+from . import options
 from .console import Console, plural
 from .outcome import Findings, Refused
 from .units import octets, seconds
@@ -58,7 +61,7 @@ def _render(console: Console, path: Path, of: str | None, trust: bool) -> None:
         return
     if found.score is None:
         raise Findings(f"{path} does not say which score it comes from")
-    if score.piece_of(score.read(console, of, trust=trust)).digest() != found.score:
+    if score.piece_of(score.read(of, ReadOptions(trust=trust), console)).digest() != found.score:
         raise Findings(f"{path} was rendered from another score than {of}, or an earlier state")
     console.say(f"{path} was rendered from {of} as it is now")
 
@@ -99,7 +102,7 @@ def _lines(path: Path, found: WaveInfo, samples: str) -> str:
 
 
 def _score(console: Console, path: str, trust: bool) -> None:
-    ready = score.stage_piece(console, score.read(console, path, trust=trust))
+    ready = score.stage_piece(score.read(path, ReadOptions(trust=trust), console), None, console)
     piece, staged = ready.piece, ready.stage
     duration = staged.n_frames / staged.rate
     end = score.where(piece, duration)

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ergon.api.score import STDIN
+
 from .console import Console
 from .outcome import Refused
-from .score import STDIN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,7 +20,10 @@ FORMS = ("csv", "svg", "png")
 def stem(
     output: str | None, source: str, what: str, force: bool, inputs: Sequence[Path] = ()
 ) -> Path:
-    """NAME of NAME.csv, NAME.svg and NAME.png. Raises RefusedError where one may not be written."""
+    """NAME of NAME.csv, NAME.svg and NAME.png, all of which may be written.
+
+    Raises FileRefusedError.
+    """
     from ergon.exchange.safe import check_target
     from ergon.lab.pictures import targets
 
@@ -55,7 +59,7 @@ def write(
 ) -> None:
     """The table, then the pictures; without matplotlib the table alone, and a refusal."""
     from ergon.exchange.safe import write_text
-    from ergon.lab.pictures import NoPicturesError, save, targets
+    from ergon.lab.pictures import MatplotlibMissingError, save, targets
 
     csv = targets(stem)[0]
     write_text(csv, table, force=force)
@@ -63,5 +67,5 @@ def write(
     try:
         for path in save(draw, stem, force=force):
             console.say(f"wrote {path}")
-    except NoPicturesError as error:
+    except MatplotlibMissingError as error:
         raise Refused(f"{error}; {csv} is written") from None

@@ -38,7 +38,7 @@ def new(console: Console, name: str, template: str) -> None:
 
     folder = Path(name)
     if not _NAME.fullmatch(folder.name):
-        raise Refused(f"'{folder.name}' is no name for a piece: letters, digits, - and _")
+        raise Refused(f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise Refused(f"{folder} exists already and is not empty")
     for path, text in contents(template, folder.name).items():

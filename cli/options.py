@@ -1,4 +1,4 @@
-"""Options that several commands share, said once."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
@@ -41,9 +41,7 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
 def accuracy(command: F) -> F:
     """How exact, instead of as the score says: --method, --error, --cents, or an earlier plan."""
     for option in (
-        click.option(
-            "--plan", "pinned", metavar="FILE", help="Compute by this plan (ergon plan -o)."
-        ),
+        click.option("--plan", metavar="FILE", help="Compute by this plan (ergon plan -o)."),
         click.option("--cents", type=click.FloatRange(0.01, 1200), help="Most error of a pitch."),
         click.option("--error", metavar="LEVEL", help="Most error of the waveform, such as -60dB."),
         click.option(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from ergon.common.errors import ErgonError
 
-class Outcome(Exception):
+
+class Outcome(ErgonError):
     """A command's early end with a sentence for the person who typed it."""
 
     exit_code: ClassVar[int] = 2

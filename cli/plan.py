@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from . import options, score
+from ergon.api.options import AccuracyOptions
+from ergon.api.plan import Plan
+from ergon.api.plan import plan as make_plan
+
+from . import options
 from .console import Console, plural
 from .outcome import Refused
 
 if TYPE_CHECKING:
-    from ergon._core import Plan, PlanRow
+    from ergon._core import PlanRow
 
 _HOW = {
     "stepped": "module by module, CA",
@@ -45,7 +49,7 @@ def plan(
     method: str | None,
     error: str | None,
     cents: float | None,
-    pinned: str | None,
+    plan: str | None,
     seed: int | None,
     force: bool,
     trust: bool,
@@ -56,38 +60,30 @@ def plan(
     are counted by a table that ships with ergon, 1.0 being one core at real time.
     """
     if output == "-" and console.json:
-        raise Refused("--json and -o - both want stdout")
-    wanted = score.Plan(method, error, cents, pinned)
-    loaded = score.read(console, score_path, trust=trust)
-    staged = score.stage_piece(console, loaded, seed=seed, plan=wanted)
-    made = staged.stage.plan
-    assert made is not None
-    rows = made.rows()
+        raise Refused("--json and -o - both write to stdout; give one")
+    asked = AccuracyOptions(
+        method=method, error=error, cents=cents, plan=plan, seed=seed, trust=trust
+    )
+    made = make_plan(score_path, asked, report=console)
+    rows = list(made.rows)
     if why is not None:
         rows = _of(rows, why)
     if output is not None:
-        from ergon.exchange.plan_file import write
-
-        inputs = (*loaded.inputs, *wanted.read)
-        write(output, made.choices(), made.hash, force=force, inputs=inputs)
+        made.write(output, force=force)
     if console.json:
         for row in rows:
             console.record("plan_row", **_fields(row))
         console.record(
             "plan",
             hash=made.hash,
-            cost=_cost(made),
-            plan_s=staged.plan_s,
-            kept=staged.stage.is_plan_kept,
+            cost=made.cost,
+            plan_s=made.seconds,
+            kept=made.is_kept,
         )
     elif why is not None:
         console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
     elif output != "-":
-        console.data(_table(rows) + _summary(made, staged))
-
-
-def _cost(made: Plan) -> float:
-    return sum(row.cost for row in made.rows())
+        console.data(_table(rows) + _summary(made))
 
 
 def _of(rows: list[PlanRow], module: str) -> list[PlanRow]:
@@ -169,11 +165,11 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     )
 
 
-def _summary(made: Plan, staged: score.Staged) -> str:
-    cost = _cost(made)
+def _summary(made: Plan) -> str:
+    cost = made.cost
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
-    planned = f"planned in {staged.plan_s:.2g} s"
-    if staged.stage.is_plan_kept:
+    planned = f"planned in {made.seconds:.2g} s"
+    if made.is_kept:
         planned += " (kept from before)"
     return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {made.hash[:12]}\n"
 
@@ -202,9 +198,9 @@ def _why(row: PlanRow) -> list[str]:
             f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
         )
         if row.offered:
-            said.append("  Nobody asked for that: the planner did, for so its island costs less.")
+            said.append("  The planner chose this by itself: it costs less.")
         if row.radius is not None:
-            said.append(f"  From pull to pull nothing grows: |λ| is {row.radius:.9g} at most.")
+            said.append(f"  Nothing grows from pull to pull: |λ| is at most {row.radius:.9g}.")
     elif row.what == "stepped":
         said.append(f"  It is stepped module by module by the CA scheme, {_often(row.times)}.")
     else:
@@ -219,9 +215,7 @@ def _why(row: PlanRow) -> list[str]:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
     if row.spectral_db is not None:
-        said.append(
-            "  After that the smallest difference has grown until no two methods give one waveform;"
-        )
+        said.append("  After that it is chaotic: no two methods give the same waveform;")
         said.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
     if row.word is not None:
         said.append(

@@ -52,15 +52,13 @@ def _playing(command: Any) -> Any:
 @click.command()
 @options.score
 @_playing
-def play(console: Console, score_path: str, **wishes: Any) -> None:
+def play(console: Console, score_path: str, **given: Any) -> None:
     """Play a score through the loudspeakers.
 
     Live players are played by what stands in for them;
     `ergon duet` puts hands there. Ctrl-C ends it within 10 ms.
     """
-    from .playing import Wishes, play_score
-
-    play_score(console, score_path, Wishes(**wishes))
+    _play(console, score_path, **given)
 
 
 @click.command()
@@ -82,13 +80,32 @@ def play(console: Console, score_path: str, **wishes: Any) -> None:
 @click.option("--unchecked", is_flag=True, help="Try no axis for its direction first.")
 @click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on a hand [N].")
 @_playing
-def duet(console: Console, score_path: str, **wishes: Any) -> None:
+def duet(console: Console, score_path: str, **given: Any) -> None:
     """Play a score with real hands beside written ones.
 
     Every `--live` puts a device's axis under a player's key: it moves the key and feels what the
     key feels. Where no device is given or one is lost, the player's take or part stands in. Before
     an axis plays for the first time a small pulse finds out which way it goes.
     """
-    from .playing import Wishes, play_score
+    _play(console, score_path, **given)
 
-    play_score(console, score_path, Wishes(**wishes))
+
+def _play(console: Console, score_path: str, *, plain: bool, strict: bool, **given: Any) -> None:
+    """Play a score to its end, or until Ctrl-C."""
+    from dataclasses import replace
+    from functools import partial
+
+    from ergon.api.play import PlayOptions, begin, prepare, warn_of_scaled_forces
+
+    from .performance import Shown
+
+    asked = PlayOptions(**given)
+    ready = prepare(score_path, asked, console)
+    stage, config, osc = ready.stage, ready.config, ready.osc
+    while True:
+        performance = begin(stage, config, console)
+        shown = Shown(console, stage, performance, ready.boards, strict=strict, plain=plain)
+        shown.run(osc, config, partial(warn_of_scaled_forces, performance, stage, console))
+        if not asked.loop or (osc is not None and osc.stopped):
+            return
+        config = replace(config, start=0)

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from . import options, score
+from ergon.api import score
+from ergon.api.options import ReadOptions
+
+from . import options
 from .console import Console
 from .outcome import Refused
 
@@ -54,9 +57,9 @@ def plot(
     if Path(score_path).suffix.lower() == ".wav":
         _sound(console, Path(score_path), svg, width, height, force)
         return
-    loaded = score.read(console, score_path, trust=trust)
+    loaded = score.read(score_path, ReadOptions(trust=trust), console)
     if name is None:
-        raise Refused(f"what is to be drawn? {_known(score.piece_of(loaded))}")
+        raise Refused(f"say what is to be drawn: {_known(score.piece_of(loaded))}")
     curves, title = _curves(console, loaded, name, key)
     if console.json:
         for curve in curves:
@@ -100,7 +103,7 @@ def _staged(
 
     piece = score.piece_of(loaded)
     if key is None:
-        stage = score.stage_piece(console, loaded).stage
+        stage = score.stage_piece(loaded, None, console).stage
         if name in piece.players:
             played = [gesture for gesture in stage.gestures if gesture.player == name]
             if not played:
@@ -110,10 +113,10 @@ def _staged(
         if played:
             return stage, played[:1]
     if name in piece.players:
-        raise Refused("--key takes a gesture or a take; a player has a key already")
+        raise Refused("--key is for a gesture or a take; a player has a key of its own")
     if not piece.keys:
-        raise Refused("this piece has no key to play on")
-    with score.staging(console, lambda: loaded):
+        raise Refused("this piece has no key that could play it")
+    with score.staging(lambda: loaded, console):
         alone = solo(piece, name, key or next(iter(piece.keys)))
     return alone, alone.gestures
 

@@ -6,8 +6,9 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Self
+
+from ergon.common.report import Progress
 
 from .colour import may_colour
 
@@ -15,25 +16,6 @@ Record = Callable[..., None]  # an event's name, and its fields by name
 
 _RECORD_EVERY = 1.0  # [s]
 _DRAW_EVERY = 0.1  # [s] more often is flicker
-
-
-class Progress:
-    """Silent progress; `at(done)` is called with the frames done so far."""
-
-    def __enter__(self) -> Self:
-        """Begin."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """End, however the work ended."""
-
-    def at(self, done: int) -> None:
-        """So many frames are done."""
 
 
 class _Records(Progress):

@@ -1,4 +1,4 @@
-"""A recording as the commands meet it: read, damage told, instants in ticks."""
+"""Recordings for the commands: read with a warning of damage, instants in ticks, written."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def target(output: str, source: Path) -> Path:
 
     path = Path(output)
     if path.suffix.lower() != SUFFIX:
-        raise Refused(f"{output}: a recording is called something{SUFFIX}")
+        raise Refused(f"{output}: the name of a recording ends in {SUFFIX}")
     check_target(path, force=True, inputs=(source,))
     return path
 
@@ -58,7 +58,7 @@ def write(console: Console, recording: Recording, path: Path, *, force: bool, dr
 
     # What hands did cannot be computed again: no recording counts as a file of ours to replace.
     if path.exists() and not force:
-        raise Refused(f"{path} exists, and a recording is not written over (-f does it)")
+        raise Refused(f"{path} exists; -f overwrites it")
     if not dry:
         with writing(path, binary=True, force=force) as file:
             file.write(recording.to_bytes())

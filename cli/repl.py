@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from . import options
 from .console import Console
+from .outcome import Findings
+
+if TYPE_CHECKING:
+    from ergon.repl.prompt.signals import Watch
+    from ergon.repl.session_protocol import SessionProtocol
 
 
 @click.command()
@@ -55,18 +60,44 @@ from .console import Console
 @click.option("--strict", is_flag=True, help="Exit 1 when a line was not taken.")
 @options.trust
 @options.speaking
-def repl(console: Console, score_path: str | None, **wishes: Any) -> None:
+def repl(
+    console: Console,
+    score_path: str | None,
+    engine: bool,
+    plain: bool,
+    strict: bool,
+    **given: Any,
+) -> None:
     """Live-code a score: every line is one musical decision.
 
     `play` begins; `help` lists what may be typed. Lines act on the next bar, and whatever is wrong
     with one, the music goes on. F12 is silence.
     """
-    from .performing import Wishes, perform
+    from ergon.api import local_session, remote_session
+    from ergon.api.errors import EngineExitError
+    from ergon.api.options import SessionOptions
 
-    asked = Wishes(**wishes)
+    asked = SessionOptions(**given)
     if asked.socket is None:
-        perform(console, score_path, asked)
-    else:
-        from .apart import perform_apart
+        from ergon._core import stop_on_signals
 
-        perform_apart(console, score_path, asked)
+        session = local_session.begin(score_path, asked, console)
+        _prompt(session, stop_on_signals, plain=plain, strict=strict)
+    elif engine:
+        remote_session.serve(score_path, asked, console)
+    else:
+        try:
+            from ergon.repl.prompt.signals import unwatched
+
+            remote = remote_session.join(score_path, asked, console)
+        except EngineExitError as ended:  # why stands on the terminal
+            raise click.exceptions.Exit(ended.exit_code) from None
+        _prompt(remote, unwatched, plain=plain, strict=strict)
+
+
+def _prompt(face: SessionProtocol, watch: Watch, *, plain: bool, strict: bool) -> None:
+    """Read lines until somebody leaves."""
+    from ergon.repl.prompt.run import history_of_user, run
+
+    if run(face, plain=plain, strict=strict, history=history_of_user(), watch=watch):
+        raise Findings

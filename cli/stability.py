@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ergon.api import score
+from ergon.api.options import ReadOptions
 from ergon.lab.names import CUTS, MAPS, METHODS, SLOW
 
-from . import laboratory, options, score
+from . import laboratory, options
 from .console import Console
 from .outcome import Refused
 
@@ -62,7 +64,9 @@ def stability(
 
     if score_path is not None and method == SLOW:
         raise Refused(f"--method {SLOW} maps a scene of ergon's own: without SCORE")
-    loaded = None if score_path is None else score.read(console, score_path, trust=trust)
+    loaded = (
+        None if score_path is None else score.read(score_path, ReadOptions(trust=trust), console)
+    )
     inputs = () if loaded is None else loaded.inputs
     stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
     maps, title = _maps(loaded, Path(score_path or "").stem, method, chosen, seconds)

@@ -1,4 +1,4 @@
-"""Standard streams that take whatever is said, also where they are closed or narrow."""
+"""Standard streams that never fail to write: closed ones, and those of narrow encodings."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def import_take(
     from ergon.scores.gesture.takes import read
 
     if output is None:
-        raise Refused("where to? -o NEW.take")
+        raise Refused("no file is named; -o NEW.take does")
     path = Path(file)
     if path.suffix.lower() == ".gms":
         raise Refused(

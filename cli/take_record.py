@@ -45,12 +45,12 @@ def record(
     from ergon.live.capture import capture
 
     if output is None:
-        raise Refused("where to? -o NEW.take")
+        raise Refused("no file is named; -o NEW.take does")
     path = Path(output)
     if path.suffix.lower() != recording.SUFFIX:
-        raise Refused(f"{output}: a recording is called something{recording.SUFFIX}")
+        raise Refused(f"{output}: the name of a recording ends in {recording.SUFFIX}")
     if path.exists():
-        raise Refused(f"{path} is there already, and a recording overwrites nothing")
+        raise Refused(f"{path} exists, and a recording overwrites nothing")
     boards = _boards(live)
     try:
         performance = capture(boards, path, tick=tick, seconds=seconds)
@@ -71,7 +71,7 @@ def _until_over(console: Console, performance: _core.Performance) -> None:
         # A hand whose device is gone goes nowhere: there is nothing more to record of it.
         gone = [what for _, what, _ in performance.events() if what == "gone"]
         if gone:
-            console.warn("the device is gone; what there was is kept")
+            console.warn("the device is gone; the recording up to there is kept")
             return
 
 

@@ -36,11 +36,11 @@ def trim(
     where FILE is damaged.
     """
     if output is None:
-        raise Refused("where to? -o NEW.take")
+        raise Refused("no file is named; -o NEW.take does")
     path = Path(file)
     begin, end = _seconds(start, "FROM"), _seconds(stop, "TO")
     if not begin < end:
-        raise Refused(f"{start} to {stop} keeps nothing")
+        raise Refused(f"nothing lies between {start} and {stop}")
     # The header alone: ticks are counted from the first row, wherever in the piece that was.
     head = recording.read_quietly(path, (0, 0))
     rate = head.rate / head.frames

@@ -1,1 +1,1 @@
-"""What every room may use: text for terminals, files that are opened with care."""
+"""What every room may use: errors, reports, text for terminals, files opened with care."""

@@ -1,4 +1,4 @@
-"""Opening files that nobody vouches for: regular ones alone, and never waiting for one."""
+"""Opening untrusted names: regular files alone, and never blocking on a pipe."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
+from ergon.common.errors import ErgonError
 
-class NotRegularError(OSError):
+
+class NotRegularError(ErgonError, OSError):
     """The name stands for a folder, a pipe, a socket or a device."""
 
 

@@ -1,4 +1,4 @@
-"""Text from anywhere as a terminal may be given it, and as JSON that holds nothing of the kind."""
+"""Untrusted text without control characters, for a terminal and in JSON."""
 
 from __future__ import annotations
 
@@ -28,6 +28,6 @@ def printable(text: str) -> str:
 
 
 def json_text(value: Any) -> str:
-    """One line of JSON in which what steers a terminal is escaped."""
+    """One line of JSON with control characters escaped."""
     text = json.dumps(value, ensure_ascii=False)
     return _STEERING.sub(lambda found: json.dumps(found[0])[1:-1], text)

@@ -1,4 +1,4 @@
-"""Prepared parts of a piece: what their outputs hear, and a manifest that says of which piece.
+"""Frozen parts of a piece: the signals of their outputs, and a manifest that names the piece.
 
     DIR/frozen.json   {"made": …, "ergon_frozen": 1, "score": …, "seed": …, "stems": […]}
     DIR/01_gong.wav   a channel for each output of a part: doubles, before gains and high-passes
@@ -9,20 +9,18 @@ frozen.
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 
-from .ahead import ahead
-from .render import BLOCK, Staged, frames_of, stem_paths
-from .safe import MARK, check_target, writing
-from .wave import WaveWriter, hash_samples, read_info
-from .wave_header import CHANNELS_MAX, NotWaveError, Stamp, WaveFormat
+from .safe import MARK
+from .wave import hash_samples, read_info
+from .wave_header import NotWaveError, WaveFormat
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,7 +32,7 @@ _SIZE_MAX = 10_000_000  # bytes: no manifest is larger
 _PARTS_MAX = 10_000
 
 
-class NotFrozenError(ValueError):
+class NotFrozenError(ErgonError, ValueError):
     """The folder holds nothing that can be played with this piece; the message says why."""
 
 
@@ -75,7 +73,7 @@ class Frozen:
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class VerifiedStem:
     """A stem that is whole: its doubles begin after `offset` bytes."""
 
     path: Path
@@ -94,62 +92,8 @@ class Checked:
         frames[:, list(self.taps)] = found.reshape(len(frames), width)
 
 
-def write(
-    stage: Staged,
-    taps: Mapping[str, Sequence[int]],
-    source: Source,
-    folder: Path,
-    progress: Callable[[int], None],
-    *,
-    n_frames: int,
-    force: bool = False,
-    threads: int = 1,
-    inputs: Sequence[Path] = (),
-) -> Frozen:
-    """Compute `n_frames` frames of the taps of parts; all files or none.
-
-    Raises RefusedError before any work when a file may not be written, DivergedError from the
-    engine when a part goes non-finite.
-    """
-    import numpy as np
-
-    pieces = [
-        (part, tuple(own[first : first + CHANNELS_MAX]))
-        for part, own in taps.items()
-        for first in range(0, len(own), CHANNELS_MAX)
-    ]
-    paths = stem_paths(folder, [part for part, _ in pieces])
-    for path in (*paths, folder / MANIFEST):
-        check_target(path, force=force, inputs=inputs)
-    stamp = Stamp(source.title, source.score, source.plan)
-    with contextlib.ExitStack() as stack:
-        # Entered first, it gets its name last.
-        manifest = stack.enter_context(writing(folder / MANIFEST, binary=True, force=force))
-        writers = []
-        for (_, own), path in zip(pieces, paths, strict=True):
-            file = stack.enter_context(writing(path, binary=True, force=force))
-            format = WaveFormat(int(source.rate), len(own), "double")
-            writers.append(WaveWriter(file, format, n_frames, stamp))
-        at = 0
-        blocks = frames_of(stage.simulation, n_frames, BLOCK)
-        with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as coming:
-            for frames in coming:
-                for writer, (_, own) in zip(writers, pieces, strict=True):
-                    writer.write(np.ascontiguousarray(frames[:, list(own)]))
-                at += len(frames)
-                progress(at)
-        for writer in writers:
-            writer.close()
-        stems = tuple(
-            Stem(part, path, own, writer.sha256)
-            for (part, own), path, writer in zip(pieces, paths, writers, strict=True)
-        )
-        frozen = Frozen(source, n_frames, stems)
-        manifest.write(_text(frozen).encode())
-    return frozen
-
-
-def _text(frozen: Frozen) -> str:
+def text(frozen: Frozen) -> str:
+    """The manifest as the text of a file."""
     source = frozen.source
     head = {
         "made": f"{MARK.decode()} {source.version}",
@@ -174,10 +118,10 @@ def read(folder: Path) -> Frozen:
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
-            raise NotFrozenError(f"{path}: larger than any manifest")
+            raise NotFrozenError(f"{path}: larger than a manifest may be")
         found = json.loads(data)
         if found["ergon_frozen"] != VERSION:
-            raise NotFrozenError(f"{path}: this is no manifest of version {VERSION}")
+            raise NotFrozenError(f"{path}: not a manifest of version {VERSION}")
         source = Source(
             str(found["title"]),
             str(found["score"]),
@@ -194,7 +138,7 @@ def read(folder: Path) -> Frozen:
     except NotFrozenError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        raise NotFrozenError(f"{path}: this is no manifest of frozen parts") from None
+        raise NotFrozenError(f"{path}: not a manifest of frozen parts") from None
 
 
 def _stem(folder: Path, found: Any) -> Stem:
@@ -205,7 +149,7 @@ def _stem(folder: Path, found: Any) -> Stem:
     return Stem(str(found["part"]), folder / name, taps, str(found["sha256"]))
 
 
-def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[Checked]:
+def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[VerifiedStem]:
     """The stems, if they are whole and of this stage's taps. Raises NotFrozenError.
 
     Every file is read once and hashed.
@@ -217,11 +161,11 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
         raise NotFrozenError(f"it lasts {frozen.n_frames:,} frames, the piece {n_frames:,}")
     for part, own in taps.items():
         if found.get(part) != list(own):
-            raise NotFrozenError(f"its {part} has other outputs than the score's")
+            raise NotFrozenError(f"'{part}' has other outputs than in the score")
     return [_whole(stem, frozen) for stem in frozen.stems]
 
 
-def _whole(stem: Stem, frozen: Frozen) -> Checked:
+def _whole(stem: Stem, frozen: Frozen) -> VerifiedStem:
     try:
         info = read_info(stem.path)
         same = WaveFormat(int(frozen.source.rate), len(stem.taps), "double")
@@ -231,4 +175,4 @@ def _whole(stem: Stem, frozen: Frozen) -> Checked:
             raise NotFrozenError(f"{stem.path} is not the file that was frozen: its samples differ")
     except (OSError, NotWaveError) as error:
         raise NotFrozenError(f"{stem.path}: {error}") from None
-    return Checked(stem.path, info.offset, info.n_frames, stem.taps)
+    return VerifiedStem(stem.path, info.offset, info.n_frames, stem.taps)

@@ -1,4 +1,4 @@
-"""A plan as a file: what was decided, island by island, to be decided the same again.
+"""A plan as a file: its decisions, island by island, so that a later run follows them.
 
 {"ergon_plan": 1, "hash": …, "choices": [[modules, times, steps, [[numbers of a body] …]] …]}
 """
@@ -9,6 +9,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
 
 from .safe import writing
@@ -20,7 +21,7 @@ _NUMBER_MAX = 2**32 - 1
 Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
 
 
-class NotPlanError(ValueError):
+class NotPlanError(ErgonError, ValueError):
     """The file is no plan that this program reads."""
 
 
@@ -45,24 +46,24 @@ def read(path: Path) -> Choices:
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
-            raise NotPlanError(f"larger than any plan ({_SIZE_MAX // 1_000_000} MB)")
+            raise NotPlanError(f"larger than a plan may be ({_SIZE_MAX // 1_000_000} MB)")
         found = json.loads(data)
     except NotPlanError:
         raise
     except OSError as error:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except (ValueError, RecursionError):
-        raise NotPlanError("this is no plan: `ergon plan SCORE -o FILE` writes one") from None
+        raise NotPlanError("not a plan; `ergon plan SCORE -o FILE` writes one") from None
     return decided(found)
 
 
 def decided(found: object) -> Choices:
-    """The choices of what a file holds. Raises NotPlanError with a sentence."""
+    """The choices in the parsed JSON of a file. Raises NotPlanError."""
     if not isinstance(found, dict) or found.get("ergon_plan") != VERSION:
-        raise NotPlanError(f"this is no plan of version {VERSION}")
+        raise NotPlanError(f"not a plan of version {VERSION}")
     choices = found.get("choices")
     if not isinstance(choices, list):
-        raise NotPlanError("it says nothing of choices")
+        raise NotPlanError("it has no list of choices")
     return [_choice(choice) for choice in choices]
 
 

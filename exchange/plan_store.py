@@ -1,4 +1,4 @@
-"""Plans kept from one run to the next, in the user's cache folder; a convenience, never needed.
+"""A cache of plans in the user's cache folder: a convenience, never needed.
 
 $XDG_CACHE_HOME/ergon/plans, or ~/.cache/ergon/plans; ERGON_CACHE=off keeps none. A file is a plan
 file (`ergon plan -o`) with its key and what was told of each row; one that is broken or foreign
@@ -21,7 +21,7 @@ from ergon import _core
 from ergon.common.regular import read_bounded
 
 from .plan_file import Choices, NotPlanError, decided, text
-from .safe import RefusedError, writing
+from .safe import FileRefusedError, writing
 
 _Row = tuple[float | None, float | None, float | None, float | None, str | None]
 Told = Sequence[_Row]
@@ -35,7 +35,7 @@ _NAME = re.compile("[0-9a-f]{64}[.]json")
 
 
 class PlanStore:
-    """Plans by what they are a function of."""
+    """Plans by the hash of all that they are a function of."""
 
     def __init__(self, folder: Path) -> None:
         """Use a folder, which need not exist."""
@@ -64,7 +64,7 @@ class PlanStore:
         content = text(choices, digest, key=key, told=told).encode()
         if len(content) > _ONE_MAX:
             return
-        with contextlib.suppress(OSError, RefusedError):
+        with contextlib.suppress(OSError, FileRefusedError):
             self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with writing(self._path(key), binary=False, force=True, sync=False) as file:
                 file.write(content)
@@ -74,7 +74,7 @@ class PlanStore:
         return self._folder / f"{key}.json"
 
     def _forget(self) -> None:
-        """Remove what was not used for longest, until there is little enough."""
+        """Remove the files that were used least recently, until the rest is within the bounds."""
         ours = []
         for path in self._folder.iterdir():
             if _NAME.fullmatch(path.name):

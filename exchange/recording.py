@@ -8,6 +8,8 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from ergon.common.errors import ErgonError
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -21,12 +23,12 @@ _MAX_TICKS = 20_000_000  # times axes: what a recording holds
 _NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # what a header of a CSV cannot say
 
 
-class NotRecordingError(ValueError):
+class NotRecordingError(ErgonError, ValueError):
     """What was given cannot be had from a recording, or made into one."""
 
 
 def about(recording: Recording) -> dict[str, Any]:
-    """What whoever recorded said of it; nothing where that is no JSON object."""
+    """The description that was recorded with it; empty where it is not a JSON object."""
     try:
         said = json.loads(recording.about)
     except (ValueError, RecursionError):

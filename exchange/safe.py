@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from ergon.common.errors import ErgonError
 from ergon.common.terminal import clean
 
 from . import temporary
@@ -23,8 +24,8 @@ MARK = b"made by ergon"  # stands within the first bytes of every text and MIDI 
 _MARK_WITHIN = 1024
 
 
-class RefusedError(Exception):
-    """The file will not be written; the message says why and what to do."""
+class FileRefusedError(ErgonError):
+    """A file that is not written; the message says why, and what to do."""
 
 
 def is_ours(path: Path) -> bool:
@@ -57,7 +58,7 @@ def check_target(
     ours: Callable[[Path], bool] = is_ours,
     inputs: Iterable[Path] = (),
 ) -> None:
-    """Raise RefusedError when `path` may not be written, before any work is done for it.
+    """Raise FileRefusedError when `path` may not be written, before any work is done for it.
 
     What is read (`inputs`) is never written over, whatever `force` says.
     """
@@ -67,13 +68,13 @@ def check_target(
     except OSError as error:
         is_loop = error.errno == errno.ELOOP
     if is_loop:
-        raise RefusedError(f"{path} is a link that leads back to itself")
+        raise FileRefusedError(f"{path} is a symbolic link in a circle")
     if path.is_dir():
-        raise RefusedError(f"{path} is a folder")
+        raise FileRefusedError(f"{path} is a folder")
     if is_one_of(path, inputs):
-        raise RefusedError(f"{path} is what is read; give the new file another name")
+        raise FileRefusedError(f"{path} is an input of this command; give the output another name")
     if path.is_file() and not force and not ours(path):
-        raise RefusedError(f"{path} exists and was not made by ergon (-f overwrites it)")
+        raise FileRefusedError(f"{path} exists and was not made by ergon (-f overwrites it)")
 
 
 class _Terminal(io.BytesIO):
@@ -102,7 +103,9 @@ def writing(
     """
     if str(target) == "-":
         if binary and sys.stdout.isatty():
-            raise RefusedError("binary data does not go to a terminal; give -o FILE or a pipe")
+            raise FileRefusedError(
+                "binary data is not written to a terminal; give -o FILE or a pipe"
+            )
         sys.stdout.flush()
         yield _Terminal() if sys.stdout.isatty() else sys.stdout.buffer
         sys.stdout.flush()
@@ -121,7 +124,7 @@ def writing(
         try:
             opened = temporary.opened(path, made)
         except OSError as error:
-            raise RefusedError(f"{path} cannot be written: {error.strerror}") from None
+            raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
         part = made[-1]
         with opened:
             yield opened
@@ -136,7 +139,7 @@ def writing(
     except BaseException:
         for part in made:
             part.unlink(missing_ok=True)
-        unmake(folders)
+        remove_folders(folders)
         raise
 
 
@@ -146,8 +149,8 @@ def keep_mode(path: Path, part: Path) -> None:
         part.chmod(path.stat().st_mode & 0o777)
 
 
-def unmake(folders: list[Path]) -> None:
-    """Take back folders that were made, innermost first."""
+def remove_folders(folders: list[Path]) -> None:
+    """Remove folders that were made, innermost first."""
     with contextlib.suppress(OSError):  # somebody else's file is in it by now
         for folder in folders:
             folder.rmdir()

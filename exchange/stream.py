@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon._core import Simulation
-
     Ergons = Mapping[str, NDArray[np.float64]]  # columns of _core.Simulation.ergons()
 
 VERSION = 1
@@ -60,18 +58,6 @@ def header(form: Form, *, title: str, rate: float, score: str) -> str:
     rows = io.StringIO()
     csv.writer(rows, lineterminator="\n").writerow(COLUMNS)
     return f"# ergon stream {VERSION}, {', '.join(filter(None, facts))}\n" + rows.getvalue()
-
-
-def stream(
-    simulation: Simulation, n_frames: int, form: Form, names: Names, block: int = 4096
-) -> Iterator[tuple[str, int]]:
-    """Run a recording simulation to frame `n_frames`; gives (rows of a block, frames done)."""
-    import numpy as np
-
-    for at in range(0, n_frames, block):
-        count = min(block, n_frames - at)
-        simulation.process(np.zeros((count, simulation.n_out)))
-        yield rows(form, simulation.ergons(), names), at + count
 
 
 def rows(form: Form, ergons: Ergons, names: Names) -> str:

@@ -8,15 +8,15 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from . import temporary
-from .safe import RefusedError, keep_mode, unmake
+from .safe import FileRefusedError, keep_mode, remove_folders
 
 
 def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> None:
     """Write files, all of them or none.
 
     All stand beside their targets, on the disk, before the first takes its place. `check` is asked
-    of each just before that, and raises where it may not be written. Raises RefusedError, and what
-    `check` raises.
+    of each just before that, and raises where it may not be written. Raises FileRefusedError, and
+    what `check` raises.
     """
     at = {path: path.resolve() for path in files}  # a link stays a link
     made = {folder for path in at.values() for folder in path.parents if not folder.exists()}
@@ -43,9 +43,9 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
                 else:
                     os.replace(old, target)
             stack.close()
-            unmake(sorted(made, key=lambda folder: -len(folder.parts)))
+            remove_folders(sorted(made, key=lambda folder: -len(folder.parts)))
             if isinstance(error, OSError):
-                raise RefusedError(f"{path} cannot be written: {error.strerror}") from None
+                raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
             raise
 
 

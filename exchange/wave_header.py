@@ -12,6 +12,8 @@ import struct
 from dataclasses import dataclass
 from typing import BinaryIO, Literal
 
+from ergon.common.errors import ErgonError
+
 Bits = Literal[16, 24, "float", "double"]
 
 ORIGINATOR = "ergon"
@@ -32,7 +34,7 @@ _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
 _PLAN = re.compile(r"\bplan ([0-9a-f]{64})\b")
 
 
-class NotWaveError(ValueError):
+class NotWaveError(ErgonError, ValueError):
     """The bytes are no WAVE file that this reader knows."""
 
 

@@ -1,1 +1,1 @@
-"""The laboratory: how exact, how dear and how safe each way of computing a scene is."""
+"""The laboratory: error, cost and stability of each way of computing a scene."""

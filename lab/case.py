@@ -1,4 +1,4 @@
-"""One spot of a map: what the engine says of it beforehand, and what it does when it runs."""
+"""One spot of a map: the engine's certificate, and what happens when it runs."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 from ergon.lab import runs
 from ergon.lab.energy import drift, production_db
 from ergon.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
@@ -27,8 +28,8 @@ _DOUBLINGS = 2  # of the reference, beyond all that is charted
 Progress = Callable[[int], None]
 
 
-class SilentError(Exception):
-    """There is no sound to compare."""
+class SilentPieceError(ErgonError):
+    """The piece makes no sound that could be compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +143,7 @@ def work(wanted: Sequence[Setting], n_frames: int) -> int:
 def measure(
     scene: Scene, wanted: Sequence[Setting], seconds: float, metric: Metric, progress: Progress
 ) -> Chart:
-    """Run everything, compare everything. Raises SilentError when no sound was made to compare."""
+    """Run and compare every setting. Raises SilentPieceError where no sound was made."""
     bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
     for setting in wanted:
         run = bench.begin(setting)
@@ -162,7 +163,7 @@ def measure(
     if reference is not None:
         doubtful = tuple(doubts(sounds, reference))
         if onset(reference.sound) is None:
-            raise SilentError(f"nothing sounds in the first {seconds:g} s")
+            raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
         judge = Judge(reference, scene.rate)
         ran = [judge.point(point, bench.sounds[point.setting]) for point in ran]
         floor = judge.floor(metric)
@@ -176,7 +177,7 @@ def measure(
 
 
 def _costs(bench: _Bench) -> dict[Setting, float]:
-    """Medians of interleaved rounds: whatever else the machine does, it does to all alike."""
+    """Medians of interleaved rounds, so that other load on the machine slows all alike."""
     spent: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
     for _ in range(ROUNDS):
         for setting, run in bench.ready.items():

@@ -1,4 +1,4 @@
-"""What a ledger says of a run: energy that the scheme itself made, and its drift."""
+"""The energy error of a run, from its ledger: energy that the scheme itself made, and its drift."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Ledger(Protocol):
 
 
 def production_db(ledger: Ledger) -> float:
-    """10·log10 of the energy made or missing over the energy given; -inf when the books close."""
+    """10·log10 of the energy made or missing over the energy given; -inf where none is."""
     wrong = abs(ledger.produced) + abs(ledger.residual)
     given = abs(ledger.start) + abs(ledger.injected)
     if wrong == 0.0:

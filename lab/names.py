@@ -1,4 +1,4 @@
-"""What can be asked for, by name; nothing heavy stands here, so that `--help` may read it."""
+"""Names of methods, metrics and maps; it imports nothing, so that `--help` may read it."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.errors import ErgonError
 from ergon.exchange.safe import MARK, writing
 from ergon.lab.names import EXTRA
 
@@ -29,8 +30,8 @@ _STYLE: dict[Any, Any] = {
 _DPI = 144
 
 
-class NoPicturesError(Exception):
-    """matplotlib is not there; the message says how to get it."""
+class MatplotlibMissingError(ErgonError):
+    """matplotlib is not installed; the message says how to install it."""
 
 
 def save(
@@ -40,7 +41,7 @@ def save(
     try:
         import matplotlib
     except ImportError:
-        raise NoPicturesError(f"pictures need matplotlib: {EXTRA}") from None
+        raise MatplotlibMissingError(f"pictures need matplotlib: {EXTRA}") from None
     with matplotlib.rc_context(_STYLE):
         figure = draw()
         svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})

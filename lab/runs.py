@@ -1,4 +1,4 @@
-"""Running a scene by a method, oversampled: the one place that knows how.
+"""Running a scene by a method, oversampled.
 
 S times oversampled it is the same scene at S times the rate, every S-th frame.
 """

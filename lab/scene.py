@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from ergon import _core
-from ergon.exchange.level import HIGHPASS
 from ergon.lab.metrics import Floats
+from ergon.rendering.level import HIGHPASS
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import prepare
 

@@ -1,4 +1,4 @@
-"""What a scene really does: a run so finely sampled that a finer one says the same."""
+"""The converged motion of a scene: a run so oversampled that a finer one gives the same."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which device axis is whose hand: `remi=firefader:/dev/ttyACM0#1`, and names for devices."""
+"""Devices under players' keys: `remi=firefader:/dev/ttyACM0#1`, and names for devices."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon.common.errors import ErgonError
+
 if TYPE_CHECKING:
     from .calibration import Axis
 
@@ -18,13 +20,13 @@ _NAMED = re.compile(r"(?P<name>[^\W\d][\w-]*)(?:\.(?P<axis>\d+))?\Z")
 _MAX_BYTES = 1 << 20  # a list of devices is small; what is larger is another file
 
 
-class BoardError(Exception):
-    """A device that cannot be meant; `suggestion` says what could."""
+class BoardError(ErgonError):
+    """A device that is not described well, or not known; the message says what to write."""
 
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A device, its axes as (axis, player), and what was found of axes by their numbers."""
+    """A device, its axes as (axis, player), and the calibrations of axes by their numbers."""
 
     url: str
     axes: tuple[tuple[int, str], ...]
@@ -59,7 +61,7 @@ def read_config() -> dict[str, Any]:
     path = config_path()
     try:
         if path.stat().st_size > _MAX_BYTES:
-            raise BoardError(f"{path}: larger than any list of devices")
+            raise BoardError(f"{path}: larger than a list of devices may be ({_MAX_BYTES} bytes)")
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
@@ -84,7 +86,7 @@ def boards(asked: Mapping[str, str], known: Mapping[str, str]) -> list[Board]:
         url, axis = resolve(text, known)
         axes = found.setdefault(url, [])
         if any(axis == taken for taken, _ in axes):
-            raise BoardError(f"axis {axis} of {url} cannot be two players' hand")
+            raise BoardError(f"axis {axis} of {url} is given to two players")
         axes.append((axis, player))
     return [Board(url, tuple(axes)) for url, axes in found.items()]
 
@@ -96,7 +98,7 @@ def resolve(text: str, known: Mapping[str, str]) -> tuple[str, int]:
         # Options of a URL stand behind its axis.
         number, mark, options = behind.partition("?")
         if behind and not number.isdecimal():
-            raise BoardError(f"{text}: an axis is a number from 0 on, as in {url}#0")
+            raise BoardError(f"{text}: the axis is a number from 0 on, as in {url}#0")
         return url + mark + options, int(number or 0)
     named = _NAMED.match(text)
     if named is None:
@@ -119,6 +121,6 @@ def parse(pairs: Sequence[str]) -> dict[str, str]:
                 f"{pair}: a hand is PLAYER=DEVICE, such as remi=firefader:/dev/ttyACM0"
             )
         if player in asked:
-            raise BoardError(f"{player} has two hands here; one device each")
+            raise BoardError(f"{player} is given two devices; a player has one")
         asked[player] = device
     return asked

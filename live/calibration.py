@@ -1,4 +1,4 @@
-"""What was found of single axes, kept in the list of devices between the user's own lines."""
+"""Calibrations of axes, kept in the user's list of devices beside the user's own lines."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ class Axis:
 
 
 def plain(device: Device, sign: int) -> Axis:
-    """An axis that is what its device says, but for its sign."""
+    """The axis that its device describes, with another sign."""
     return Axis(sign, 0.0, 1.0, device.range, device.force_max)
 
 
 def between(axis: Axis, low: float, high: float, apart: float) -> Axis:
-    """With its ends where the device gives `low` and `high`, truly `apart`; zero in the middle."""
+    """The axis with ends where the device gives `low` and `high`, truly `apart`; zero between."""
     half = 0.5 * abs(apart)
     return Axis(axis.sign, 0.5 * (low + high), apart / (high - low), (-half, half), axis.force_max)
 
 
 def identity(url: str) -> str | None:
-    """What a board is called wherever it is plugged in; None where that is not certain.
+    """The name of a board that stays when it is plugged in elsewhere; None where none is certain.
 
     A board on a serial port has the serial number that it says over USB, a Haply device its `?id=`.
     An address says nothing of who answers there.
@@ -66,7 +66,7 @@ def identity(url: str) -> str | None:
 
 
 def key(url: str, number: int) -> str:
-    """An axis of a board, wherever it is plugged in; of an address where nobody knows which."""
+    """The name of an axis: by its board's serial number, or by its address where there is none."""
     return f"{identity(url) or _address(url)}#{number}"
 
 

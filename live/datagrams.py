@@ -1,9 +1,11 @@
-"""OSC datagrams: bytes that anybody may have sent to messages, and messages to bytes."""
+"""OSC datagrams: untrusted bytes to messages, and messages to bytes."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+
+from ergon.common.errors import ErgonError
 
 MOST = 4096  # bytes of a datagram; what is longer is not for us
 _DEEPEST = 8  # bundles inside bundles
@@ -13,36 +15,39 @@ _TYPES = re.compile(rb",[ifdhsbtTFN]*\Z")
 PIP = "pip install ergon-live[osc]"
 
 
-class MissingError(Exception):
-    """python-osc is not there; the message says how to get it."""
+class PythonOscMissingError(ErgonError):
+    """python-osc is not installed; the message says how to install it."""
 
 
-class MalformedError(Exception):
-    """Bytes that are no OSC."""
+class MalformedDatagramError(ErgonError):
+    """A datagram that is no valid OSC."""
 
 
-def look() -> None:
-    """Raise MissingError where python-osc is not there."""
+def require_python_osc() -> None:
+    """Raise PythonOscMissingError where python-osc is not there."""
     try:
         import pythonosc.osc_message  # noqa: F401
     except ImportError:
-        raise MissingError(f"OSC needs python-osc: {PIP}") from None
+        raise PythonOscMissingError(f"OSC needs python-osc; install it by: {PIP}") from None
 
 
 def messages(datagram: bytes) -> list[tuple[str, list[object]]]:
-    """(address, arguments) of every message in it; time tags are let be. Raises MalformedError."""
+    """(address, arguments) of every message in it; time tags are ignored.
+
+    Raises MalformedDatagramError.
+    """
     from pythonosc.osc_message import OscMessage
 
     found = []
     for part in _flat(datagram, _DEEPEST):
         # What python-osc does not know of it writes to the terminal: that is not for strangers.
         if not part.startswith(b"/") or not _TYPES.match(_types(part)):
-            raise MalformedError
+            raise MalformedDatagramError
         try:
             message = OscMessage(part)
             found.append((message.address, list(message.params)))
         except Exception:  # whatever strange bytes make of a parser
-            raise MalformedError from None
+            raise MalformedDatagramError from None
     return found
 
 
@@ -52,13 +57,13 @@ def _flat(datagram: bytes, deepest: int) -> Iterator[bytes]:
         yield datagram
         return
     if deepest == 0 or len(datagram) < _HEAD:
-        raise MalformedError
+        raise MalformedDatagramError
     at = _HEAD
     while at < len(datagram):
         size = int.from_bytes(datagram[at : at + 4], "big")
         at += 4
         if size == 0 or size % 4 or at + size > len(datagram):
-            raise MalformedError
+            raise MalformedDatagramError
         yield from _flat(datagram[at : at + size], deepest - 1)
         at += size
 

@@ -1,4 +1,4 @@
-"""What a player sees while a piece sounds: where it is, who plays what, keys, load, level."""
+"""The display of a performance: position, players, keys, load and level, as lines and records."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ergon._core import FORCE_SCALE_MIN
 
 if TYPE_CHECKING:
     from ergon import _core
-    from ergon.live.guard import Bearing
+    from ergon.live.guard import HandForceBounds
     from ergon.scores.staging.hands import StagedGesture
     from ergon.scores.staging.stage import Stage
 
@@ -20,7 +20,7 @@ _FLOOR_DB = -60.0
 
 
 @dataclass(frozen=True, slots=True)
-class KeyView:
+class HandView:
     """A real hand's key, as it is shown: positions [m], forces [N]."""
 
     player: str
@@ -33,12 +33,12 @@ class KeyView:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PerformanceView:
     """One look at a performance."""
 
     where: str
     playing: tuple[tuple[str, str], ...]  # (player, what)
-    keys: tuple[KeyView, ...]
+    keys: tuple[HandView, ...]
     load: float
     late: int
     underruns: int
@@ -54,13 +54,13 @@ class Watcher:
         # A gesture is over when a later one begins; there may be a million.
         self._gestures: list[StagedGesture] = sorted(stage.gestures, key=lambda g: g.start)
 
-    def look(self, status: _core.Status) -> View:
+    def look(self, status: _core.Status) -> PerformanceView:
         """What is to be seen now."""
         stage = self._stage
         seconds = status.frame / stage.rate
         tempo = stage.piece.tempo_map
         keys = tuple(
-            KeyView(
+            HandView(
                 hand.player,
                 hand.key,
                 own.position,
@@ -72,7 +72,7 @@ class Watcher:
             for hand, own in zip(stage.live, status.hands, strict=False)
         )
         peak = max(status.peaks, default=0.0)
-        return View(
+        return PerformanceView(
             where=tempo.written(tempo.beats(seconds)),
             playing=tuple(self._playing(seconds)),
             keys=keys,
@@ -94,7 +94,7 @@ class Watcher:
         return list(latest.items())
 
 
-def lines(view: View, width: int) -> list[str]:
+def lines(view: PerformanceView, width: int) -> list[str]:
     """The view as lines of at most `width` characters; no colours, no meaning by them."""
     playing = " · ".join(f"{player} {what}" for player, what in view.playing) or "—"
     level = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
@@ -106,7 +106,7 @@ def lines(view: View, width: int) -> list[str]:
     return [line[:width] for line in shown]
 
 
-def _key(key: KeyView) -> str:
+def _key(key: HandView) -> str:
     who = f"{key.player} on {key.key}"
     hand = "tripped" if key.tripped else "hand" if key.real else "stand-in"
     meter = meter_of(key.position, *key.travel)
@@ -124,7 +124,7 @@ def meter_of(x: float, low: float, high: float) -> str:
     return "[" + "".join(cells) + "]"
 
 
-def record(view: View, frame: int) -> dict[str, object]:
+def record(view: PerformanceView, frame: int) -> dict[str, object]:
     """The view as fields of a JSON line."""
     return {
         "frame": frame,
@@ -148,8 +148,8 @@ def record(view: View, frame: int) -> dict[str, object]:
     }
 
 
-def feels(bearing: Bearing) -> str:
-    """What a hand gets of a scene, as words."""
+def force_sentence(bearing: HandForceBounds) -> str:
+    """The part of the scene's force that a hand gets, in words."""
     last = bearing.last
     if last.scale >= 1.0:
         return f"{bearing.player} feels all of it again"
@@ -159,8 +159,8 @@ def feels(bearing: Bearing) -> str:
     )
 
 
-def too_stiff(bearing: Bearing) -> str:
-    """Why a scene is kept from a hand, as a sentence."""
+def why_too_stiff(bearing: HandForceBounds) -> str:
+    """Why a line is refused because a hand's device cannot bear the scene."""
     least = bearing.least
     return (
         f"{bearing.player} would meet {least.met:,.0f} N/m, and the key's device bears "
@@ -173,8 +173,10 @@ def _percent(part: float) -> str:
     return f"{100 * part:.2g} %" if part < 0.1 else f"{100 * part:.0f} %"
 
 
-def told(event: tuple[int, str, float], players: Sequence[str], boards: Sequence[str]) -> str:
-    """What happened, as a sentence; empty for what needs none."""
+def event_sentence(
+    event: tuple[int, str, float], players: Sequence[str], boards: Sequence[str]
+) -> str:
+    """An event as a sentence; empty where a player need not know of it."""
     _, what, number = event
     board = boards[int(number)] if int(number) < len(boards) else "a device"
     player = players[int(number)] if int(number) < len(players) else "a hand"
@@ -182,16 +184,16 @@ def told(event: tuple[int, str, float], players: Sequence[str], boards: Sequence
         "gone": f"{board} is gone: what stands in for it plays on",
         "back": f"{board} is back: its hand takes over at the next bar",
         "took over": f"{player} plays",
-        "lost": f"the physics was held up for {number:.3f} s",
-        "tripped: not finite": f"{player}'s key tripped: the scene asked for a force that is no "
-        "number; no force for a while",
+        "lost": f"the physics thread was held up for {number:.3f} s",
+        "tripped: not finite": f"{player}'s key tripped: the scene's force was not finite; "
+        "no force for a while",
         "tripped: speed": f"{player}'s key tripped: it was too fast; no force for a while",
-        "tripped: wrong way": f"{player}'s key tripped: its motor pushes against what it is told; "
+        "tripped: wrong way": f"{player}'s key tripped: its motor pushes the wrong way; "
         "no force until `release`, and `ergon devices calibrate` finds which way it goes",
         "tripped: at stop": f"{player}'s key tripped: the scene pushes it into its stop; no force "
         "until 3 s after that has ended",
         "tripped: frozen": f"{player}'s key tripped: its position stays the same whatever the "
         "force does; no force until it has moved for 3 s",
-        "muted": "a part went beyond all bounds and is silent",
-        "finer": "links stiffen beyond what a frame bears: such frames are computed finer",
+        "muted": "a part diverged and is muted",
+        "finer": "links became too stiff for one frame: such frames are computed in finer steps",
     }.get(what, "")

@@ -1,4 +1,4 @@
-"""Whether this machine is fit to play: what was measured, and what to do about it."""
+"""Measurements of whether this machine is fit to play, each with what to do about it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _RIGHTS = (
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found, and what to do about it: nothing where it is well."""
+    """A measurement in words and numbers, and what to do about it: empty where nothing is wrong."""
 
     what: str
     said: str
@@ -54,7 +54,7 @@ def machine() -> Finding:
 
 
 def rights(found: Checkup) -> Iterator[Finding]:
-    """What the system granted the physics thread; read back from the kernel, not what was asked."""
+    """The priority and rights of the physics thread, as the kernel reports them."""
     if found.priority is None:
         said, todo = "no real-time priority", _RIGHTS
         if platform.system() != "Linux":

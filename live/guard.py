@@ -1,4 +1,4 @@
-"""What a key meets, and which part of the scene's force its hand may get: now, and in a glide."""
+"""The stiffness that a key meets, and the part of the scene's force that its hand may get."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Bears = Callable[[int, "NDArray[np.float64]"], "_core.HandLimit | None"]
 
 
 @dataclass(frozen=True, slots=True)
-class Borne:
+class ForceScale:
     """The part of a scene's force that a hand may get (0 to 1); stiffness met and borne [N/m]."""
 
     scale: float
@@ -45,13 +45,13 @@ class Borne:
 
     @property
     def is_enough(self) -> bool:
-        """Whether what is left is worth playing."""
+        """Whether the force that is left is worth playing."""
         return self.scale >= _core.FORCE_SCALE_MIN
 
 
 @dataclass(frozen=True, slots=True)
-class Bearing:
-    """What a hand gets of a scene that takes over.
+class HandForceBounds:
+    """The force that a hand may get of a scene that takes over, tick by tick.
 
     `bounds`: the greatest part of the force, from so many ticks after the take-over on; `least` and
     `last` are the smallest and the last of them.
@@ -59,8 +59,8 @@ class Bearing:
 
     player: str
     bounds: tuple[tuple[int, float], ...]
-    least: Borne
-    last: Borne
+    least: ForceScale
+    last: ForceScale
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,9 @@ def _answer(met: _core.Met, every: int, reach: float) -> NDArray[np.float64]:
 
 
 class Guard:
-    """Finds out what real hands get of a scene before it takes over; each scene is played once.
+    """Finds the force that real hands may get of a scene before it takes over.
+
+    Each scene is played once.
 
     `reaches` are those of the hands of the engine, `real` which of them have a key.
     """
@@ -105,18 +107,18 @@ class Guard:
         self._bears = bears
         self._reaches = reaches
         self._real = real
-        self._known: dict[tuple[int, int, bytes], Borne] = {}
+        self._known: dict[tuple[int, int, bytes], ForceScale] = {}
         self.asked = 0  # how often a scene was played against a key
         self._last: tuple[object, ...] = ()
-        self._found: tuple[Bearing, ...] = ()
+        self._found: tuple[HandForceBounds, ...] = ()
 
     def bearings(
         self,
         stage: Stage,
         start: int,
         glides: Sequence[Glide] = (),
-        before: Sequence[Bearing] = (),
-    ) -> tuple[Bearing, ...]:
+        before: Sequence[HandForceBounds] = (),
+    ) -> tuple[HandForceBounds, ...]:
         """What each real hand gets of a stage from frame `start` on. Raises EngineError.
 
         `before`: what the hands get of the stage that it takes over from.
@@ -141,11 +143,11 @@ class Guard:
         hand: LiveHand,
         hands: Sequence[LiveHand],
         moments: Sequence[tuple[int, _Moment, _Moment]],
-        old: Borne | None,
-    ) -> Bearing:
+        old: ForceScale | None,
+    ) -> HandForceBounds:
         start = moments[0][0]
         bounds: list[tuple[int, float]] = []
-        every: list[Borne] = []
+        every: list[ForceScale] = []
         for at, (frame, first, last) in enumerate(moments):
             is_short = len(moments) == 2 and moments[1][0] - start <= _SHORT * stage.rate
             end = self._borne(stage, hand, hands, last)
@@ -158,11 +160,11 @@ class Guard:
             ticks = (frame - start) / hand.every
             bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
         least = min(every, key=lambda borne: borne.scale)
-        return Bearing(hand.player, tuple(bounds), least, every[-1])
+        return HandForceBounds(hand.player, tuple(bounds), least, every[-1])
 
     def _borne(
         self, stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], moment: _Moment
-    ) -> Borne:
+    ) -> ForceScale:
         met = stage.network.met(
             hand.mat,
             stage.rate,
@@ -177,7 +179,7 @@ class Guard:
             self.asked += 1
             found = self._bears(hand.index, _answer(met, hand.every, self._reaches[hand.index]))
             assert found is not None  # it is real
-            borne = Borne(found.scale, found.stiffness, found.limit)
+            borne = ForceScale(found.scale, found.stiffness, found.limit)
         self._known[key] = borne  # the latest last
         if len(self._known) > _KEPT:
             del self._known[next(iter(self._known))]

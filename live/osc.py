@@ -1,4 +1,4 @@
-"""OSC beside a performance: a socket, a thread of its own, and no more than somebody can read."""
+"""OSC beside a performance: sockets and a thread of its own, with bounds on what is answered."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 
-from .datagrams import MOST, MalformedError, look, messages, written
-from .osc_in import AskError, no_session, table
-from .osc_out import Teller
+from .datagrams import MOST, MalformedDatagramError, messages, require_python_osc, written
+from .osc_in import OscRequestError, no_session, table
+from .osc_out import OscTeller
 
 if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
@@ -32,26 +33,26 @@ _MOST_KNOWN = 1000  # addresses that nobody knows, each warned of once
 _SHOWN = 80  # characters of such an address
 
 
-class OscError(Exception):
-    """Why there is no OSC here, as a sentence."""
+class OscError(ErgonError):
+    """An address that OSC cannot use, or a socket that does not open."""
 
 
 def place(text: str) -> Place:
     """`[HOST:]PORT` as (host, port); without a host, this machine alone. Raises OscError."""
     host, _, port = text.rpartition(":")
     if not port.isascii() or not port.isdigit() or int(port) > 65535:
-        raise OscError(f"{text}: a place is PORT or HOST:PORT, such as {LOOPBACK}:9000")
+        raise OscError(f"{text}: an OSC address is PORT or HOST:PORT, such as {LOOPBACK}:9000")
     return host.removeprefix("[").removesuffix("]") or LOOPBACK, int(port)
 
 
 class Osc:
-    """Hears at `here` what is asked, tells `there` what happens; either may be None."""
+    """Receives requests at the address `here`, sends events to `there`; either may be None."""
 
     def __init__(
         self, here: Place | None, there: Place | None, command: Command = no_session
     ) -> None:
-        """Open the sockets. Raises OscError, or MissingError without python-osc."""
-        look()
+        """Open the sockets. Raises OscError, or PythonOscMissingError without python-osc."""
+        require_python_osc()
         self._command = command
         self._here = None if here is None else _socket(here, bound=True)
         self._there = None if there is None else _socket(there, bound=False)
@@ -63,7 +64,7 @@ class Osc:
         self._unknown: set[str] = set()
         self._answers: deque[float] = deque(maxlen=_ANSWERS)
         self._table: Table = {}
-        self._teller: Teller | None = None
+        self._teller: OscTeller | None = None
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -77,13 +78,13 @@ class Osc:
             performance.stop()
 
         self._table = table(performance, stage, gain, stop, self._command)
-        self._teller = Teller(performance, stage, start, self._send) if self._there else None
+        self._teller = OscTeller(performance, stage, start, self._send) if self._there else None
         self._over.clear()
         self._thread = threading.Thread(target=self._run, name="ergon osc", daemon=True)
         self._thread.start()
 
     def rest(self) -> None:
-        """Serve it no longer; what is left to be told is told."""
+        """End serving a performance; events that wait are still sent."""
         if self._thread is None:
             return
         self._over.set()
@@ -130,7 +131,7 @@ class Osc:
             self.unsent += 1
 
     def _hear(self, patience: float) -> None:
-        """Do what came, or wait for it up to `patience` [s]."""
+        """Carry out the requests that came; wait up to `patience` [s] for one."""
         if self._here is None:
             self._over.wait(max(0.0, patience))
             return
@@ -150,9 +151,9 @@ class Osc:
     def _do(self, datagram: bytes, sender: tuple[object, ...]) -> None:
         try:
             if len(datagram) > MOST:
-                raise MalformedError
+                raise MalformedDatagramError
             asked = messages(datagram)
-        except MalformedError:
+        except MalformedDatagramError:
             self.malformed += 1
             return
         for address, arguments in asked:
@@ -162,7 +163,7 @@ class Osc:
                     self._wonder(address)
                 else:
                     ask(arguments)
-            except AskError as error:
+            except OscRequestError as error:
                 self._answer(sender, str(error))
             except _core.EngineError:
                 return  # it is over

@@ -1,4 +1,4 @@
-"""What other programs may ask of a performance: one function for each OSC address."""
+"""OSC requests to a performance: one function for each address."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Module
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
-    Ask = Callable[[Sequence[object]], None]
-    Table = Mapping[str, Ask]
-    # A line of the prompt; raises AskError where it is refused.
+    Handler = Callable[[Sequence[object]], None]
+    Table = Mapping[str, Handler]
+    # A line of the prompt; raises OscRequestError where it is refused.
     Command = Callable[[str], None]
 
 # What comes over a network is not to burst ears [dB].
@@ -24,13 +25,13 @@ _SILENT = -144.0
 _MAX_COMMAND = 1000  # characters: a line that somebody types is shorter
 
 
-class AskError(Exception):
-    """Why something is not done, as a sentence for whoever asked."""
+class OscRequestError(ErgonError):
+    """A request by OSC that is refused; the message goes back to the sender."""
 
 
 def no_session(_line: str) -> None:
-    """What becomes of a command while there is no prompt. Raises AskError."""
-    raise AskError("the REPL takes commands")
+    """Refuse a command, for a performance without a prompt. Raises OscRequestError."""
+    raise OscRequestError("commands need a session: ergon repl takes them, ergon play does not")
 
 
 def table(
@@ -39,8 +40,8 @@ def table(
     gain: float,
     stop: Callable[[], None],
     command: Command = no_session,
-) -> dict[str, Ask]:
-    """Address → what it does with its arguments. `gain` is the ratio that 0 dB stands for."""
+) -> dict[str, Handler]:
+    """Address → function of its arguments. `gain` is the ratio that 0 dB stands for."""
     parts = stage.listening.parts()
     groups = {name: group for group, name in enumerate(parts)}
 
@@ -102,14 +103,14 @@ def _ties(piece: Piece) -> Iterator[set[str]]:
 
 def _heeded(all_heeded: Sequence[bool]) -> None:
     if not all(all_heeded):
-        raise AskError("too much is asked at once")
+        raise OscRequestError("too many requests at once; this one was dropped")
 
 
 # --- arguments ------------------------------------------------------------------------------------
 
 
-def _pressed(act: Callable[[], object]) -> Ask:
-    """A button: it may send nothing, or 1 when it is pressed and 0 when it is let go."""
+def _pressed(act: Callable[[], object]) -> Handler:
+    """A button: sends no argument, or 1 when it is pressed and 0 when it is released."""
 
     def ask(arguments: Sequence[object]) -> None:
         if not arguments or arguments[0] not in (0, False):
@@ -118,34 +119,37 @@ def _pressed(act: Callable[[], object]) -> Ask:
     return ask
 
 
-def _level(act: Callable[[float], object]) -> Ask:
+def _level(act: Callable[[float], object]) -> Handler:
     """A level in dB; acts on the ratio."""
 
     def ask(arguments: Sequence[object]) -> None:
         level = arguments[0] if len(arguments) == 1 else None
         if isinstance(level, bool) or not isinstance(level, int | float) or math.isnan(level):
-            raise AskError("this takes one number, in dB")
+            raise OscRequestError("the argument has to be one number, a level in dB")
         if level > _LOUDEST:
-            raise AskError(f"{level:.4g} dB is more than {_LOUDEST:g} dB")
+            raise OscRequestError(f"{level:.4g} dB is above the highest level, {_LOUDEST:g} dB")
         act(_core.decibels(float(level)) if level > _SILENT else 0.0)
 
     return ask
 
 
-def _text(act: Callable[[str], object]) -> Ask:
+def _text(act: Callable[[str], object]) -> Handler:
     def ask(arguments: Sequence[object]) -> None:
         line = arguments[0] if len(arguments) == 1 else None
         if not isinstance(line, str) or len(line) > _MAX_COMMAND:
-            raise AskError(f"this takes one string of at most {_MAX_COMMAND} characters")
+            raise OscRequestError(
+                f"the argument has to be one string of at most {_MAX_COMMAND} characters"
+            )
         act(line)
 
     return ask
 
 
-def _shared(player: str) -> Ask:
+def _shared(player: str) -> Handler:
     def ask(_arguments: Sequence[object]) -> None:
-        raise AskError(
-            f"no instrument is reached by {player}'s key alone: ask /ergon/instrument/NAME/gain"
+        raise OscRequestError(
+            f"every instrument of {player}'s key is shared with other keys: "
+            "use /ergon/instrument/NAME/gain"
         )
 
     return ask

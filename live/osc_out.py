@@ -1,4 +1,4 @@
-"""What other programs are told of a performance, and when each thing of it is heard."""
+"""OSC messages about a performance, each stamped with the instant at which it is heard."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _MEMORY = 1.0
 _JUMP = 0.02  # [s] by which only another time line differs: a server came back, the clock was set
 
 
-class Ear:
-    """When frames of the piece are heard, as far as the sound's server tells."""
+class HearingClock:
+    """The instants at which frames are heard, from what the sound server reports."""
 
     def __init__(self, rate: float, start: int) -> None:
         """Frames at `rate` [Hz], of which `start` was the first to be played."""
@@ -54,22 +54,22 @@ class Ear:
         return zero + (frame - self._start - self._dropped) / self._rate
 
 
-class Teller:
-    """Tells of a performance; `send` puts a message on its way."""
+class OscTeller:
+    """Sends messages about a performance by `send`."""
 
     def __init__(
         self, performance: _core.Performance, stage: Stage, start: int, send: Send
     ) -> None:
         """`start`: the first frame that is played."""
         self._performance, self._stage, self._send = performance, stage, send
-        self._ear = Ear(stage.rate, start)
+        self._ear = HearingClock(stage.rate, start)
         self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live]
         self._events = [_From(_beats(stage), start), _From(_strikes(stage), start)]
         self._late: tuple[int, int] | None = None
         self._next_hands = self._next_levels = -math.inf
 
     def turn(self, clock: Callable[[], float]) -> None:
-        """Tell what is new; `clock` gives the seconds since 1970. Raises EngineError at the end."""
+        """Send what is new; `clock` gives the seconds since 1970. Raises EngineError at the end."""
         status = self._performance.status()
         now = clock()
         self._ear.look(status, now)

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.render import BLOCK, frames_of
+from ergon.rendering.render import BLOCK, frames_of
 
 from .boards import Board
 from .guard import response
 
 if TYPE_CHECKING:
-    from ergon.exchange.frozen import Checked
+    from ergon.exchange.frozen import VerifiedStem
     from ergon.scores.staging.stage import Stage
 
 # A piece without hands is computed in ticks of this many frames: 1.5 ms at 44.1 kHz.
@@ -27,7 +27,7 @@ _BARS_MAX = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class PlaybackConfig:
     """How a piece is to be played; `gain` and `limit` are ratios."""
 
     audio: str = "auto"
@@ -41,7 +41,7 @@ class Order:
     ahead: int | None = None
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
-    frozen: Sequence[Checked] = ()
+    frozen: Sequence[VerifiedStem] = ()
     endless: bool = False
     loose: bool = False  # every hand has a guide, which begins let go
 
@@ -52,7 +52,7 @@ def every(stage: Stage) -> int:
 
 
 def perform(
-    stage: Stage, order: Order, progress: Callable[[int], None] = lambda _: None
+    stage: Stage, config: PlaybackConfig, progress: Callable[[int], None] = lambda _: None
 ) -> _core.Performance:
     """Begin to play; the stage itself stays where it is. Raises EngineError.
 
@@ -63,16 +63,16 @@ def perform(
     tick = every(stage)
     simulation = stage.simulation
     start = simulation.snapshot()
-    mixer = stage.mixer(highpass=order.highpass)
-    _skip(simulation, mixer, stage.n_channels, order, order.start // tick * tick, progress)
+    mixer = stage.mixer(highpass=config.highpass)
+    _skip(simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress)
     numbers = {hand.player: hand.index for hand in stage.live}
-    played = {player for board in order.boards for _, player in board.axes}
+    played = {player for board in config.boards for _, player in board.axes}
     mine = [hand for hand in stage.live if hand.player in played]
     hands = [
         (
             hand.standin,
             hand.reach,
-            _guide(order, hand.player),
+            _guide(config, hand.player),
             response(stage.network, hand, stage.rate, hand.reach, mine)
             if hand in mine
             else np.zeros(0),
@@ -83,30 +83,30 @@ def perform(
         (
             board.url,
             [(axis, numbers[player]) for axis, player in board.axes],
-            order.force_max,
+            config.force_max,
             [axis.told(number) for number, axis in board.known.items()],
         )
-        for board in order.boards
+        for board in config.boards
     ]
     record = None
-    if order.record is not None:
+    if config.record is not None:
         axes = [(hand.player, hand.key) for hand in stage.live]
-        record = (order.record, axes, json.dumps(dict(order.about), ensure_ascii=False))
+        record = (config.record, axes, json.dumps(dict(config.about), ensure_ascii=False))
     try:
         return _core.Performance(
             simulation,
             mixer,
             every=tick,
-            audio=order.audio,
-            gain=order.gain,
-            limit=order.limit,
-            n_frames=None if order.endless else stage.n_frames,
+            audio=config.audio,
+            gain=config.gain,
+            limit=config.limit,
+            n_frames=None if config.endless else stage.n_frames,
             hands=hands,
             boards=boards,
             bars=bars(stage, stage.n_frames),
-            ahead=order.ahead,
+            ahead=config.ahead,
             record=record,
-            frozen=[(stem.path, stem.offset, stem.n_frames, stem.taps) for stem in order.frozen],
+            frozen=[(stem.path, stem.offset, stem.n_frames, stem.taps) for stem in config.frozen],
         )
     finally:
         simulation.restore(start)
@@ -127,10 +127,10 @@ def bars(stage: Stage, n_frames: int) -> list[int]:
     return found
 
 
-def _guide(order: Order, player: str) -> tuple[float, float, bool] | None:
-    if order.loose:
+def _guide(config: PlaybackConfig, player: str) -> tuple[float, float, bool] | None:
+    if config.loose:
         return *GUIDE, True
-    stiffness = order.guides.get(player)
+    stiffness = config.guides.get(player)
     return None if stiffness is None else (stiffness, GUIDE[1], False)
 
 
@@ -138,16 +138,16 @@ def _skip(
     simulation: _core.Simulation,
     mixer: _core.Mixer,
     n_channels: int,
-    order: Order,
+    config: PlaybackConfig,
     n_frames: int,
     progress: Callable[[int], None],
 ) -> None:
-    """Go on unheard; the mixer hears it, so that its filters are where they would be."""
+    """Compute `n_frames` unheard; the mixer takes them, so that its filters go on as they would."""
     import numpy as np
 
     at = 0
     for frames in frames_of(simulation, n_frames, BLOCK):
-        for stem in order.frozen:
+        for stem in config.frozen:
             stem.join(frames, at)
         mixer.process(frames, np.zeros((len(frames), n_channels)))
         at += len(frames)

@@ -1,4 +1,4 @@
-"""What is plugged in: serial ports that look like boards, and the URL that plays each."""
+"""Serial ports that look like boards, and the URLs that open each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _VENDORS: dict[int, tuple[str, tuple[str, ...]]] = {
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """A serial port. `urls` are what may be opened there; none where no board is known by it."""
+    """A serial port. `urls` open the boards that it may be; none where no board is recognised."""
 
     path: str
     name: str

@@ -1,4 +1,4 @@
-"""How loud a piece is before anybody hears it: its gain for loudspeakers."""
+"""The gain of a piece for loudspeakers, found by computing its beginning unheard."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.render import BLOCK, frames_of
+from ergon.rendering.render import BLOCK, frames_of
 
 if TYPE_CHECKING:
-    from ergon.exchange.frozen import Checked
+    from ergon.exchange.frozen import VerifiedStem
     from ergon.scores.staging.stage import Stage
 
 # So much work is worth it [s], by the table of costs: a listener waits no longer.
@@ -20,7 +20,7 @@ _ROOM_DB = -6.0
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
+class PreflightGain:
     """A gain as a ratio; `seconds`: how much of the piece was listened to, if not all."""
 
     gain: float
@@ -41,9 +41,9 @@ def level(
     stage: Stage,
     highpass: float | None,
     target: float,
-    frozen: Sequence[Checked],
+    frozen: Sequence[VerifiedStem],
     progress: Callable[[int], None],
-) -> Level:
+) -> PreflightGain:
     """The gain that brings the mix's peak to `target`; the stage stays at its frame 0.
 
     Real hands are played by what stands in for them, `frozen` parts are heard. `progress` hears
@@ -66,6 +66,6 @@ def level(
         progress(at)
     simulation.restore(start)
     if n_frames == stage.n_frames:
-        return Level(target / peak if peak > 0 else 1.0, peak, None)
+        return PreflightGain(target / peak if peak > 0 else 1.0, peak, None)
     target *= _core.decibels(_ROOM_DB)
-    return Level(target / peak if peak > 0 else 1.0, peak, n_frames / stage.rate)
+    return PreflightGain(target / peak if peak > 0 else 1.0, peak, n_frames / stage.rate)

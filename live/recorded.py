@@ -1,4 +1,4 @@
-"""What live hands did once: positions for a render, and the level that was heard."""
+"""A recording of live hands, for a render: their positions, and the level that was heard."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 from ergon.common.regular import open_regular
-from ergon.exchange.level import Level
+from ergon.rendering.level import Level
 
-from .perform import Order
+from .perform import PlaybackConfig
 
 _LOUDEST = 1e12  # no gain, and no frequency, is larger
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 
-class NotThisError(Exception):
+class RecordingMismatchError(ErgonError):
     """A recording that cannot be played with this piece."""
 
 
@@ -29,16 +30,16 @@ class NotThisError(Exception):
 class Recorded:
     """Hands by player: where each was at every tick (n_ticks,) [m]; NaN before the first tick.
 
-    `level` is what was heard; `doubts` are sentences.
+    `level` is the level that was heard; `warnings` are sentences for the user.
     """
 
     hands: dict[str, NDArray[np.float64]]
     level: Level
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def read(path: Path, piece: Piece) -> Recorded:
-    """A recording of hands that played this piece. Raises NotThisError."""
+    """A recording of hands that played this piece. Raises RecordingMismatchError."""
     import numpy as np
 
     from ergon.exchange.recording import NotRecordingError, about, from_start
@@ -48,31 +49,36 @@ def read(path: Path, piece: Piece) -> Recorded:
         open_regular(path).close()  # the core would wait for a pipe's other end
         recording = _core.read_recording(path)
     except (_core.EngineError, OSError) as error:
-        raise NotThisError(f"{path}: {error}") from None
+        raise RecordingMismatchError(f"{path}: {error}") from None
     if recording.rate != piece.rate:
         asked = f"--rate {recording.rate:g}"
-        raise NotThisError(f"{path}: made at {recording.rate:g} Hz; {asked} renders as it was")
+        raise RecordingMismatchError(
+            f"{path}: recorded at {recording.rate:g} Hz, the score is at {piece.rate:g} Hz; "
+            f"{asked} renders at the recorded rate"
+        )
     try:
         positions = from_start(recording)
     except NotRecordingError as error:
-        raise NotThisError(f"{path}: {error}") from None
+        raise RecordingMismatchError(f"{path}: {error}") from None
     positions[: int(recording.ticks()[0])] = np.nan
     hands = {}
     for index, (player, key) in enumerate(recording.axes):
         if player not in piece.players or piece.players[player].key != key:
-            raise NotThisError(f"{path}: it is of {player} on {key}, whom this score does not have")
+            raise RecordingMismatchError(
+                f"{path}: it records {player} on {key}, which this score does not have"
+            )
         ticks = round(piece.rate / (piece.players[player].tick or TICK))
         if ticks != recording.frames:
-            raise NotThisError(
-                f"{path}: its ticks are of {recording.frames} frames, the score's of {ticks}"
+            raise RecordingMismatchError(
+                f"{path}: its ticks last {recording.frames} frames, the score's {ticks}"
             )
         hands[player] = np.ascontiguousarray(positions[:, index])
     said = about(recording)
-    return Recorded(hands, _level(said), tuple(_doubts(recording, said, piece)))
+    return Recorded(hands, _level(said), tuple(_warnings(recording, said, piece)))
 
 
 def _level(said: dict[str, Any]) -> Level:
-    """As it was heard; what is not said is as it is."""
+    """The level that was heard; fields that the recording lacks leave the level as it is."""
     level = said.get("level")
     level = level if isinstance(level, dict) else {}
 
@@ -83,23 +89,25 @@ def _level(said: dict[str, Any]) -> Level:
     return Level(None, number("limit"), number("highpass"), number("gain") or 1.0)
 
 
-def _doubts(recording: _core.Recording, said: dict[str, Any], piece: Piece) -> list[str]:
-    doubts = []
+def _warnings(recording: _core.Recording, said: dict[str, Any], piece: Piece) -> list[str]:
+    warnings = []
     score = said.get("score")
     digest = score.get("sha256") if isinstance(score, dict) else None
     if digest is not None and digest != piece.digest():
-        doubts.append("the score has changed since: it will not sound as it did")
+        warnings.append("the score has changed since the recording: it will sound differently")
     if said.get("seed", piece.seed) != piece.seed:
-        doubts.append(f"its chance was drawn from seed {said['seed']}: add --seed {said['seed']}")
+        warnings.append(
+            f"it was made with seed {said['seed']}: add --seed {said['seed']} to hear the same"
+        )
     if recording.damage:
-        doubts.append(recording.damage)
+        warnings.append(recording.damage)
     if any('"gain"' in line for _, line in recording.events):
-        doubts.append("gains were moved while it was made: those it began with are used")
+        warnings.append("gains changed while it was recorded: those at its beginning are used")
     if recording.dropped:
-        doubts.append(f"{recording.dropped} rows found no room while it was made")
-    return doubts
+        warnings.append(f"{recording.dropped} rows were lost while it was recorded")
+    return warnings
 
 
-def about(order: Order) -> dict[str, object]:
+def about(config: PlaybackConfig) -> dict[str, object]:
     """What a recording keeps of how it was heard."""
-    return {"gain": order.gain, "limit": order.limit, "highpass": order.highpass}
+    return {"gain": config.gain, "limit": config.limit, "highpass": config.highpass}

@@ -1,1 +1,1 @@
-"""Looking: curves in the terminal and as SVG."""
+"""Pictures: curves in the terminal and as SVG."""

@@ -1,4 +1,4 @@
-"""Where a gesture wants its key, and where the key is: both curves, from a running simulation."""
+"""Two curves of a running simulation: where a gesture wants its key, and where the key is."""
 
 from __future__ import annotations
 

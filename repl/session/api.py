@@ -85,6 +85,3 @@ class SessionProxy:
     ) -> None:
         """Close the session."""
         self.close()
-
-
-Typed = SessionProxy  # the earlier name, for cli/notebook.py until it moves

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon import _core
-from ergon.exchange.safe import RefusedError, writing
+from ergon.exchange.safe import FileRefusedError, writing
 from ergon.notation.text.files import is_below
 from ergon.repl.session.version import NotTakenError
 
@@ -76,9 +76,9 @@ class Captures:
         try:
             found = _core.read_recording(self.path, (own.start // every, own.stop // every))
             if not is_below(target, folder):
-                raise RefusedError(f"{target} is outside the folder of the score")
+                raise FileRefusedError(f"{target} is outside the folder of the score")
             with writing(target, binary=True) as file:
                 file.write(found.to_bytes())
-        except (RefusedError, _core.EngineError, OSError) as error:
+        except (FileRefusedError, _core.EngineError, OSError) as error:
             raise NotTakenError(f"the take {own.name} was not written: {error}") from None
         return target

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ergon.live.display import feels
+from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.scope import scope_of
@@ -118,7 +118,7 @@ class SessionCore:
             one for one in made.bearings if self._scales.get(one.player, 1.0) != one.last.scale
         ]
         self._scales |= {one.player: one.last.scale for one in changed}
-        return [feels(one) for one in changed]
+        return [force_sentence(one) for one in changed]
 
     def queue(
         self,

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon import _core
-    from ergon.live.guard import Bearing
+    from ergon.live.guard import HandForceBounds
     from ergon.scores.staging.gliding import Glide
     from ergon.scores.staging.stage import Stage
 
@@ -31,7 +31,7 @@ class Change:
     resets: bool = False
     gains: Mapping[int, float] = field(default_factory=dict)
     damp: float | None = None
-    bearings: Sequence[Bearing] = ()
+    bearings: Sequence[HandForceBounds] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +81,8 @@ class Engine(Protocol):
         """Frames computed so far."""
 
     def bearings(
-        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
-    ) -> Sequence[Bearing]:
+        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
+    ) -> Sequence[HandForceBounds]:
         """The forces that real hands may get from a stage that takes over at frame `start`.
 
         Raises NotTakenError where a key cannot bear the stage.
@@ -135,8 +135,8 @@ class SteppedEngine:
         self._tickets = 0
 
     def bearings(
-        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
-    ) -> Sequence[Bearing]:
+        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
+    ) -> Sequence[HandForceBounds]:
         """Do nothing: no hand is real here."""
         return ()
 

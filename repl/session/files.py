@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.exchange.safe import RefusedError
+from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.together import write_all
 from ergon.notation.text.files import is_shipped
 from ergon.repl.session import save_as
@@ -95,7 +95,7 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
             {Path(file): as_written(file, text) for file, text in files.items()},
             lambda path: disk.check(str(path), score),
         )
-    except (RefusedError, OSError) as error:
+    except (FileRefusedError, OSError) as error:
         raise NotTakenError(str(error)) from None
     disk.note_written(files)
     session.note_written(texts)

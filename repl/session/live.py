@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ergon._core import has_let_go, let_go
-from ergon.live.display import told as said
-from ergon.live.display import too_stiff
+from ergon.live.display import event_sentence as said
+from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
-from ergon.live.perform import Order, bars, every, perform
+from ergon.live.perform import PlaybackConfig, bars, every, perform
 from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath
 from ergon.repl.session.version import NotTakenError
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from ergon import _core
-    from ergon.live.guard import Bearing
+    from ergon.live.guard import HandForceBounds
     from ergon.scores.staging.gliding import Glide
     from ergon.scores.staging.stage import Stage
 
@@ -28,20 +28,20 @@ _PATIENCE = 2.0  # [s] to play out the ring buffer
 class LiveEngine:
     """A performance of stages on a sound card and keys."""
 
-    def __init__(self, stage: Stage, order: Order) -> None:
+    def __init__(self, stage: Stage, config: PlaybackConfig) -> None:
         """Begin to play a stage. Raises EngineError."""
         self.tick_frames = every(stage)
-        self._highpass = order.highpass
+        self._highpass = config.highpass
         self._n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
-            stage, replace(order, endless=True, loose=True)
+            stage, replace(config, endless=True, loose=True)
         )
         self._players = [hand.player for hand in stage.live]
-        self._real = {player for board in order.boards for _, player in board.axes}
+        self._real = {player for board in config.boards for _, player in board.axes}
         numbers = [hand.index for hand in stage.live if hand.player in self._real]
         reaches = [hand.reach for hand in stage.live]
         self.guard = Guard(self._performance.hand_limit, reaches, numbers)
-        self._boards = [board.url for board in order.boards]
+        self._boards = [board.url for board in config.boards]
         self._sound = 0
         # Once it is closed: its last status, and the events that were not reported.
         self._last: _core.Status | None = None
@@ -58,8 +58,8 @@ class LiveEngine:
         return self._status().frame
 
     def bearings(
-        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[Bearing]
-    ) -> Sequence[Bearing]:
+        self, stage: Stage, start: int, glides: Sequence[Glide], before: Sequence[HandForceBounds]
+    ) -> Sequence[HandForceBounds]:
         """The forces that real hands may get from a stage that takes over at frame `start`.
 
         Raises NotTakenError where a key cannot bear the stage.
@@ -67,7 +67,7 @@ class LiveEngine:
         found = self.guard.bearings(stage, start, glides, before)
         for one in found:
             if not one.least.is_enough:
-                raise NotTakenError(too_stiff(one))
+                raise NotTakenError(why_too_stiff(one))
         return found
 
     def change(self, change: Change) -> int:
@@ -85,7 +85,7 @@ class LiveEngine:
             bars=bars(stage, change.at + int(_BARS * stage.rate)),
         )
 
-    def _bounds(self, bearings: Sequence[Bearing]) -> list[list[tuple[int, float]]]:
+    def _bounds(self, bearings: Sequence[HandForceBounds]) -> list[list[tuple[int, float]]]:
         by_player = {one.player: one.bounds for one in bearings}
         return [list(by_player.get(player, ())) for player in self._players]
 

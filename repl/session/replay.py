@@ -42,7 +42,7 @@ def _errors_placed(event: Event) -> Iterator[None]:
 
 
 class ReplayedSession:
-    """A session computed from its journal, with what `exchange.render` needs of a stage.
+    """A session computed from its journal, with what `rendering.render` needs of a stage.
 
     Its simulation gives mixed frames, and its mixer passes them through.
     """

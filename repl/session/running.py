@@ -13,7 +13,7 @@ from ergon.scores.staging.hands import Window
 from ergon.scores.staging.stage import Going, Span, stage
 
 if TYPE_CHECKING:
-    from ergon.live.guard import Bearing
+    from ergon.live.guard import HandForceBounds
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -42,7 +42,7 @@ class Running:
     start: int
     until: float
     glides: tuple[Glide, ...] = ()
-    bearings: Sequence[Bearing] = ()
+    bearings: Sequence[HandForceBounds] = ()
 
     def beat(self, frame: int) -> float:
         """The beat of the piece at a frame."""

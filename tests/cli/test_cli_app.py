@@ -16,7 +16,7 @@ from ergon.cli.colour import may_colour
 from ergon.cli.console import Console, line
 from ergon.cli.lazy import LazyGroup
 from ergon.cli.outcome import Diverged, Findings, Refused
-from ergon.exchange.safe import RefusedError
+from ergon.exchange.safe import FileRefusedError
 
 HEAVY = ("numpy", "numba", "soundfile", "rich", "yaml", "ergon._core")
 
@@ -97,7 +97,7 @@ def test_wrong_usage_as_json(capsys: pytest.CaptureFixture[str]) -> None:
         (Findings("a mistake"), 1, "error: a mistake\n"),
         (Refused("no"), 2, "error: no\n"),
         (Diverged("bell.m went away"), 4, "error: bell.m went away\n"),
-        (RefusedError("x.wav exists"), 2, "error: x.wav exists\n"),
+        (FileRefusedError("x.wav exists"), 2, "error: x.wav exists\n"),
         (FileNotFoundError(2, "No such file", "x.yaml"), 2, "error: x.yaml: No such file\n"),
         (KeyboardInterrupt(), 130, ""),
         (ZeroDivisionError("division"), 2, "error: internal error: ZeroDivisionError: division"),

@@ -240,4 +240,4 @@ def test_what_cannot_be_recorded(capsys: Capture):
     assert app.run([*record, "emul:", "-o", "x.wav"]) == 2
     assert app.run([*record, "emul:"]) == 2
     assert app.run([*record, "emul:", "--live", "emul:", "-o", "x.take"]) == 2
-    assert "cannot be two players' hand" in capsys.readouterr().err
+    assert "is given to two players" in capsys.readouterr().err

@@ -133,8 +133,8 @@ def test_it_ends_by_itself():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["firefader", "--udp", "9999"], "a firefader is reached by --pty"),
-        (["frame", "--udp", "1", "--ws", "2"], "one of --pty, --udp and --ws"),
+        (["firefader", "--udp", "9999"], "a firefader is emulated by --pty"),
+        (["frame", "--udp", "1", "--ws", "2"], "--pty, --udp and --ws exclude each other"),
         (["haply", "--axes", "2"], "a haply has 3 axes"),
         (["frame", "--gesture", "0mm@0 6@nowhere"], "--gesture"),
         (["frame", "--mass", "0g"], "--mass"),

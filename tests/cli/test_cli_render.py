@@ -149,26 +149,26 @@ def test_a_diverging_part_exits_4_without_a_file(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     from ergon import _core
-    from ergon.exchange import render as exchange
+    from ergon.rendering import render as rendering
 
     def diverge(*arguments: object) -> np.ndarray:
         error = _core.DivergedError("'bell.m' is not finite at 0.5 s")
         error.frame = 22_050
         raise error
 
-    monkeypatch.setattr(exchange, "_fold", diverge)
+    monkeypatch.setattr(rendering, "_fold", diverge)
     assert app.run(["render", "bell.yaml"]) == 4
     assert "bell.m" in capsys.readouterr().err
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
 
 
 def test_ctrl_c_exits_130_without_a_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ergon.exchange import render as exchange
+    from ergon.rendering import render as rendering
 
     def interrupt(*arguments: object) -> np.ndarray:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(exchange, "_fold", interrupt)
+    monkeypatch.setattr(rendering, "_fold", interrupt)
     assert app.run(["render", "bell.yaml"]) == 130
     assert [path.name for path in folder.iterdir()] == ["bell.yaml"]
 

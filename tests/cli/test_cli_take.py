@@ -138,14 +138,14 @@ def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["hand.take", "1s", "1s", "-o", "x.take"], "1s to 1s keeps nothing"),
+        (["hand.take", "1s", "1s", "-o", "x.take"], "nothing lies between 1s and 1s"),
         (["hand.take", "5s", "9s", "-o", "x.take"], "nothing is recorded from 5s to 9s"),
         (["hand.take", "1e17s", "end", "-o", "x.take"], "nothing is recorded"),
         (["hand.take", "later", "end", "-o", "x.take"], "FROM: "),
         (["hand.take", "0s", "1kg", "-o", "x.take"], "TO: "),
-        (["hand.take", "0s", "1s"], "where to? -o NEW.take"),
-        (["hand.take", "0s", "1s", "-o", "x.csv"], "called something.take"),
-        (["hand.take", "0s", "1s", "-o", "hand.take", "-f"], "is what is read"),
+        (["hand.take", "0s", "1s"], "no file is named; -o NEW.take does"),
+        (["hand.take", "0s", "1s", "-o", "x.csv"], "the name of a recording ends in .take"),
+        (["hand.take", "0s", "1s", "-o", "hand.take", "-f"], "is an input"),
         (["hand.take", "0s", "1s", "-o", "other.take"], "other.take exists"),
     ],
 )
@@ -255,8 +255,8 @@ def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) ->
         (["x.csv", "-o", "y.take", "--channel", "a", "--audio", "fast"], "--audio: "),
         (["long.csv", "-o", "y.take"], "more than a recording holds"),
         (["hand.take", "-o", "y.take"], "is a recording already"),
-        (["x.csv", "-o", "y.wav", "--channel", "a"], "called something.take"),
-        (["x.csv", "--channel", "a"], "where to?"),
+        (["x.csv", "-o", "y.wav", "--channel", "a"], "the name of a recording ends in .take"),
+        (["x.csv", "--channel", "a"], "no file is named"),
     ],
 )
 def test_import_refuses(folder: Path, capsys: Capture, words: list[str], said: str) -> None:
@@ -273,7 +273,7 @@ def test_no_recording_is_taken_for_a_file_to_replace(folder: Path, capsys: Captu
     (folder / "y.take").write_bytes(kept)
     for dry in ([], ["-n"]):
         assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", *dry]) == 2
-        assert "a recording is not written over" in capsys.readouterr().err
+        assert "exists; -f overwrites it" in capsys.readouterr().err
     assert (folder / "y.take").read_bytes() == kept
     assert app.run(["take", "trim", "hand.take", "0s", "1s", "-o", "y.take", "-f"]) == 0
     assert (folder / "y.take").read_bytes() != kept

@@ -12,7 +12,7 @@ from benches.interrupts import COMMANDS, begun
 from patience import PATIENCE
 
 from ergon import _core
-from ergon.exchange.signals import signals_as_exceptions
+from ergon.cli.signals import signals_as_exceptions
 
 # `fmt`, `info` and the rest are measured by the bench alone: they take seconds, not hours.
 _HOURS = [what for what in COMMANDS if COMMANDS[what][0] and "large" not in what]

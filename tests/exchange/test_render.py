@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import soundfile
 
-from ergon.exchange.ahead import ahead
-from ergon.exchange.level import Level
-from ergon.exchange.render import Order, render, stem_paths
-from ergon.exchange.safe import RefusedError
+from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.wave import hash_samples, read_info
 from ergon.exchange.wave_header import Stamp, WaveFormat
+from ergon.rendering.ahead import ahead
+from ergon.rendering.level import Level
+from ergon.rendering.render import RenderJob, render, stem_paths
 
 N_FRAMES, RATE = 10_000, 44_100
 
@@ -58,8 +58,8 @@ class Stage:
         return [("ada", Matrix([first, silent])), ("re mi/2", Matrix([silent, second]))]
 
 
-def order(path: Path | str, bits=24, level: Level | None = None, **more: object) -> Order:
-    return Order(
+def order(path: Path | str, bits=24, level: Level | None = None, **more: object) -> RenderJob:
+    return RenderJob(
         target=str(path),
         format=WaveFormat(RATE, more.pop("n_channels", 3), bits),
         start=more.pop("start", 0),
@@ -213,7 +213,7 @@ def test_a_foreign_file_is_refused_before_any_work(tmp_path: Path) -> None:
     folder.mkdir()
     soundfile.write(folder / "02_re_mi_2.wav", np.zeros(10), RATE)
     stage = Stage()
-    with pytest.raises(RefusedError, match="02_re_mi_2"):
+    with pytest.raises(FileRefusedError, match="02_re_mi_2"):
         render(stage, order(tmp_path / "x.wav", stems=folder), quiet)
     assert stage.simulation.frame == 0
     assert not (tmp_path / "x.wav").exists()

@@ -13,7 +13,7 @@ import soundfile
 from patience import PATIENCE
 
 from ergon.exchange import temporary, together
-from ergon.exchange.safe import MARK, RefusedError, is_ours, write_text, writing
+from ergon.exchange.safe import MARK, FileRefusedError, is_ours, write_text, writing
 from ergon.exchange.together import write_all
 from ergon.exchange.wave import WaveWriter
 from ergon.exchange.wave_header import Stamp, WaveFormat
@@ -51,7 +51,7 @@ def test_an_early_end_leaves_no_new_folder(tmp_path: Path) -> None:
 
 
 def test_a_place_that_takes_no_file_is_named_as_it_was_asked() -> None:
-    with pytest.raises(RefusedError, match=r"^/proc/x\.wav cannot be written: "):
+    with pytest.raises(FileRefusedError, match=r"^/proc/x\.wav cannot be written: "):
         write_text("/proc/x.wav", "x")
 
 
@@ -59,7 +59,7 @@ def test_foreign_files_are_refused_unless_forced(tmp_path: Path) -> None:
     path = tmp_path / "song.wav"
     soundfile.write(path, np.zeros(10), 44_100)
     before = path.read_bytes()
-    with pytest.raises(RefusedError, match="not made by ergon"):
+    with pytest.raises(FileRefusedError, match="not made by ergon"):
         write_text(path, "x")
     assert path.read_bytes() == before
     write_text(path, "x", force=True)
@@ -81,7 +81,7 @@ def test_our_own_files_are_recognised(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RefusedError, match="folder"):
+    with pytest.raises(FileRefusedError, match="folder"):
         write_text(tmp_path, "x")
 
 
@@ -116,7 +116,7 @@ def test_devices_are_written_straight() -> None:
 SLOW = """
 import sys, time
 from ergon.exchange.safe import writing
-from ergon.exchange.signals import Terminated, signals_as_exceptions
+from ergon.cli.signals import Terminated, signals_as_exceptions
 try:
     with signals_as_exceptions(), writing(sys.argv[1], binary=True) as file:
         file.write(b"half")
@@ -165,7 +165,7 @@ def test_a_reader_that_has_seen_enough_ends_the_writing_quietly() -> None:
 
 def test_no_binary_data_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
-    with pytest.raises(RefusedError, match="terminal"), writing("-", binary=True):
+    with pytest.raises(FileRefusedError, match="terminal"), writing("-", binary=True):
         pass
 
 
@@ -228,9 +228,9 @@ def test_several_files_are_written_together_or_not_at_all(tmp_path: Path) -> Non
 
     def refuse(path: Path) -> None:
         if path == new:
-            raise RefusedError("not this one")
+            raise FileRefusedError("not this one")
 
-    with pytest.raises(RefusedError, match="not this one"):
+    with pytest.raises(FileRefusedError, match="not this one"):
         write_all(files, refuse)
     assert old.read_text() == "before"
     assert list(tmp_path.iterdir()) == [old]
@@ -253,7 +253,7 @@ def test_who_makes_a_new_file_first_keeps_it(
         put(part, target, is_new=is_new)
 
     monkeypatch.setattr(together, "_put", raced)
-    with pytest.raises(RefusedError, match="File exists"):
+    with pytest.raises(FileRefusedError, match="File exists"):
         write_all({old: b"after", new: b"ours"}, lambda path: None)
     assert (old.read_text(), new.read_text()) == ("before", "theirs")
     assert sorted(tmp_path.iterdir()) == [old, new]

@@ -162,7 +162,8 @@ def test_a_replaced_section_leaves_the_others() -> None:
 
 def test_all_languages_are_known() -> None:
     """A block in another language would be looked at by nobody."""
-    # A session is typed by test_repl_concert, Python run by test_session_api, JSON is a protocol.
+    # A session is typed by test_repl_concert; Python is run by test_session_api and
+    # test_library_face; JSON is a protocol.
     known = {"yaml", "console", "csv", "text", "sh", "repl", "python", "json"}
     for page in PAGES:
         assert {block.language for block in blocks(page)} <= known, page.name

@@ -15,6 +15,7 @@ MAY = {
     "common": set(),
     "view": {"_core"},
     "exchange": {"_core"},
+    "rendering": {"exchange", "_core"},
     TEXT: set(),
     CLOCK: {TEXT, "_core"},
     TABLES: {TEXT, CLOCK, "_core"},
@@ -24,13 +25,14 @@ MAY = {
     EDITS: {"notation", "instruments", GESTURE, READING},
     STAGING: {"notation", "instruments", GESTURE, READING, "_core"},
     "repl.language": {"notation", "instruments", "scores"},
-    "lab": {"notation", "instruments", "scores", "exchange", "_core"},
-    "live": {"notation", "scores", "exchange", "_core"},
+    "lab": {"notation", "instruments", "scores", "exchange", "rendering", "_core"},
+    "live": {"notation", "scores", "exchange", "rendering", "_core"},
     "repl.session": {
         "notation",
         "instruments",
         "scores",
         "exchange",
+        "rendering",
         "live",
         "view",
         "repl.session_protocol",
@@ -39,11 +41,22 @@ MAY = {
     },
     "repl.prompt": {"repl.session_protocol", "repl.line_queue"},
     "repl.wire": {"repl.session_protocol", "repl.line_queue"},
+    "api": {
+        "notation",
+        "scores",
+        "exchange",
+        "rendering",
+        "live",
+        "repl",
+        "_core",
+    },
     "cli": {
+        "api",
         "notation",
         "instruments",
         "scores",
         "exchange",
+        "rendering",
         "lab",
         "live",
         "repl",
@@ -53,8 +66,8 @@ MAY = {
 }
 
 
-def imported(path: Path) -> set[str]:
-    """Modules of the package that a file names, anywhere in it, but for its annotations."""
+def nodes(path: Path) -> list[ast.AST]:
+    """The syntax of a file, but for what only type checkers see."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     only_types = {
         id(inner)
@@ -62,10 +75,13 @@ def imported(path: Path) -> set[str]:
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
+    return [node for node in ast.walk(tree) if id(node) not in only_types]
+
+
+def imported(path: Path) -> set[str]:
+    """Modules of the package that a file names, anywhere in it, but for its annotations."""
     names = set()
-    for node in ast.walk(tree):
-        if id(node) in only_types:
-            continue
+    for node in nodes(path):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ergon"):
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Import):

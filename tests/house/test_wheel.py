@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PARTS = (
+    "api",
     "cli",
     "common",
     "exchange",
@@ -17,6 +18,7 @@ PARTS = (
     "lab",
     "live",
     "notation",
+    "rendering",
     "repl",
     "scores",
     "view",

@@ -231,7 +231,7 @@ def test_where_everything_fails_there_is_no_reference():
 
 
 def test_silence_cannot_be_compared():
-    with pytest.raises(chart.SilentError, match=r"first 0\.05 s"):
+    with pytest.raises(chart.SilentPieceError, match=r"first 0\.05 s"):
         chart.measure(canonical.struck(0.0), grid(2), 0.05, "waveform", silent)
 
 

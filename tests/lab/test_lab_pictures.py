@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from ergon.exchange.safe import RefusedError, is_ours
+from ergon.exchange.safe import FileRefusedError, is_ours
 from ergon.lab import chart_table, draw_chart, draw_maps, map_table, maps, table
 from ergon.lab.atlas import built_in
 from ergon.lab.chart import Chart, Point
-from ergon.lab.pictures import NoPicturesError, save, targets
+from ergon.lab.pictures import MatplotlibMissingError, save, targets
 from ergon.lab.runs import Setting
 
 POINTS = [
@@ -93,7 +93,7 @@ def test_maps_are_the_same_picture_every_time(tmp_path: Path):
 
 def test_no_file_of_another_is_overwritten(tmp_path: Path):
     (tmp_path / "x.svg").write_text("<svg>mine</svg>")
-    with pytest.raises(RefusedError, match="was not made by ergon"):
+    with pytest.raises(FileRefusedError, match="was not made by ergon"):
         save(lambda: draw_chart.draw(example("cents"), "Bell", ""), tmp_path / "x")
     assert (tmp_path / "x.svg").read_text() == "<svg>mine</svg>"
     assert not (tmp_path / "x.png").exists()
@@ -103,7 +103,7 @@ def test_without_matplotlib_it_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(NoPicturesError, match=r"pip install ergon-live\[lab\]"):
+    with pytest.raises(MatplotlibMissingError, match=r"pip install ergon-live\[lab\]"):
         save(lambda: pytest.fail("it drew"), tmp_path / "x")
 
 

@@ -22,11 +22,11 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 
 from ergon import _core
 from ergon.cli import app
-from ergon.live.datagrams import MOST, MalformedError, messages, written
+from ergon.live.datagrams import MOST, MalformedDatagramError, messages, written
 from ergon.live.osc import Osc, OscError, place
 from ergon.live.osc_in import alone
-from ergon.live.osc_out import Ear
-from ergon.live.perform import Order, perform
+from ergon.live.osc_out import HearingClock
+from ergon.live.perform import PlaybackConfig, perform
 from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import Stage, stage
@@ -108,7 +108,7 @@ def listener() -> Iterator[Listener]:
 
 @contextlib.contextmanager
 def played(
-    staged: Stage, order: Order, there: int | None = None
+    staged: Stage, order: PlaybackConfig, there: int | None = None
 ) -> Iterator[tuple[_core.Performance, Osc]]:
     """A performance with OSC, ended afterwards."""
     osc = Osc(("127.0.0.1", 0), None if there is None else ("127.0.0.1", there))
@@ -155,19 +155,25 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
         port = where["port"]
         assert listener.until("/ergon/beat")[3][:2] == [1, 1]
         listener.say(port, "/ergon/cmd", "rest ada")
-        assert listener.until("/ergon/error")[3] == ["the REPL takes commands"]
+        assert listener.until("/ergon/error")[3] == [
+            "commands need a session: ergon repl takes them, ergon play does not"
+        ]
         listener.say(port, "/ergon/nothing\x1b[2J")
         listener.say(port, "/ergon/nothing\x1b[2J")
         listener.socket.sendto(b"\0\xff/ergon", ("127.0.0.1", port))
         listener.say(port, "/ergon/instrument/bell/gain", -6.0)
         listener.say(port, "/ergon/player/bo/gain", -6.0)
-        assert "by bo's key alone" in listener.until("/ergon/error")[3][0]
+        assert "shared with other keys" in listener.until("/ergon/error")[3][0]
         listener.say(port, "/ergon/stop", 0)  # a button that is let go
         listener.say(port, "/ergon/gain", "loud")
-        assert listener.until("/ergon/error")[3] == ["this takes one number, in dB"]
+        assert listener.until("/ergon/error")[3] == [
+            "the argument has to be one number, a level in dB"
+        ]
         listener.say(port, "/ergon/stop")
         assert told(process, "warning")["message"] == "osc: no address /ergon/nothing\\x1b[2J"
-        assert told(process, "warning")["message"] == "1 datagrams were no OSC and were ignored"
+        assert (
+            told(process, "warning")["message"] == "1 datagrams were not valid OSC and were ignored"
+        )
         told(process, "played")
         assert process.wait(timeout=PATIENCE) == 0
 
@@ -177,7 +183,7 @@ def test_a_command_is_asked_and_tells(tmp_path: Path, listener: Listener):
 
 def test_beats_and_strikes_are_told_where_they_are(listener: Listener):
     staged = stage(piece(), planned=True)
-    with played(staged, Order(audio="null:fast"), listener.port) as (performance, osc):
+    with played(staged, PlaybackConfig(audio="null:fast"), listener.port) as (performance, osc):
         while not performance.wait(1.0):
             pass
         osc.rest()
@@ -206,7 +212,7 @@ def test_time_tags_say_when_it_is_heard(listener: Listener):
     """The card's own clock says so too: when the block came that holds the frame."""
     staged = stage(piece(), planned=True)
     blocks: list[tuple[int, float]] = []
-    order = Order(audio="null", ahead=8192)  # a busy machine is no concern of this test
+    order = PlaybackConfig(audio="null", ahead=8192)  # a busy machine is no concern of this test
     with played(staged, order, listener.port) as (performance, osc):
         while not performance.wait(0.0) and len(blocks) < 400:
             listener.drain(1e-4)
@@ -233,7 +239,7 @@ def test_an_ear_takes_the_earliest_of_late_blocks():
             self.sounding, self.underruns = sounding, underruns
             self.latency, self.paced, self.dropped, self.alive = 0.01, True, 0, True
 
-    ear = Ear(1000.0, 500)
+    ear = HearingClock(1000.0, 500)
     assert ear.when(500) is None
     for i, late in enumerate((0.004, 0.0, 0.007, 0.002)):
         ear.look(Said(0.1 * i - late), 50.0 + 0.1 * i)  # type: ignore[arg-type]
@@ -277,7 +283,7 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
     import soundfile
 
     osc = Osc(("127.0.0.1", 0), None)
-    performance = perform(staged, Order(audio=f"file:{path}", gain=0.1, ahead=256))
+    performance = perform(staged, PlaybackConfig(audio=f"file:{path}", gain=0.1, ahead=256))
     if address is not None:
         osc.begin(performance, staged, 0.1)
         assert osc.place is not None
@@ -292,7 +298,7 @@ def sound(staged: Stage, path: Path, address: str | None) -> np.ndarray:
 
 def test_panic_and_release(listener: Listener):
     staged = stage(piece(), planned=True)
-    with played(staged, Order(audio="null"), listener.port) as (performance, osc):
+    with played(staged, PlaybackConfig(audio="null"), listener.port) as (performance, osc):
         assert osc.place is not None
         listener.until("/ergon/strike")
         listener.say(osc.place[1], "/ergon/panic", 1.0)
@@ -320,7 +326,7 @@ def _message(address: str, *arguments: object) -> bytes:
 @given(st.binary(max_size=200))
 def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     for bytes_ in (datagram, b"#bundle\0" + datagram, b"/a\0\0," + datagram):
-        with contextlib.suppress(MalformedError):
+        with contextlib.suppress(MalformedDatagramError):
             for address, _ in messages(bytes_):
                 assert address.startswith("/")
 
@@ -339,26 +345,26 @@ def test_strange_bytes_are_messages_or_malformed(datagram: bytes):
     st.binary(min_size=1, max_size=4),
 )
 def test_a_spoilt_datagram_harms_nobody(datagram: bytes, at: int, spoil: bytes):
-    with contextlib.suppress(MalformedError):
+    with contextlib.suppress(MalformedDatagramError):
         assert all(one == ("/a", [1, 0.5, "x"]) for one in messages(datagram))
     at %= len(datagram)
-    with contextlib.suppress(MalformedError):
+    with contextlib.suppress(MalformedDatagramError):
         messages(datagram[:at] + spoil + datagram[at + len(spoil) :])
 
 
 def test_a_bundle_that_would_be_read_for_ever_is_malformed():
     for size in (-4, 0, 3, 1 << 20):
-        with pytest.raises(MalformedError):
+        with pytest.raises(MalformedDatagramError):
             messages(b"#bundle\0" + bytes(8) + struct.pack(">i", size) + _message("/a"))
     deep = _message("/a")
     for _ in range(9):
         deep = b"#bundle\0" + bytes(8) + struct.pack(">i", len(deep)) + deep
-    with pytest.raises(MalformedError):
+    with pytest.raises(MalformedDatagramError):
         messages(deep)
 
 
 def test_a_flood_gets_few_answers(listener: Listener):
-    with played(stage(piece(), planned=True), Order(audio="null")) as (_, osc):
+    with played(stage(piece(), planned=True), PlaybackConfig(audio="null")) as (_, osc):
         assert osc.place is not None
         began = time.monotonic()
         for i in range(100):

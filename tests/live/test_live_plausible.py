@@ -59,7 +59,7 @@ def harm(log: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
-        ({"motor": -1.0}, "its motor pushes against what it is told"),
+        ({"motor": -1.0}, "its motor pushes the wrong way"),
         ({"frozen": True}, "its position stays the same"),
     ],
 )
@@ -111,7 +111,7 @@ def test_unchecked_it_is_found_at_its_first_movement(tmp_path: Path):
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
         code, told = duet(tmp_path, board, "--unchecked", "--guide", "remi=800N/m")
         assert code == 0, told
-        assert "its motor pushes against what it is told" in told
+        assert "its motor pushes the wrong way" in told
         log = board.log()
     assert np.abs(log["x"]).max() < 5e-3
     assert not log["force"][-1000:].any(), "it stays off"
@@ -201,10 +201,10 @@ def test_who_hears_replies_to_another_says_so(tmp_path: Path):
 
 
 def test_what_tripped_is_told_by_its_reason():
-    from ergon.live.display import told
+    from ergon.live.display import event_sentence
 
     reasons = ("not finite", "speed", "wrong way", "at stop", "frozen")
-    sentences = {told((0, f"tripped: {why}", 0.0), ["remi"], []) for why in reasons}
+    sentences = {event_sentence((0, f"tripped: {why}", 0.0), ["remi"], []) for why in reasons}
     assert len(sentences) == len(reasons)
     assert all(sentence.startswith("remi's key tripped: ") for sentence in sentences)
     assert json.dumps(sorted(sentences))

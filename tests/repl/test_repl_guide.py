@@ -14,7 +14,7 @@ from patience import until
 from tests.repl.test_repl_live import ok
 
 from ergon.live.boards import Board
-from ergon.live.perform import Order
+from ergon.live.perform import PlaybackConfig
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart, read_journal
 from ergon.repl.session.live import LiveEngine
@@ -88,7 +88,7 @@ def led(folder: Path, hand: float = 0.0) -> Iterator[Led]:
     version = Version(0, "", texts, piece_of(texts))
     journal = Journal(folder / "session.jsonl")
     with paced(hand=hand, stiffness=10.0, damping=0.1) as board:
-        order = Order(audio="null:fast", boards=[Board(board.url, ((0, "remi"),))])
+        order = PlaybackConfig(audio="null:fast", boards=[Board(board.url, ((0, "remi"),))])
         session = Session(
             version,
             lambda stage: LiveEngine(stage, order),

@@ -16,7 +16,7 @@ from emulators import emulator
 from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE, onset
 
-from ergon.live.perform import Order
+from ergon.live.perform import PlaybackConfig
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart, read_journal
 from ergon.repl.session.live import LiveEngine
@@ -37,7 +37,7 @@ def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:
     journal = Journal(folder / "session.jsonl")
     session = Session(
         version,
-        lambda stage: LiveEngine(stage, Order(audio=audio, gain=300.0)),
+        lambda stage: LiveEngine(stage, PlaybackConfig(audio=audio, gain=300.0)),
         margin=0.006,
         journal=journal,
         watches=watches,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,6 @@ from patience import PATIENCE
 from sessions import Stepped
 
 import ergon
-from ergon.cli.outcome import DeviceMissing, Findings, Refused
 from ergon.repl.language import building
 from ergon.repl.language.verbs import FORMS
 from ergon.repl.session.api import NotTaken, SessionProxy
@@ -174,19 +174,21 @@ def test_it_opens_as_the_command_does(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     Path("score.yaml").write_text(SCORE)
     Path("bad.yaml").write_text(SCORE.replace("400g", "400h"))
-    with ergon.Session("score.yaml", audio="null", gain="0dB", journal="mine.jsonl") as session:
+    options = ergon.SessionOptions(audio="null", gain="0dB", journal="mine.jsonl")
+    with ergon.open_session("score.yaml", options) as session:
         assert session.play().text == "ok from 1|1"
         with pytest.raises(ergon.NotTaken):
             session("adda")
     assert '"adda"' in Path("mine.jsonl").read_text()
-    with ergon.Session(resume="mine.jsonl", audio="null") as session:
+    null = ergon.SessionOptions(audio="null")
+    with ergon.open_session(None, replace(null, resume="mine.jsonl")) as session:
         assert session.state.tempo == 120
-    with pytest.raises(Findings, match="above"):
-        ergon.Session("bad.yaml", audio="null")
-    with pytest.raises(DeviceMissing):
-        ergon.Session("score.yaml", audio="nonsense", gain="0dB")
-    with pytest.raises(Refused, match="no session is served"):
-        ergon.Session(socket=str(tmp_path / "s"))
+    with pytest.raises(ergon.ScoreError, match=r"^bad\.yaml:8:14: error\[E203\] M of key 'k1'"):
+        ergon.open_session("bad.yaml", null)
+    with pytest.raises(ergon.DeviceError):
+        ergon.open_session("score.yaml", replace(options, audio="nonsense"))
+    with pytest.raises(ergon.OptionError, match="socket: no session is served"):
+        ergon.open_session(None, ergon.SessionOptions(socket=str(tmp_path / "s")))
 
 
 def test_what_the_page_shows(
@@ -205,7 +207,10 @@ def test_what_the_page_shows(
 
 def test_what_is_not_closed_is_closed_at_the_end(tmp_path: Path):
     (tmp_path / "score.yaml").write_text(SCORE)
-    code = "import ergon; ergon.Session('score.yaml', audio='null', gain='0dB').play()"
+    code = (
+        "import ergon; options = ergon.SessionOptions(audio='null', gain='0dB'); "
+        "ergon.open_session('score.yaml', options).play()"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE
     )

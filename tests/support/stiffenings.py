@@ -11,7 +11,7 @@ from random import Random
 from paced_board import Paced, paced
 
 from ergon.live.boards import Board
-from ergon.live.perform import Order
+from ergon.live.perform import PlaybackConfig
 from ergon.repl.session.live import LiveEngine
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
@@ -120,7 +120,7 @@ def rig(folder: Path, hand: str, text: str, *, watches: bool = False) -> Iterato
     version = Version(0, "", texts, piece_of(texts))
     stiffness, damping = HANDS[hand]
     with paced(stiffness=stiffness, damping=damping, sine=0.005, hertz=1.0) as board:
-        order = Order(audio="null:fast", boards=[Board(board.url, ((0, "remi"),))])
+        order = PlaybackConfig(audio="null:fast", boards=[Board(board.url, ((0, "remi"),))])
         session = Session(
             version,
             lambda stage: LiveEngine(stage, order),

@@ -1,12 +1,110 @@
-"""Ergon: write the gesture, hear the matter."""
+"""Ergon: write the gesture, hear the matter.
+
+`check`, `plan`, `render`, `render_to_file` and `freeze` take the path of a score, and options;
+`open_session` plays one while it is changed. Whatever is refused is an `ErgonError`. The page
+docs/library.md shows each.
+"""
 
 TYPE_CHECKING = False  # as `typing` has it, which would have to be imported
 if TYPE_CHECKING:
-    from ergon.cli.notebook import Session as Session
-    from ergon.repl.session.api import NotTaken as NotTaken
+    from ergon._core import PlanRow
+    from ergon.api.check import Checked, check
+    from ergon.api.errors import (
+        DeviceError,
+        DivergedError,
+        EngineExitError,
+        OptionError,
+        ScoreError,
+    )
+    from ergon.api.files import render_to_file
+    from ergon.api.freeze import FreezeOptions, freeze
+    from ergon.api.options import AccuracyOptions, ReadOptions, SessionOptions
+    from ergon.api.plan import Plan, plan
+    from ergon.api.render import FileOptions, Render, RenderOptions, render
+    from ergon.api.session import Session, open_session
+    from ergon.common.errors import ErgonError
+    from ergon.common.report import PrintedReport, Progress, Report
+    from ergon.exchange.frozen import Frozen
+    from ergon.exchange.safe import FileRefusedError
+    from ergon.notation.text.errors import Diagnostic
+    from ergon.rendering.render import RenderedFile, RenderedFiles
+    from ergon.repl.face import Reply, State
+    from ergon.repl.session.api import NotTaken
+
+__all__ = [
+    "AccuracyOptions",
+    "Checked",
+    "DeviceError",
+    "Diagnostic",
+    "DivergedError",
+    "EngineExitError",
+    "ErgonError",
+    "FileOptions",
+    "FreezeOptions",
+    "Frozen",
+    "NotTaken",
+    "OptionError",
+    "Plan",
+    "PlanRow",
+    "PrintedReport",
+    "Progress",
+    "ReadOptions",
+    "FileRefusedError",
+    "Render",
+    "RenderOptions",
+    "RenderedFile",
+    "RenderedFiles",
+    "Reply",
+    "Report",
+    "ScoreError",
+    "Session",
+    "SessionOptions",
+    "State",
+    "check",
+    "freeze",
+    "open_session",
+    "plan",
+    "render",
+    "render_to_file",
+]
 
 # Where each is found when it is asked for: `ergon --help` needs none of them.
-_PLACES = {"Session": "ergon.cli.notebook", "NotTaken": "ergon.repl.session.api"}
+_PLACES = {
+    "AccuracyOptions": "api.options",
+    "Checked": "api.check",
+    "DeviceError": "api.errors",
+    "Diagnostic": "notation.text.errors",
+    "DivergedError": "api.errors",
+    "EngineExitError": "api.errors",
+    "ErgonError": "common.errors",
+    "FileOptions": "api.render",
+    "FreezeOptions": "api.freeze",
+    "Frozen": "exchange.frozen",
+    "NotTaken": "repl.session.api",
+    "OptionError": "api.errors",
+    "Plan": "api.plan",
+    "PlanRow": "_core",
+    "PrintedReport": "common.report",
+    "Progress": "common.report",
+    "ReadOptions": "api.options",
+    "FileRefusedError": "exchange.safe",
+    "Render": "api.render",
+    "RenderOptions": "api.render",
+    "RenderedFile": "rendering.render",
+    "RenderedFiles": "rendering.render",
+    "Reply": "repl.face",
+    "Report": "common.report",
+    "ScoreError": "api.errors",
+    "Session": "api.session",
+    "SessionOptions": "api.options",
+    "State": "repl.face",
+    "check": "api.check",
+    "freeze": "api.freeze",
+    "open_session": "api.session",
+    "plan": "api.plan",
+    "render": "api.render",
+    "render_to_file": "api.files",
+}
 
 
 def __getattr__(name: str) -> object:
@@ -14,5 +112,10 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module 'ergon' has no attribute '{name}'", name=name)
     from importlib import import_module
 
-    found: object = getattr(import_module(_PLACES[name]), name)
+    found: object = getattr(import_module(f"ergon.{_PLACES[name]}"), name)
+    globals()[name] = found
     return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from ergon.exchange.safe import check_target, writing
+from ergon.exchange.wave import WaveWriter
+from ergon.exchange.wave_header import Stamp, WaveFormat
+
 from .ahead import ahead
-from .level import Finish, Held, Level, ceiling_gain
-from .safe import check_target, writing
-from .wave import WaveWriter
-from .wave_header import Stamp, WaveFormat
+from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -73,8 +74,8 @@ class Staged(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """What is to be written: frames `start` to `stop` of the piece, in `n_channels`."""
+class RenderJob:
+    """What is rendered: frames `start` to `stop` of the piece, in channels and bits of `format`."""
 
     target: str
     format: WaveFormat
@@ -95,7 +96,7 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class RenderedFile:
     """One file: peak and gain as ratios, loudness [LUFS], hash of the samples."""
 
     path: str
@@ -106,22 +107,22 @@ class Written:
 
 
 @dataclass(frozen=True, slots=True)
-class Rendered:
-    """What a render wrote and how long it took [s]."""
+class RenderedFiles:
+    """The files that a render wrote, and how long it took: `wall` [s]."""
 
-    mix: Written
-    stems: tuple[Written, ...]
+    mix: RenderedFile
+    stems: tuple[RenderedFile, ...]
     wall: float
 
 
 @dataclass(slots=True)
 class _Track:
-    """One file on its way: its mixer, what holds its frames back, and its end."""
+    """One output in the making: its mixer, the spool of its frames, and its master chain."""
 
     path: str
     mixer: Mixer
-    finish: Finish
-    held: Held | None
+    finish: MasterChain
+    held: FrameSpool | None
 
 
 def stem_paths(folder: Path, names: Sequence[str]) -> list[Path]:
@@ -130,66 +131,92 @@ def stem_paths(folder: Path, names: Sequence[str]) -> list[Path]:
     return [folder / f"{index:02}_{name}.wav" for index, name in enumerate(safe, 1)]
 
 
-def render(stage: Staged, order: Order, progress: Callable[[int], None]) -> Rendered:
-    """Write the files of `order`; `progress` hears how many frames are simulated.
+def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> RenderedFiles:
+    """Write the files of `job`; `progress` hears how many frames are simulated.
 
-    Raises RefusedError before any work when a file may not be written, DivergedError from the
+    Raises FileRefusedError before any work when a file may not be written, DivergedError from the
     engine when a part goes non-finite; neither leaves a file.
     """
     start = time.perf_counter()
-    highpass = order.level.highpass
-    stems = list(stage.stems(highpass=highpass)) if order.stems is not None else []
-    paths = stem_paths(order.stems, [name for name, _ in stems]) if order.stems else []
+    highpass = job.level.highpass
+    stems = list(stage.stems(highpass=highpass)) if job.stems is not None else []
+    paths = stem_paths(job.stems, [name for name, _ in stems]) if job.stems else []
     for path in paths:
-        check_target(path, force=order.force, inputs=order.inputs)
+        check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
-        mixers = [(order.target, stage.mixer(highpass=highpass), order.level.limit)]
+        mixers = [(job.target, stage.mixer(highpass=highpass), job.level.limit)]
         # Stems are not limited: what one limiter does to a sum cannot be shared out to its terms.
         mixers += [(str(path), mixer, None) for path, (_, mixer) in zip(paths, stems, strict=True)]
-        tracks = [_open(stack, stage, order, *one) for one in mixers]
-        _simulate(stage, order, tracks, progress)
-        if order.level.normalise is not None:
-            _release(order, tracks)
-        written = [_close(track) for track in tracks]
-    return Rendered(written[0], tuple(written[1:]), time.perf_counter() - start)
+        tracks = []
+        for name, mixer, limit in mixers:
+            to = writing(name, binary=True, force=job.force, inputs=job.inputs)
+            writer = WaveWriter(stack.enter_context(to), job.format, job.n_frames, job.stamp)
+            tracks.append(_track(stack, stage, job, name, writer, mixer, limit))
+        written = _fill(stage, job, tracks, progress)
+    return RenderedFiles(written[0], tuple(written[1:]), time.perf_counter() - start)
 
 
-def _open(
+def render_array(
+    stage: Staged, job: RenderJob, progress: Callable[[int], None]
+) -> tuple[NDArray[np.float64], RenderedFile]:
+    """The mix of `job` as (n_frames, n_channels), and its measures; no file is written.
+
+    The format of `job` has to be "double". Raises DivergedError.
+    """
+    import numpy as np
+
+    frames = np.zeros((job.n_frames, job.format.n_channels))
+    mixer = stage.mixer(highpass=job.level.highpass)
+    with contextlib.ExitStack() as stack:
+        writer = ArrayWriter(job.format, frames)
+        track = _track(stack, stage, job, "-", writer, mixer, job.level.limit)
+        (done,) = _fill(stage, job, [track], progress)
+    return frames, done
+
+
+def _fill(
+    stage: Staged, job: RenderJob, tracks: Sequence[_Track], progress: Callable[[int], None]
+) -> list[RenderedFile]:
+    _simulate(stage, job, tracks, progress)
+    if job.level.normalise is not None:
+        _release(job, tracks)
+    return [_close(track) for track in tracks]
+
+
+def _track(
     stack: contextlib.ExitStack,
     stage: Staged,
-    order: Order,
+    job: RenderJob,
     path: str,
+    writer: Writer,
     mixer: Mixer,
     limit: float | None,
 ) -> _Track:
-    to = writing(path, binary=True, force=order.force, inputs=order.inputs)
-    file = stack.enter_context(to)
-    writer = WaveWriter(file, order.format, order.n_frames, order.stamp)
-    finish = Finish(writer, stage.rate, order.start, order.stop, limit)
-    finish.gain = order.level.gain
+    finish = MasterChain(writer, stage.rate, job.start, job.stop, limit)
+    finish.gain = job.level.gain
     held = None
-    if order.level.normalise is not None:
+    if job.level.normalise is not None:
         folder = None if path == "-" else Path(path).resolve().parent
-        n_channels = order.format.n_channels
-        held = stack.enter_context(Held(folder, n_channels, order.start, order.stop))
+        n_channels = job.format.n_channels
+        held = stack.enter_context(FrameSpool(folder, n_channels, job.start, job.stop))
     return _Track(path, mixer, finish, held)
 
 
 def _simulate(
-    stage: Staged, order: Order, tracks: Sequence[_Track], progress: Callable[[int], None]
+    stage: Staged, job: RenderJob, tracks: Sequence[_Track], progress: Callable[[int], None]
 ) -> None:
     import numpy as np
 
     at = 0
     # A limiter looks ahead, past the cut.
-    last = min(stage.n_frames, order.stop + max(track.finish.latency for track in tracks))
-    blocks = frames_of(stage.simulation, last, order.block)
-    with contextlib.closing(ahead(blocks) if order.threads > 1 else blocks) as coming:
+    last = min(stage.n_frames, job.stop + max(track.finish.latency for track in tracks))
+    blocks = frames_of(stage.simulation, last, job.block)
+    with contextlib.closing(ahead(blocks) if job.threads > 1 else blocks) as coming:
         for frames in coming:
             for track in tracks:
                 mixed = np.zeros((len(frames), stage.n_channels))
                 track.mixer.process(frames, mixed)
-                (track.held or track.finish).take(_fold(mixed, order.format.n_channels))
+                (track.held or track.finish).take(_fold(mixed, job.format.n_channels))
             at += len(frames)
             progress(at)
 
@@ -218,25 +245,25 @@ def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:
     return folded
 
 
-def _release(order: Order, tracks: Sequence[_Track]) -> None:
+def _release(job: RenderJob, tracks: Sequence[_Track]) -> None:
     """The second pass: every file gets the gain that the mix's peak asks for.
 
     All stems share one gain, so that they still add up; it is that of the mix unless one of them
     would clip.
     """
-    target = order.level.normalise or 1.0
+    target = job.level.normalise or 1.0
     mix, *stems = (track.held.peak if track.held else 0.0 for track in tracks)
     gain = target / mix if mix > 0 else 1.0
-    clips = order.format.bits != "float"
+    clips = job.format.bits != "float"
     shared = min(gain, ceiling_gain(max(stems, default=0.0), target)) if clips else gain
     for index, track in enumerate(tracks):
         if track.held is not None:
             track.finish.gain = shared if index else gain
-            for block in track.held.blocks(order.block):
+            for block in track.held.blocks(job.block):
                 track.finish.take(block)
 
 
-def _close(track: _Track) -> Written:
+def _close(track: _Track) -> RenderedFile:
     track.finish.close()
     finish = track.finish
-    return Written(track.path, finish.peak, finish.loudness, finish.gain, finish.sha256)
+    return RenderedFile(track.path, finish.peak, finish.loudness, finish.gain, finish.sha256)

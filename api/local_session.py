@@ -1,4 +1,4 @@
-"""What `repl` does: a score or a journal, an engine, a session, a prompt."""
+"""A session: a score that is played while lines change it, in this process."""
 
 from __future__ import annotations
 
@@ -6,19 +6,23 @@ import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ergon.exchange.level import HIGHPASS
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+from ergon.rendering.level import HIGHPASS
 
-from . import playing, score
-from .console import Console
-from .outcome import DeviceMissing, Findings, Refused
+from . import score as scores
+from .errors import DeviceError, OptionError
+from .gain import gain_of
+from .hands import boards_of, ready
+from .options import ReadOptions, SessionOptions
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
-    from ergon.live.perform import Order
+    from ergon.live.perform import PlaybackConfig
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
@@ -33,82 +37,32 @@ _MARGIN = 0.006
 _SWITCH = 0.0005  # [s]
 
 
-@dataclass(frozen=True, slots=True)
-class Wishes:
-    """What the options ask for."""
+def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
+    """A session that sounds; whoever has it closes it.
 
-    live: Sequence[str] = ()
-    unchecked: bool = False
-    force_max: float | None = None
-    audio: str = "auto"
-    block: int | None = None
-    ahead: int | None = None
-    gain: str | None = None
-    journal: Path = Path("session.jsonl")
-    resume: Path | None = None
-    watch: bool = False
-    socket: str | None = None
-    engine: bool = False
-    plain: bool = False
-    strict: bool = False
-    trust: bool = False
-
-    @property
-    def playing(self) -> playing.Wishes:
-        """The same, as `play` asks."""
-        return playing.Wishes(
-            audio=self.audio,
-            block=self.block,
-            ahead=self.ahead,
-            gain=self.gain,
-            live=self.live,
-            force_max=self.force_max,
-            unchecked=self.unchecked,
-        )
-
-
-def perform(console: Console, path: str | None, wishes: Wishes) -> None:
-    """Serve a session until somebody leaves."""
-    from ergon._core import stop_on_signals
-    from ergon.repl.prompt.run import history_of_user, run
-
-    session = begun(console, path, wishes)
-    if run(
-        session,
-        plain=wishes.plain,
-        strict=wishes.strict,
-        history=history_of_user(),
-        watch=stop_on_signals,
-    ):
-        raise Findings
-
-
-def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
-    """A session that sounds; whoever has it closes it."""
+    Raises ScoreError, OptionError and DeviceError.
+    """
     from ergon import _core
     from ergon.exchange.plan_store import of_user
     from ergon.repl.prompt.signals import left_to_me
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
 
-    version, clock, gain, disk = _beginning(console, path, wishes)
+    version, clock, gain, disk = _beginning(path, options, report)
     piece = version.piece
-    boards = [
-        playing.ready(console, board, wishes.unchecked)
-        for board in playing.boards_of(piece, wishes.playing)
-    ]
+    boards = [ready(board, options.unchecked, report) for board in boards_of(piece, options.live)]
     real = {player: None for board in boards for _, player in board.axes}
-    with score.staging(console, version.texts.load):
-        order = _order(console, piece, wishes, boards, gain)
+    with scores.staging(version.texts.load, report):
+        config = _config(piece, options, boards, gain, report)
     try:
-        journal = Journal.begun(wishes.journal)
+        journal = Journal.begun(Path(options.journal))
     except JournalError as error:
-        raise Refused(str(error)) from None
+        raise OptionError("journal", str(error)) from None
     try:
         hands = free(journal.path.with_suffix(".take")) if real else None
-        order = replace(order, record=hands, about={"journal": journal.path.name})
-        make, opening = _engine(console, version, clock, order)
-        with score.staging(console, version.texts.load):
+        config = replace(config, record=hands, about={"journal": journal.path.name})
+        make, opening = _engine(version, clock, config, report)
+        with scores.staging(version.texts.load, report):
             session = Session(
                 version,
                 make,
@@ -119,7 +73,7 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
                 clock=clock,
                 hands=hands,
                 disk=disk,
-                watches=wishes.watch,
+                watches=options.watch,
             )
     except BaseException:
         journal.close()
@@ -140,7 +94,7 @@ def begun(console: Console, path: str | None, wishes: Wishes) -> Session:
 
 
 def _beginning(
-    console: Console, path: str | None, wishes: Wishes
+    path: str | None, options: SessionOptions, report: Report
 ) -> tuple[Version, Clock, float | None, Disk | None]:
     """The first version, where its piece stands, the gain where it is known, and the disk."""
     from ergon.repl.session.clock import Clock
@@ -150,58 +104,58 @@ def _beginning(
     from ergon.repl.session.version import NotTakenError, Version
     from ergon.scores.edits.texts import Texts
 
-    resume = wishes.resume
-    if resume is not None:
+    if options.resume is not None:
+        resume = Path(options.resume)
         try:
-            replay = read_journal(resume, path, resumes=True, trust=wishes.trust)
+            replay = read_journal(resume, path, resumes=True, trust=options.trust)
             return *resumed(replay), replay.opening.gain, replay.disk
         except JournalError as error:
-            raise Refused(f"--resume: {error}") from None
+            raise OptionError("resume", str(error)) from None
         except NotTakenError as error:
-            raise Refused(f"--resume: {resume}: {error}") from None
+            raise OptionError("resume", f"{resume}: {error}") from None
     if path is None:
-        raise Refused("a score is missing, or --resume JOURNAL")
-    loaded = score.read(console, path, leave_out=("N401",), trust=wishes.trust)
-    piece = score.piece_of(loaded)
-    texts = Texts.read(path, score.bounds(path, wishes.trust))
+        raise ErgonError("no score is given, and no journal to resume")
+    loaded = scores.read(path, ReadOptions(trust=options.trust), report, leave_out=("N401",))
+    piece = scores.piece_of(loaded)
+    texts = Texts.read(path, scores.bounds(path, options.trust))
     return Version(0, "", texts, piece), Clock(), None, None
 
 
-def _order(
-    console: Console,
+def _config(
     piece: Piece,
-    wishes: Wishes,
+    options: SessionOptions,
     boards: Sequence[Board],
     gain: float | None,
-) -> Order:
+    report: Report,
+) -> PlaybackConfig:
     from ergon.exchange.plan_store import of_user
-    from ergon.live.perform import Order
+    from ergon.live.perform import PlaybackConfig
     from ergon.scores.staging.stage import stage
 
     master = piece.mix.master
-    score.whole_rate(piece.rate)
-    audio = wishes.audio if wishes.block is None else f"{wishes.audio},block={wishes.block}"
+    scores.whole_rate(piece.rate)
+    audio = options.card
     if audio.startswith("file:"):  # whoever types does so by the clock
         audio = audio.replace("file:", "clock:", 1)
-    if gain is None or wishes.gain is not None:
+    if gain is None or options.gain is not None:
         from ergon.repl.session.running import rehearsal
 
         played = piece if piece.parts or piece.strikes else rehearsal(piece)
         whole = stage(played, planned=True, store=of_user(), on_fault="mute")
-        gain = playing.gain(console, played, whole, wishes.playing, ())
-    return Order(
+        gain = gain_of(played, whole, options.gain, report)
+    return PlaybackConfig(
         audio=audio,
         gain=gain,
         limit=master.limit if master is not None and master.limit is not None else 1.0,
         highpass=HIGHPASS,
         boards=boards,
-        force_max=wishes.force_max,
-        ahead=wishes.ahead,
+        force_max=options.force_max,
+        ahead=options.ahead,
     )
 
 
 def _engine(
-    console: Console, version: Version, clock: Clock, order: Order
+    version: Version, clock: Clock, config: PlaybackConfig, report: Report
 ) -> tuple[Callable[[Stage], Engine], Callable[[int], SessionStart]]:
     from ergon import _core
     from ergon.repl.prompt.signals import left_to_me
@@ -211,14 +165,14 @@ def _engine(
     def make(stage: Stage) -> Engine:
         try:
             with left_to_me():  # not to the physics, nor to who looks after it
-                engine = LiveEngine(stage, order)
+                engine = LiveEngine(stage, config)
         except _core.EngineError as error:
-            raise DeviceMissing(str(error)) from None
-        console.say(engine.performance.output())
+            raise DeviceError(str(error)) from None
+        report.say(engine.performance.output())
         return engine
 
     def opening(every: int) -> SessionStart:
-        heard = order.gain, order.limit, order.highpass
+        heard = config.gain, config.limit, config.highpass
         return SessionStart(version.texts, clock.at, version.faders, every, *heard)
 
     return make, opening

@@ -1,4 +1,4 @@
-"""How the gestures of a piece were followed: its reports, one for each player, gesture and key."""
+"""How closely keys followed their gestures: one report for each player, gesture and key."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Followed:
+class GestureFidelity:
     """Every time a player plays a gesture on a key, together; SI units as in `_core.Report`.
 
     `is_layer`: nothing was compared, for a layer adds to the path of another gesture. Without
@@ -38,7 +38,7 @@ class Followed:
     first_points_missed: int
 
 
-def follow(stage: Any, progress: Callable[[int], None]) -> list[Followed]:
+def follow(stage: Any, progress: Callable[[int], None]) -> list[GestureFidelity]:
     """Run a staged piece to its end without sound, and gather its reports."""
     import numpy as np
 
@@ -55,13 +55,15 @@ def follow(stage: Any, progress: Callable[[int], None]) -> list[Followed]:
     return [_together(*who, reports, keys[who[2]].reach) for who, reports in groups.items()]
 
 
-def _together(player: str, name: str, key: str, reports: list[Report], reach: float) -> Followed:
+def _together(
+    player: str, name: str, key: str, reports: list[Report], reach: float
+) -> GestureFidelity:
     # The engine knows a key as the scene sees it, `reach` times as far; a hand knows the key.
     worst = max(reports, key=lambda report: report.worst)
     compared = sum(report.compared for report in reports)
     squares = sum(report.rms * report.rms * report.compared for report in reports)
     n_ergons = sum(report.n_ergons for report in reports)
-    return Followed(
+    return GestureFidelity(
         player=player,
         name=name,
         key=key,

@@ -1,4 +1,4 @@
-"""One thread computes ahead of another that consumes; order and contents stay the same."""
+"""A generator whose items a thread computes ahead of the consumer, in the same order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A performance from its first frame to its last, and what is shown of it."""
+"""A performance, shown from its first frame to its last."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from ergon.api.score import where
 from ergon.common.terminal import clean
 
-from . import score
 from .console import Console
 from .outcome import Late, Refused
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.live.boards import Board
     from ergon.live.osc import Osc
-    from ergon.live.perform import Order
+    from ergon.live.perform import PlaybackConfig
     from ergon.scores.staging.stage import Stage
 
 _LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
@@ -26,8 +26,8 @@ _SAY = 2.0  # [s] between two lines under --plain
 _AFTER = 10.0  # [s] that what is in the ring may take to be heard
 
 
-class Session:
-    """A performance from its first frame to its last, and what is shown of it."""
+class Shown:
+    """A performance, shown from its first frame to its last."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class Session:
         self._sound_events = 0
         self._osc: Osc | None = None
 
-    def run(self, osc: Osc | None, order: Order, begin: Callable[[], None]) -> None:
+    def run(self, osc: Osc | None, config: PlaybackConfig, begin: Callable[[], None]) -> None:
         """Play to the end. However it ends, forces are zero and nothing sounds then."""
         from ergon import _core
 
@@ -63,7 +63,7 @@ class Session:
             begin()
             if osc is not None:
                 self._osc = osc
-                osc.begin(performance, self._stage, order.gain, order.start)
+                osc.begin(performance, self._stage, config.gain, config.start)
             if granted := self._granted():
                 self._console.detail(f"physics: {granted}")
             while not performance.wait(_LOOK):
@@ -136,12 +136,12 @@ class Session:
         self._drawn = 0
 
     def _tell(self, events: Sequence[tuple[int, str, float]]) -> None:
-        from ergon.live.display import told
+        from ergon.live.display import event_sentence
 
         for event in events:
-            if sentence := told(event, self._players, self._boards):
-                where = score.where(self._stage.piece, event[0] / self._stage.rate)
-                self._say(f"{where} {sentence}")
+            if sentence := event_sentence(event, self._players, self._boards):
+                at = where(self._stage.piece, event[0] / self._stage.rate)
+                self._say(f"{at} {sentence}")
 
     def _say(self, sentence: str) -> None:
         self._clear()
@@ -162,7 +162,7 @@ class Session:
             "missed": status.missed,
         }
         if self._osc is not None and (ignored := self._osc.malformed):
-            self._console.warn(f"{ignored} datagrams were no OSC and were ignored")
+            self._console.warn(f"{ignored} datagrams were not valid OSC and were ignored")
         if self._console.json:
             self._console.record("played", **fields)
         else:
@@ -170,6 +170,6 @@ class Session:
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
         if status.missed:
             missed = status.missed / self._stage.rate
-            self._console.warn(f"{missed:.3f} s of frozen parts were not read in time: silent")
+            self._console.warn(f"{missed:.3f} s of frozen parts were read too late: silent")
         if self._strict and (late or status.underruns or status.dropped or status.missed):
             raise Late(f"{late} late ticks, {status.underruns} gaps in the sound (--strict)")

@@ -1,16 +1,16 @@
-"""From mixed frames to the level of the file: hold until the peak is known, gain, limit, cut."""
+"""From mixed frames to finished samples: spool until the peak is known, gain, limiter, cut."""
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from .wave import WaveWriter
-from .wave_header import Bits
+from ergon.exchange.wave_header import Bits, WaveFormat
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,7 +56,7 @@ def ceiling_gain(peak: float, ceiling: float) -> float:
     return ceiling / peak if peak > 0 else float("inf")
 
 
-class Held:
+class FrameSpool:
     """Frames in a raw file without a name: however the run ends, nothing stays on the disk."""
 
     def __init__(self, folder: Path | None, n_channels: int, start: int, stop: int) -> None:
@@ -99,13 +99,53 @@ class Held:
             yield np.frombuffer(data).reshape(-1, self._n_channels)
 
 
-class Finish:
-    """Gain, limiter, cut, meter and samples of one file; what it measures is what is written."""
+class Writer(Protocol):
+    """Takes finished samples in the order of the piece: `WaveWriter`, `ArrayWriter`."""
+
+    @property
+    def format(self) -> WaveFormat:
+        """Rate, channels and form of the samples."""
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the samples."""
+
+    def write(self, samples: NDArray[Any]) -> None:
+        """Append (n_frames, n_channels) in the form of the format."""
+
+    def close(self) -> None:
+        """End; nothing more comes."""
+
+
+class ArrayWriter:
+    """Samples into an array (n_frames, n_channels) of doubles."""
+
+    def __init__(self, format: WaveFormat, frames: NDArray[np.float64]) -> None:
+        """Fill `frames` from its beginning."""
+        self.format = format
+        self._frames, self._at = frames, 0
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the samples."""
+        return hashlib.sha256(self._frames.data).hexdigest()
+
+    def write(self, samples: NDArray[np.float64]) -> None:
+        """Append (n_frames, n_channels)."""
+        self._frames[self._at : self._at + len(samples)] = samples
+        self._at += len(samples)
+
+    def close(self) -> None:
+        """End; nothing more comes."""
+
+
+class MasterChain:
+    """Gain, limiter, cut and meter before one writer; the meter measures the written samples."""
 
     def __init__(
-        self, writer: WaveWriter, rate: float, start: int, stop: int, limit: float | None
+        self, writer: Writer, rate: float, start: int, stop: int, limit: float | None
     ) -> None:
-        """Write frames `start` to `stop` of what comes, counted from 0."""
+        """Write frames `start` to `stop` of those that are taken, counted from 0."""
         from ergon import _core
 
         n_channels = writer.format.n_channels
@@ -124,7 +164,7 @@ class Finish:
 
     @property
     def loudness(self) -> float:
-        """Integrated loudness of what was written [LUFS]."""
+        """Integrated loudness of the written samples [LUFS]."""
         return self._meter.loudness
 
     @property

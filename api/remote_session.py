@@ -1,4 +1,4 @@
-"""`ergon repl --socket`: the engine in a process of its own, and prompts that join it."""
+"""A session whose engine is a process of its own: it is served, joined, or begun."""
 
 from __future__ import annotations
 
@@ -13,71 +13,74 @@ from dataclasses import fields
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-import click
-
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
 from ergon.common.terminal import clean
 
-from .console import Console
-from .outcome import Findings, Refused
-from .performing import Wishes, begun
+from .errors import EngineExitError, OptionError
+from .local_session import begin
+from .options import SessionOptions
 
 if TYPE_CHECKING:
     from ergon.repl.wire.remote import Remote
 
 _LOOK = 0.05  # [s] between two looks whether the engine answers
-# What is the prompt's own; the rest is the engine's.
-_OURS = ("socket", "engine", "plain", "strict", "journal")
+# What is said in another way to the process of the engine.
+_OURS = ("socket", "journal")
 
 
-def perform_apart(console: Console, path: str | None, wishes: Wishes) -> None:
-    """Be the engine, or a prompt at one."""
-    if wishes.engine:
-        with _refused():
-            _serve(console, path, wishes, _place(wishes))
-    else:
-        _prompt(joined(console, path, wishes), wishes)
-
-
-def joined(console: Console, path: str | None, wishes: Wishes) -> Remote:
-    """The session that is served; where none is, one that outlives this process."""
+def serve(path: str | None, options: SessionOptions, report: Report) -> None:
+    """Be the process of the engine, until the session ends."""
     with _refused():
-        return _joined(console, path, wishes, _place(wishes))
+        _serve(path, options, _place(options), report)
+
+
+def join(path: str | None, options: SessionOptions, report: Report) -> Remote:
+    """The session that is served; where none is, one that outlives this process.
+
+    Raises OptionError, and EngineExitError where the new process ends before it answers.
+    """
+    with _refused():
+        return _join(path, options, _place(options), report)
 
 
 @contextlib.contextmanager
 def _refused() -> Iterator[None]:
     """What a socket will not do is refused usage."""
     if not hasattr(socket, "AF_UNIX"):
-        raise Refused("--socket: there are no local sockets on this system")
+        raise OptionError("socket", "this system has no local sockets")
     from ergon.repl.wire.local_socket import SocketError
 
     try:
         yield
     except SocketError as error:
-        raise Refused(f"--socket: {error}") from None
+        raise OptionError("socket", str(error)) from None
 
 
-def _place(wishes: Wishes) -> Path:
+def _place(options: SessionOptions) -> Path:
     from ergon.repl.wire.local_socket import default
 
-    if not wishes.socket:
+    if not options.socket:
         return default()
-    if wishes.socket.endswith((".yaml", ".yml")):
-        raise Refused(f"the score comes first: ergon repl {wishes.socket} --socket")
-    return Path(wishes.socket).absolute()
+    if options.socket.endswith((".yaml", ".yml")):
+        raise OptionError(
+            "socket",
+            f"a score comes first: ergon repl {options.socket} --socket",
+        )
+    return Path(options.socket).absolute()
 
 
 # --- the engine's process ------------------------------------------------------------------------
 
 
-def _serve(console: Console, path: str | None, wishes: Wishes, here: Path) -> None:
+def _serve(path: str | None, options: SessionOptions, here: Path, report: Report) -> None:
     from ergon._core import __version__, stop_on_signals
     from ergon.repl.wire.local_socket import ServerSocket
     from ergon.repl.wire.serve import SessionServer
 
     door = ServerSocket(here)  # before anything sounds: two engines at one place are one too many
     try:
-        session = begun(console, path, wishes)
+        session = begin(path, options, report)
     except BaseException:
         door.close()
         raise
@@ -92,46 +95,44 @@ def _serve(console: Console, path: str | None, wishes: Wishes, here: Path) -> No
 # --- the prompt's process ------------------------------------------------------------------------
 
 
-def _prompt(remote: Remote, wishes: Wishes) -> None:
-    from ergon.repl.prompt.run import history_of_user, run
-
-    if run(remote, plain=wishes.plain, strict=wishes.strict, history=history_of_user()):
-        raise Findings
-
-
-def _joined(console: Console, path: str | None, wishes: Wishes, here: Path) -> Remote:
+def _join(path: str | None, options: SessionOptions, here: Path, report: Report) -> Remote:
     from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import Remote
 
     try:
-        remote = Remote(here, _command(wishes))
+        remote = Remote(here, _command(options))
     except NoSessionError as error:
-        if path is None and wishes.resume is None:
-            raise Refused(f"{error}; ergon repl SCORE --socket begins one") from None
-        return _started(console, path, wishes, here)
+        if path is None and options.resume is None:
+            raise OptionError("socket", f"{error}; ergon repl SCORE --socket begins one") from None
+        return _start(path, options, here, report)
     except ProtocolError as error:
-        raise Refused(f"{here}: {error}") from None
+        raise ErgonError(f"{here}: {error}") from None
     score = str(remote.about.get("score", ""))
-    if wishes.resume is not None or (path is not None and os.path.abspath(path) != score):
+    if options.resume is not None or (path is not None and os.path.abspath(path) != score):
         remote.close()
-        raise Refused(
+        raise ErgonError(
             f"{score} is played at {here} already; "
-            f"`{_command(wishes)}` joins it, --socket with another path begins another"
+            f"`{_command(options)}` joins it, --socket with another path begins another"
         )
-    console.say(f"joined the session that plays {score}")
+    report.say(f"joined the session that plays {score}")
     return remote
 
 
-def _started(console: Console, path: str | None, wishes: Wishes, here: Path) -> Remote:
-    """A process that no terminal's end ends; what it says is heard until it answers."""
+def _start(path: str | None, options: SessionOptions, here: Path, report: Report) -> Remote:
+    """Begin the engine in a session of its own (setsid); pass on its stderr until it answers."""
     from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import Remote
 
     command = [sys.executable, "-m", "ergon.cli", "repl", *([path] if path is not None else [])]
-    command += [*_as_options(wishes), f"--journal={wishes.journal}", f"--socket={here}", "--engine"]
-    with _log(wishes.journal.with_suffix(".log")) as sink, open(sink.name, "rb") as said:
+    command += [
+        *_as_options(options),
+        f"--journal={options.journal}",
+        f"--socket={here}",
+        "--engine",
+    ]
+    with _log(Path(options.journal).with_suffix(".log")) as sink, open(sink.name, "rb") as said:
         log = Path(sink.name)
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink, start_new_session=True
@@ -142,22 +143,22 @@ def _started(console: Console, path: str | None, wishes: Wishes, here: Path) -> 
                 _pass_on(said.read())
                 if code is not None:
                     log.unlink()
-                    raise click.exceptions.Exit(abs(code))
+                    raise EngineExitError(abs(code))
                 with contextlib.suppress(NoSessionError):
-                    remote = Remote(here, _command(wishes))
+                    remote = Remote(here, _command(options))
                     break
                 time.sleep(_LOOK)
             _pass_on(said.read())
         except ProtocolError as error:
             process.terminate()
-            raise Refused(f"{here}: {error}") from None
-        except click.exceptions.Exit:
+            raise ErgonError(f"{here}: {error}") from None
+        except EngineExitError:
             raise
         except BaseException:  # Ctrl-C: who does not want to wait wants no engine
             process.terminate()
             raise
-    journal = os.path.relpath(str(remote.about.get("journal", "")) or wishes.journal)
-    console.say(f"the engine is process {process.pid}; it writes {journal} and {log}")
+    journal = os.path.relpath(str(remote.about.get("journal", "")) or options.journal)
+    report.say(f"the engine is process {process.pid}; it writes {journal} and {log}")
     return remote
 
 
@@ -171,9 +172,9 @@ def _log(path: Path) -> IO[bytes]:
     raise AssertionError  # names do not end
 
 
-def _command(wishes: Wishes) -> str:
+def _command(options: SessionOptions) -> str:
     """What joins the session."""
-    return f"ergon repl --socket {wishes.socket}".rstrip()
+    return f"ergon repl --socket {options.socket}".rstrip()
 
 
 def _pass_on(said: bytes) -> None:
@@ -181,10 +182,10 @@ def _pass_on(said: bytes) -> None:
     sys.stderr.flush()
 
 
-def _as_options(wishes: Wishes) -> Iterator[str]:
-    """What was wished of the engine, as a command line says it."""
-    for field in fields(wishes):
-        option, value = f"--{field.name.replace('_', '-')}", getattr(wishes, field.name)
+def _as_options(options: SessionOptions) -> Iterator[str]:
+    """Options of the engine, as a command line says them."""
+    for field in fields(options):
+        option, value = f"--{field.name.replace('_', '-')}", getattr(options, field.name)
         if field.name in _OURS or value == field.default or not value:
             continue
         if value is True:

@@ -1,0 +1,1 @@
+"""What `import ergon` offers: check, plan, render and freeze a score, or open it as a session."""

@@ -1,0 +1,74 @@
+"""Every mistake in a score, with its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .options import ReadOptions
+
+if TYPE_CHECKING:
+    from ergon.notation.text.errors import Diagnostic
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What was found in a score, in the order of its files: at most 20 errors, warnings and notes
+    each. `left_out` counts the others by severity."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    left_out: dict[str, int]
+
+    @property
+    def is_playable(self) -> bool:
+        """Whether there is no error; warnings and notes are none."""
+        return not self.errors
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        """The errors alone."""
+        return tuple(one for one in self.diagnostics if one.severity == "error")
+
+
+def check(
+    score: str | Path, options: ReadOptions | None = None, *, report: Report | None = None
+) -> Checked:
+    """Check a score, and that the engine can play it; a mistake of the score raises nothing."""
+    loaded = scores.read(score, options, report)
+    _, staging = try_stage(loaded, report)
+    found = (*loaded.diagnostics, *staging)
+    return Checked(found, {kind: n for kind, n in loaded.left_out.items() if n})
+
+
+def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list[Diagnostic]]:
+    """The staged score, None where it has errors, and what the engine found in it."""
+    if loaded.piece is None:
+        return None, []
+    from ergon.scores.staging.stage import StageError
+
+    staged = None
+    try:
+        staged = _staged(loaded.piece)
+        found = staged.diagnostics
+    except StageError as error:
+        found = error.diagnostics
+    scores.show(report, loaded, found)
+    return staged, found
+
+
+def _staged(piece: Piece) -> Stage:
+    """Stage as written; by a plan, which takes time, where it is asked for or needed."""
+    from ergon.scores.reading.piece import Accuracy
+    from ergon.scores.staging.stage import StageError, stage
+
+    try:
+        return stage(piece, planned=piece.accuracy != Accuracy())
+    except StageError:
+        return stage(piece, planned=True)

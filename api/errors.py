@@ -1,0 +1,77 @@
+"""How a call of the library is refused; `ErgonError` is the root of all that ergon raises."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ergon.common.errors import ErgonError
+
+if TYPE_CHECKING:
+    from ergon.notation.text.errors import Diagnostic, Source
+
+
+class ScoreError(ErgonError):
+    """The score has mistakes, or the engine cannot play it.
+
+    `diagnostics` are all that was found, warnings too, each with its place. The message shows the
+    errors among them, a line each.
+    """
+
+    def __init__(
+        self,
+        diagnostics: Sequence[Diagnostic],
+        sources: Mapping[str, Source] | None = None,
+        *,
+        reason: str = "",
+    ) -> None:
+        """`sources`: texts of the files, by name; `reason`: a sentence without a place."""
+        self.diagnostics = tuple(diagnostics)
+        self.reason = reason
+        self._sources = sources or {}
+        super().__init__(self.diagnostics)
+
+    def __str__(self) -> str:
+        """One line an error: `score.yaml:3:9: error[E204]: …`."""
+        from ergon.notation.text.errors import RENDERERS
+
+        if self.reason:
+            return self.reason
+        errors = [one for one in self.diagnostics if one.severity == "error"]
+        return "\n".join(RENDERERS["concise"](one, self._sources).rstrip() for one in errors)
+
+
+class DivergedError(ScoreError):
+    """A part of the score went non-finite while it was computed; its diagnostic says which."""
+
+
+class OptionError(ErgonError):
+    """An option has a value that it cannot have, or one that another option excludes.
+
+    `option` is its name in the options (`"gain"`), `reason` the sentence without it, `value` the
+    value where the name alone does not say which.
+    """
+
+    def __init__(self, option: str, reason: str, *, value: str | None = None) -> None:
+        """What is wrong with which option."""
+        self.option, self.reason, self.value = option, reason, value
+        super().__init__(f"{option}{'' if value is None else f'={value!r}'}: {reason}")
+
+    @property
+    def on_command_line(self) -> str:
+        """The same as the command line writes it: `--gain: …`."""
+        name = self.option.strip("_").replace("_", "-")
+        return f"--{name}{'' if self.value is None else f' {self.value}'}: {self.reason}"
+
+
+class EngineExitError(ErgonError):
+    """The process of a session ended before it answered; `exit_code` is its own."""
+
+    def __init__(self, exit_code: int) -> None:
+        """`exit_code` is the code of the process, whose messages stand on stderr."""
+        super().__init__(f"the engine of the session ended with exit code {exit_code}")
+        self.exit_code = exit_code
+
+
+class DeviceError(ErgonError):
+    """A sound card or a force-feedback device is not there, or does not answer."""

@@ -1,0 +1,35 @@
+"""A score, or the journal of a session, into WAV files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .render import FileOptions, prepare, target, write
+from .render_journal import JOURNAL, render_journal
+
+if TYPE_CHECKING:
+    from ergon.rendering.render import RenderedFiles
+
+
+def render_to_file(
+    score: str | Path,
+    out: str | Path | None = None,
+    options: FileOptions | None = None,
+    *,
+    report: Report | None = None,
+) -> RenderedFiles:
+    """The sound of a score, or of a session's journal (`.jsonl`), as a WAV file, and its stems.
+
+    Without `out`: the file that the score names, else SCORE.wav here; "-" is stdout. All files are
+    written or none. Raises ScoreError, DivergedError, OptionError, and FileRefusedError where a
+    file may not be written.
+    """
+    options, report = options or FileOptions(), report or Report()
+    if Path(score).suffix == JOURNAL:
+        return render_journal(Path(score), out, options, report).files
+    loaded = scores.read(score, options, report)
+    return write(prepare(loaded, target(score, loaded, out), options, report), report).files

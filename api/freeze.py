@@ -1,0 +1,218 @@
+"""Parts of a score, computed beforehand: written as frozen files, read for a performance."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from . import score as scores
+from .errors import DivergedError, OptionError
+from .options import AccuracyOptions
+from .render import THREADS
+
+if TYPE_CHECKING:
+    from ergon.exchange.frozen import Frozen, Source, VerifiedStem
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+# A real hand's stand-in ends with a tick, so a piece may be longer than it is without one [s].
+_LONGER = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreezeOptions(AccuracyOptions):
+    """How parts are frozen: at another `rate` [Hz] than the score's; with `force` over files that
+    ergon did not write. `threads` change no sample."""
+
+    rate: float | None = None
+    threads: int = THREADS
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """Parts that are ready to be frozen: `taps` are the outputs of each."""
+
+    folder: Path
+    taps: Mapping[str, Sequence[int]]
+    n_frames: int
+    loaded: Loaded
+    stage: Stage
+
+
+def freeze(
+    score: str | Path,
+    parts: Sequence[str],
+    out: str | Path | None = None,
+    options: FreezeOptions | None = None,
+    *,
+    report: Report | None = None,
+) -> Frozen:
+    """Compute instruments of a score into the folder `out`, else SCORE.frozen beside the score.
+
+    Raises ScoreError, DivergedError, OptionError, and FileRefusedError where a file may not be
+    written.
+    """
+    options, report = options or FreezeOptions(), report or Report()
+    return write(prepare(score, parts, out, options, report), options, report)
+
+
+def prepare(
+    score: str | Path,
+    parts: Sequence[str],
+    out: str | Path | None,
+    options: FreezeOptions,
+    report: Report,
+) -> Prepared:
+    """Stage a score with these parts alone heard."""
+    loaded = scores.read(score, options, report)
+    piece = scores.piece_of(loaded)
+    _are_there(piece, parts)
+    live = [player.name for player in piece.players.values() if player.hand == "live"]
+    _are_free(piece, parts, live, "freeze")
+    stage = scores.stage_piece(
+        loaded,
+        options,
+        report,
+        rate=options.rate,
+        threads=options.threads,
+        silent=[part for part in _heard(piece) if part not in parts],
+    ).stage
+    folder = Path(out) if out is not None else _folder(str(score))
+    taps = {part: stage.listening.taps(part) for part in parts}
+    n_frames = stage.n_frames + int(_LONGER * stage.rate)
+    return Prepared(folder, taps, n_frames, loaded, stage)
+
+
+def write(prepared: Prepared, options: FreezeOptions, report: Report) -> Frozen:
+    """Compute and write the parts."""
+    from ergon import _core
+    from ergon.rendering.frozen import write as write_files
+
+    stage, loaded = prepared.stage, prepared.loaded
+    try:
+        with report.progress("freezing", prepared.n_frames, stage.rate) as progress:
+            return write_files(
+                stage,
+                prepared.taps,
+                _source(loaded, stage),
+                prepared.folder,
+                progress.at,
+                n_frames=prepared.n_frames,
+                force=options.force,
+                threads=options.threads,
+                inputs=(*loaded.inputs, *options.files),
+            )
+    except _core.DivergedError as error:
+        found = [stage.fault(error)]
+        scores.show(report, loaded, found)
+        raise DivergedError(found, loaded.files) from error
+
+
+def _folder(path: str) -> Path:
+    if path == scores.STDIN:
+        raise OptionError("output", "a score from stdin has no name that a folder could get")
+    return Path(path).with_suffix(".frozen")
+
+
+def _heard(piece: Piece) -> list[str]:
+    from ergon.scores.staging.listening import heard
+
+    return list(dict.fromkeys(instrument.name for _, instrument, _ in heard(piece)))
+
+
+def _are_there(piece: Piece, parts: Iterable[str]) -> None:
+    from ergon.notation.text.spelling import nearest
+
+    heard = _heard(piece)
+    for part in parts:
+        if part in heard:
+            continue
+        if part in piece.instruments:
+            raise OptionError("freeze", "no route brings it to a loudspeaker", value=part)
+        close = nearest(part, heard)
+        asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(heard)}"
+        raise OptionError("freeze", f"the score has no instrument '{part}'{asked}")
+
+
+def _are_free(piece: Piece, parts: Collection[str], live: Iterable[str], option: str) -> None:
+    from ergon.scores.staging.reach import ties
+
+    found = ties(piece, parts, live)
+    if found:
+        raise OptionError(option, "; ".join(map(str, found)))
+
+
+def _source(loaded: Loaded, stage: Stage) -> Source:
+    from ergon import _core
+    from ergon.exchange.frozen import Source
+
+    piece = scores.piece_of(loaded)
+    return Source(
+        title=piece.title,
+        score=piece.digest(),
+        seed=stage.piece.seed,
+        rate=float(scores.whole_rate(stage.rate)),
+        version=_core.__version__,
+        plan=stage.plan.hash if stage.plan else "",
+    )
+
+
+# --- beside a performance -----------------------------------------------------------------------
+
+
+def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen:
+    """The manifest of a folder. Raises OptionError where it is not of this piece."""
+    from ergon import _core
+    from ergon.exchange.frozen import NotFrozenError
+    from ergon.exchange.frozen import read as read_manifest
+
+    try:
+        frozen = read_manifest(folder)
+    except NotFrozenError as error:
+        raise OptionError("frozen", str(error)) from None
+    source = frozen.source
+    again = f"ergon render SCORE --freeze {','.join(frozen.parts)} -o {folder}"
+    seed = piece.seed if seed is None else seed
+
+    def refused(reason: str) -> OptionError:
+        return OptionError("frozen", reason, value=str(folder))
+
+    if source.score != piece.digest():
+        raise refused(f"the score has changed since; {again} freezes it anew")
+    if source.seed != seed:
+        raise refused(
+            f"it is of seed {source.seed}, this is {seed}; "
+            f"--seed {source.seed} plays it, or {again} --seed {seed}"
+        )
+    if source.rate != piece.rate:
+        raise refused(
+            f"it is at {source.rate:g} Hz, the score at {piece.rate:g} Hz; {again} freezes it anew"
+        )
+    if source.version != _core.__version__:
+        report.warn(f"{folder} was frozen by ergon {source.version}: it may sound differently")
+    return frozen
+
+
+def are_free(piece: Piece, frozen: Frozen, real: Iterable[str]) -> None:
+    """Raise OptionError where a hand can feel a part that is frozen."""
+    live = [player.name for player in piece.players.values() if player.hand == "live"]
+    _are_free(piece, frozen.parts, dict.fromkeys((*live, *real)), "frozen")
+
+
+def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:
+    """The stems, each read once and hashed. Raises OptionError where one has changed."""
+    from ergon.exchange.frozen import NotFrozenError, check
+
+    taps = {part: stage.listening.taps(part) for part in frozen.parts}
+    try:
+        return check(frozen, taps, stage.n_frames)
+    except NotFrozenError as error:
+        parts = ",".join(frozen.parts)
+        again = f"ergon render SCORE --freeze {parts} -o {folder} freezes it anew"
+        raise OptionError("frozen", f"{error}; {again}", value=str(folder)) from None

@@ -1,0 +1,51 @@
+"""The gain of a performance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log10
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+from ergon.rendering.level import HIGHPASS, NORMALISE_DB
+
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    from ergon.exchange.frozen import VerifiedStem
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+
+def gain_of(
+    piece: Piece,
+    stage: Stage,
+    asked: str | None,
+    report: Report,
+    frozen: Sequence[VerifiedStem] = (),
+) -> float:
+    """The gain (ratio) as asked, as the score's master says, or as a preflight finds.
+
+    Raises OptionError.
+    """
+    from ergon import _core
+    from ergon.live.preflight import length, level
+    from ergon.notation.tables.quantities import gain as ratio
+    from ergon.notation.text.errors import TextError
+
+    if asked is not None:
+        try:
+            return ratio(asked)
+        except TextError as error:
+            raise OptionError("gain", error.message) from None
+    master = piece.mix.master
+    if master is not None and master.normalise is None:
+        return 1.0
+    target = master.normalise if master is not None and master.normalise else None
+    with report.progress("listening beforehand", length(stage), stage.rate) as progress:
+        target = target or _core.decibels(NORMALISE_DB)
+        found = level(stage, HIGHPASS, target, frozen, progress.at)
+    heard = "" if found.seconds is None else f" (of the first {found.seconds:.0f} s)"
+    gained = f"{20 * log10(found.gain):+.1f} dB"
+    report.say(f"gain {gained}, found by a preflight{heard}; --gain sets another")
+    return found.gain

@@ -1,0 +1,120 @@
+"""Real hands of a performance: their devices, tried for the direction of each motor, and guides."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+
+from .errors import DeviceError, OptionError
+
+if TYPE_CHECKING:
+    from ergon.live.boards import Board
+    from ergon.live.calibration import Axis
+    from ergon.scores.reading.piece import Piece
+
+
+def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
+    """Devices of `PLAYER=DEVICE` texts, each under a player's key. Raises OptionError."""
+    from ergon.live.boards import BoardError, boards, names, parse
+
+    try:
+        asked = parse(live)
+        for name in asked:
+            if name not in piece.players:
+                raise OptionError("live", no_player(piece, name))
+        return boards(asked, names() if asked else {})
+    except BoardError as error:
+        raise OptionError("live", str(error)) from None
+
+
+def ready(board: Board, unchecked: bool, report: Report) -> Board:
+    """The device with what is known of its axes; an axis of unknown direction is tried.
+
+    The classic accident is a motor wired the other way round: it drives away what it should hold.
+    """
+    from ergon import _core
+    from ergon.live.boards import BoardError
+    from ergon.live.calibration import certain, known
+
+    try:
+        found = known(board.url)
+        sure = certain(board.url)
+        for number, player in board.axes:
+            if board.has_motor and not unchecked and number not in sure:
+                _try(board, number, player, found, report)
+    except BoardError as error:
+        raise OptionError("live", str(error)) from None
+    except _core.EngineError as error:
+        raise DeviceError(str(error)) from None
+    return replace(board, known=found)
+
+
+def _try(board: Board, number: int, player: str, found: dict[int, Axis], report: Report) -> None:
+    """Push an axis a little; `found` then has it as it is."""
+    from ergon import _core
+    from ergon.live.calibration import key, remember, tried
+
+    before = found.get(number)
+    sign = 1 if before is None else before.sign
+    report.say(f"{player}: let go of the key; a small pulse finds out which way it goes")
+    try:
+        axis = tried(board.url, number, before)
+        if board.emulated and axis.sign != sign:  # or a hand that moves it went along
+            axis = tried(board.url, number, before)
+    except _core.UnsureError as error:
+        if board.emulated:
+            report.warn(f"{player}: {error}; the key is emulated, so the trial is left out")
+            return
+        raise OptionError(
+            "live", f"{error} (--unchecked plays without a trial)", value=player
+        ) from None
+    if axis.sign != sign and board.emulated:
+        raise OptionError(
+            "live",
+            f"the motor pushes the wrong way; `ergon devices calibrate {board.url} "
+            f"--axis {number}` puts it right (--unchecked plays without a trial)",
+            value=player,
+        )
+    if axis is before or board.emulated:
+        return
+    if before is not None:
+        report.warn(
+            f"{player}: {key(board.url, number)} goes the other way than was found before; it is "
+            "taken for another board, and what was found of its ends is left out"
+        )
+    found[number] = axis
+    remember(board.url, number, axis)
+
+
+def guides(piece: Piece, boards: Sequence[Board], asked: Sequence[str]) -> dict[str, float]:
+    """Stiffness of the guide [N/m] of each player in `PLAYER[=STIFFNESS]`. Raises OptionError."""
+    from ergon.live.perform import GUIDE
+    from ergon.notation.tables.quantities import STIFFNESS, quantity
+    from ergon.notation.text.errors import TextError
+
+    real = {player for board in boards for _, player in board.axes}
+    found = {}
+    for text in asked:
+        player, is_said, stiffness = text.partition("=")
+        if player not in real:
+            if player not in piece.players:
+                raise OptionError("guide", no_player(piece, player))
+            reason = f"{player} has no device; --live {player}=DEVICE gives one"
+            raise OptionError("guide", reason, value=text)
+        try:
+            found[player] = quantity(stiffness, STIFFNESS) if is_said else GUIDE[0]
+        except TextError as error:
+            raise OptionError("guide", error.message, value=text) from None
+    return found
+
+
+def no_player(piece: Piece, name: str) -> str:
+    """The sentence for a player whom the score does not have."""
+    from ergon.notation.text.spelling import nearest
+
+    close = nearest(name, piece.players)
+    asked = f"; did you mean '{close}'?" if close else ""
+    return f"the score has no player '{name}'{asked}"

@@ -1,0 +1,123 @@
+"""Options that several calls share; each has a default."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .errors import OptionError
+
+if TYPE_CHECKING:
+    from ergon.scores.reading.piece import Accuracy
+    from ergon.scores.staging.planning import Pins
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadOptions:
+    """`text` is the score itself, whose path then only names it and its folder. With `trust` a
+    score may name files outside its folder."""
+
+    text: str | None = None
+    trust: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AccuracyOptions(ReadOptions):
+    """How exact the samples are to be, and their seed; what is None is as the score says.
+
+    At most one of `method` ("ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"), `error` of the
+    waveform (-60.0 [dB] or "-60dB") and `cents`, the error of a pitch. `plan` is the file of an
+    earlier plan that is followed.
+    """
+
+    method: str | None = None
+    error: float | str | None = None
+    cents: float | None = None
+    plan: Path | str | None = None
+    seed: int | None = None
+
+    def accuracy(self, of_score: Accuracy) -> Accuracy:
+        """The accuracy that a piece is computed with. Raises OptionError."""
+        from ergon.notation.text.spelling import nearest
+        from ergon.scores.reading.piece import METHODS
+        from ergon.scores.staging.planning import wished
+
+        given = {"method": self.method, "error": self.error, "cents": self.cents}
+        names = [name for name, value in given.items() if value is not None]
+        if len(names) > 1:
+            raise OptionError(names[1], f"excludes {names[0]}; give one of method, error and cents")
+        if self.method is not None and self.method not in METHODS:
+            close = nearest(self.method, METHODS)
+            asked = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
+            raise OptionError("method", f"there is no '{self.method}'{asked}")
+        return wished(of_score, method=self.method, error=self._error_db(), cents=self.cents)
+
+    def _error_db(self) -> float | None:
+        from ergon.notation.tables.quantities import ERROR, quantity
+        from ergon.notation.text.errors import TextError
+
+        if self.error is None:
+            return None
+        written = self.error if isinstance(self.error, str) else f"{self.error}dB"
+        try:
+            return quantity(written, ERROR)
+        except TextError as found:
+            raise OptionError("error", found.message) from None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that are read beside the score's."""
+        return () if self.plan is None else (Path(self.plan),)
+
+    def pins(self) -> Pins | None:
+        """The decisions of the earlier plan, if one is to be followed. Raises OptionError."""
+        from ergon.exchange.plan_file import NotPlanError, read
+
+        if self.plan is None:
+            return None
+        try:
+            return read(Path(self.plan))
+        except NotPlanError as error:
+            raise OptionError("plan", str(error), value=str(self.plan)) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerformanceOptions:
+    """How a score meets hardware.
+
+    `live` has PLAYER=DEVICE; with `unchecked` no axis is tried for its direction; no force is over
+    `force_max` [N]. `audio` says where the sound goes (jack[:PORTS], pulse[:SINK], file:PATH, null,
+    auto), by `block` frames, with `ahead` frames kept ready. `gain` ("-12dB") takes the place of
+    what a preflight finds.
+    """
+
+    live: Sequence[str] = ()
+    unchecked: bool = False
+    force_max: float | None = None
+    audio: str = "auto"
+    block: int | None = None
+    ahead: int | None = None
+    gain: str | None = None
+
+    @property
+    def card(self) -> str:
+        """Where the sound goes, with the size of its blocks."""
+        return self.audio if self.block is None else f"{self.audio},block={self.block}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionOptions(PerformanceOptions):
+    """How a session is opened.
+
+    Lines go into the file `journal`; `resume` is a journal that goes on where it ends; with `watch`
+    the score is read again whenever it is saved. With a `socket` (a path, "" for the usual one) the
+    engine is a process of its own. With `trust` a score may name files outside its folder.
+    """
+
+    journal: Path | str = Path("session.jsonl")
+    resume: Path | str | None = None
+    watch: bool = False
+    socket: str | None = None
+    trust: bool = False

@@ -1,0 +1,232 @@
+"""A score on its way to the loudspeakers: staged, with devices, gain and frozen parts."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+from ergon.rendering.level import HIGHPASS
+
+from . import freeze
+from . import score as scores
+from .errors import DeviceError, OptionError
+from .gain import gain_of
+from .hands import boards_of, guides, no_player, ready
+from .options import AccuracyOptions, PerformanceOptions
+
+if TYPE_CHECKING:
+    from ergon import _core
+    from ergon.exchange.frozen import VerifiedStem
+    from ergon.live.boards import Board
+    from ergon.live.osc import Osc
+    from ergon.live.perform import PlaybackConfig
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+_NOT_HERE = ("N401",)  # that a live hand is not there: here it is, or its absence is seen
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayOptions(AccuracyOptions, PerformanceOptions):
+    """How a score is played: from position `from_`, in a `loop`, with OSC heard at `osc` and told
+    to `osc_to`; `record` is the file for what live hands do, `frozen` the folder of frozen parts.
+    `guide` has PLAYER[=STIFFNESS], `standin` PLAYER=GESTURE."""
+
+    from_: str | None = None
+    loop: bool = False
+    osc: str | None = None
+    osc_to: str | None = None
+    guide: Sequence[str] = ()
+    standin: Sequence[str] = ()
+    record: str | None = None
+    frozen: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A score ready to be played."""
+
+    stage: Stage
+    boards: Sequence[Board]
+    config: PlaybackConfig
+    osc: Osc | None
+
+
+def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
+    """Stage a score, try its devices and find its gain.
+
+    Raises ScoreError, OptionError and DeviceError.
+    """
+    loaded = scores.read(path, options, report, leave_out=_NOT_HERE)
+    written = scores.piece_of(loaded)
+    piece = _standing_in(written, options.standin)
+    loaded = replace(loaded, piece=piece)
+    boards = boards_of(piece, options.live)
+    real = {player: None for board in boards for _, player in board.axes}
+    osc = osc_of(options, report)
+    frozen = None
+    if options.frozen is not None:
+        frozen = freeze.read(written, options.frozen, options.seed, report)
+        freeze.are_free(piece, frozen, real)
+    boards = [ready(board, options.unchecked, report) for board in boards]
+    stage = scores.stage_piece(
+        loaded,
+        options,
+        report,
+        real=real,
+        silent=() if frozen is None else frozen.parts,
+        on_fault="mute",
+    ).stage
+    stems: Sequence[VerifiedStem] = ()
+    if frozen is not None and options.frozen is not None:
+        stems = freeze.verified(stage, frozen, options.frozen)
+        report.say(f"from {options.frozen}: {', '.join(frozen.parts)}")
+    config = _config(piece, stage, boards, options, stems, report)
+    return Prepared(stage, boards, config, osc)
+
+
+def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Performance:
+    """Begin to play where `config` says. Raises DeviceError."""
+    from ergon import _core
+    from ergon.live.perform import perform
+
+    try:
+        with report.progress("going there", config.start, stage.rate) as progress:
+            return perform(stage, config, progress.at)
+    except _core.EngineError as error:
+        raise DeviceError(_named(error, stage)) from None
+
+
+def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: Report) -> None:
+    """Warn of each hand whose forces are scaled because its device cannot bear the scene."""
+    for limit in performance.hand_limits():
+        if limit.scale < 1.0:
+            live = stage.live[limit.hand]
+            report.warn(
+                f"{live.player} on {live.key}: the scene is {limit.stiffness:,.0f} N/m stiff "
+                f"there, and the device bears {limit.limit:,.0f} N/m at "
+                f"{stage.rate / live.every:.0f} Hz; its forces are scaled to {limit.scale:.0%}"
+            )
+
+
+def _named(error: Exception, stage: Stage) -> str:
+    """What the core refuses, with the player in the place of a hand's number."""
+
+    def player(found: re.Match[str]) -> str:
+        hand = stage.live[int(found[1])]
+        return f"{hand.player} on {hand.key}:"
+
+    return re.sub(r"^hand (\d+):", player, str(error))
+
+
+def osc_of(options: PlayOptions, report: Report) -> Osc | None:
+    """OSC as asked, its sockets open; None where nothing is asked. Raises OptionError."""
+    if options.osc is None and options.osc_to is None:
+        return None
+    from ergon.live.datagrams import PythonOscMissingError
+    from ergon.live.osc import Osc, OscError, place
+
+    try:
+        here = None if options.osc is None else place(options.osc)
+        there = None if options.osc_to is None else place(options.osc_to)
+        osc = Osc(here, there)
+    except (PythonOscMissingError, OscError) as error:
+        raise OptionError("osc" if options.osc is not None else "osc_to", str(error)) from None
+    if osc.place is not None:
+        host, port = osc.place
+        report.event("osc", host=host, port=port)
+        report.say(f"OSC is heard at {host}:{port}")
+    return osc
+
+
+def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
+    """The piece with other takes or gestures in the place of absent hands."""
+    players = dict(piece.players)
+    for pair in pairs:
+        name, _, what = pair.partition("=")
+        if name not in players:
+            raise OptionError("standin", no_player(piece, name))
+        if what not in piece.takes and what not in piece.gestures:
+            raise OptionError("standin", f"no take or gesture is called '{what}'", value=pair)
+        if any(play.player == name for play in piece.parts):
+            raise OptionError("standin", f"{name} has a part, which stands in", value=pair)
+        players[name] = replace(players[name], standin=what)
+    return replace(piece, players=players)
+
+
+def _config(
+    piece: Piece,
+    stage: Stage,
+    boards: Sequence[Board],
+    options: PlayOptions,
+    frozen: Sequence[VerifiedStem],
+    report: Report,
+) -> PlaybackConfig:
+    from ergon.live.perform import PlaybackConfig, every
+
+    start = 0
+    if options.from_ is not None:
+        start = int(scores.instant(piece, options.from_, "from_") * stage.rate + 0.5)
+        if start >= stage.n_frames:
+            end = scores.where(piece, stage.n_frames / stage.rate)
+            raise OptionError("from_", f"the piece ends at {end}", value=options.from_)
+    master = piece.mix.master
+    limit = master.limit if master is not None and master.limit is not None else 1.0
+    if options.loop and (options.record or options.audio.startswith("file:")):
+        raise OptionError("loop", "excludes --record and file:, which are written once")
+    scores.whole_rate(stage.rate)
+    record = None if options.record is None else _recording(options.record, stage)
+    config = PlaybackConfig(
+        audio=options.card,
+        gain=gain_of(piece, stage, options.gain, report, frozen),
+        limit=limit,
+        highpass=HIGHPASS,
+        start=start // every(stage) * every(stage),
+        boards=boards,
+        guides=guides(piece, boards, options.guide),
+        force_max=options.force_max,
+        ahead=options.ahead,
+        record=record,
+        frozen=frozen,
+    )
+    if record is None:
+        return config
+    return replace(config, about=_about(piece, stage, config, options))
+
+
+def _about(
+    piece: Piece, stage: Stage, config: PlaybackConfig, options: PlayOptions
+) -> dict[str, object]:
+    """What stands at the beginning of a recording."""
+    from ergon import _core
+    from ergon.live.calibration import as_recorded
+    from ergon.live.recorded import about
+
+    devices = {
+        player: as_recorded(board, number)
+        for board in config.boards
+        for number, player in board.axes
+    }
+    return {
+        "made": f"by ergon {_core.__version__}",
+        "day": time.strftime("%Y-%m-%d %H:%M:%S"),
+        "score": {"sha256": piece.digest(), "title": piece.title},
+        "seed": piece.seed if options.seed is None else options.seed,
+        "plan": stage.plan.hash if stage.plan else "",
+        "level": about(config),
+        "axes": [devices.get(hand.player, {"device": None}) for hand in stage.live],
+    }
+
+
+def _recording(path: str, stage: Stage) -> Path:
+    if not stage.live:
+        raise OptionError("record", "keeps what live hands do; no hand is live here")
+    target = Path(path)
+    if target.exists():
+        raise OptionError("record", f"{path} exists, and a recording overwrites nothing")
+    return target

@@ -1,0 +1,227 @@
+"""A score into samples: as an array, or as WAV files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon.common.report import Report
+from ergon.exchange.wave_header import Bits, Stamp, WaveFormat
+
+from . import score as scores
+from .errors import DivergedError, OptionError
+from .options import AccuracyOptions
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ergon._core import Network, Simulation
+    from ergon.live.recorded import Recorded
+    from ergon.rendering.render import RenderedFiles, RenderJob
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderOptions(AccuracyOptions):
+    """What is rendered; what is None is as the score says.
+
+    From position `from_` to `to` ("3|1", "B+2", "12.5s"), in `channels`, at `rate` [Hz]. `bits`
+    (16, 24 or "float") decide the level: "float" is neither normalised nor high-passed. `hands` is
+    a recording of live hands. `threads` and `block`, the frames computed at once, change no sample.
+    """
+
+    from_: str | None = None
+    to: str | None = None
+    channels: int | None = None
+    bits: Bits | None = None
+    rate: float | None = None
+    hands: Path | str | None = None
+    threads: int = THREADS
+    block: int = 4096
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that are read beside the score's."""
+        hands = () if self.hands is None else (Path(self.hands),)
+        plan = () if self.plan is None else (Path(self.plan),)
+        return *plan, *hands
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileOptions(RenderOptions):
+    """The same into files: `stems` is a folder for one more file for each instrument; with
+    `force` files are overwritten that ergon did not write."""
+
+    stems: Path | str | None = None
+    force: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Render:
+    """Samples in memory: `frames` is (n_frames, n_channels), 1.0 at full scale, at `rate` [Hz].
+
+    `peak` is the largest sample, `loudness` integrated [LUFS], `gain` the ratio by which the mix
+    was brought to its level.
+    """
+
+    frames: NDArray[np.float64]
+    rate: float
+    peak: float
+    loudness: float
+    gain: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A score ready to be rendered."""
+
+    loaded: Loaded
+    stage: Stage
+    job: RenderJob
+    plan_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Completed:
+    """Files that were written, with the job, network and simulation behind them."""
+
+    files: RenderedFiles
+    job: RenderJob
+    plan_s: float
+    network: Network
+    simulation: Simulation
+
+
+def render(
+    score: str | Path, options: RenderOptions | None = None, *, report: Report | None = None
+) -> Render:
+    """The sound of a score in memory: the samples of `render_to_file` before they are rounded.
+
+    `report` hears of warnings and of progress. Raises ScoreError, DivergedError and OptionError.
+    """
+    from ergon.rendering.render import render_array
+
+    options, report = options or RenderOptions(), report or Report()
+    loaded = scores.read(score, options, report)
+    prepared = prepare(loaded, "-", options, report)
+    job = replace(prepared.job, format=replace(prepared.job.format, bits="double"))
+    with _going(prepared, "rendering", report) as at:
+        frames, done = render_array(prepared.stage, job, at)
+    return Render(frames, prepared.stage.rate, done.peak, done.loudness, done.gain)
+
+
+def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report) -> Prepared:
+    """Plan and stage a score, and decide what is written to `target`."""
+    recorded = _recorded(loaded, options, report)
+    staged = scores.stage_piece(
+        loaded,
+        options,
+        report,
+        rate=options.rate,
+        threads=options.threads,
+        real=None if recorded is None else recorded.hands,
+    )
+    job = job_of(staged.piece, staged.stage, target, options)
+    job = replace(job, inputs=(*loaded.inputs, *options.files))
+    if recorded is not None:
+        job = replace(job, level=recorded.level)
+    return Prepared(loaded, staged.stage, job, staged.plan_s)
+
+
+def write(prepared: Prepared, report: Report) -> Completed:
+    """Compute the files of a prepared score. Raises DivergedError and FileRefusedError."""
+    from ergon.rendering.render import render
+
+    stage, job = prepared.stage, prepared.job
+    with _going(prepared, f"rendering {Path(job.target).name}", report) as at:
+        done = render(stage, job, at)
+    return Completed(done, job, prepared.plan_s, stage.network, stage.simulation)
+
+
+def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> RenderJob:
+    """What is written, from the options and the score. Raises OptionError."""
+    from ergon.rendering.render import RenderJob
+
+    bits: Bits = options.bits or piece.render.bits
+    n_channels = options.channels or piece.render.channels or stage.n_channels
+    start = 0 if options.from_ is None else _frame(piece, stage, options.from_, "from_")
+    stop = stage.n_frames if options.to is None else _frame(piece, stage, options.to, "to")
+    stop = min(stop, stage.n_frames)
+    if start >= stop:
+        end = scores.where(piece, stage.n_frames / stage.rate)
+        option = "from_" if options.to is None else "to"
+        raise OptionError(option, f"the part to render is empty; the piece ends at {end}")
+    file = options if isinstance(options, FileOptions) else FileOptions()
+    return RenderJob(
+        target=target,
+        format=WaveFormat(scores.whole_rate(stage.rate), n_channels, bits),
+        start=start,
+        stop=stop,
+        level=scores.level_of(piece, bits),
+        stamp=Stamp(piece.title, piece.digest(), stage.plan.hash if stage.plan else ""),
+        stems=None if file.stems is None else Path(file.stems),
+        block=options.block,
+        threads=options.threads,
+        force=file.force,
+    )
+
+
+def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
+    """The WAV file to write: as asked, as the score says, or SCORE.wav here."""
+    if out is not None:
+        return str(out)
+    piece = scores.piece_of(loaded)
+    is_stdin = str(score) == scores.STDIN
+    if piece.render.file is not None:
+        # Paths are relative to the file that names them.
+        folder = Path() if is_stdin else Path(score).parent
+        return str(folder / piece.render.file)
+    if is_stdin:
+        raise OptionError("output", "a score from stdin has no name that a file could get")
+    return Path(score).with_suffix(".wav").name
+
+
+@contextmanager
+def _going(prepared: Prepared, task: str, report: Report) -> Iterator[Callable[[int], None]]:
+    """Progress; a part that goes non-finite is reported in its place."""
+    from ergon import _core
+
+    stage, loaded = prepared.stage, prepared.loaded
+    try:
+        with report.progress(task, min(prepared.job.stop, stage.n_frames), stage.rate) as progress:
+            yield progress.at
+    except _core.DivergedError as error:
+        found = [stage.fault(error)]
+        scores.show(report, loaded, found)
+        raise DivergedError(found, loaded.files) from error
+
+
+def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> Recorded | None:
+    """The recorded hands, where a recording is given."""
+    if options.hands is None:
+        return None
+    from ergon.live.recorded import RecordingMismatchError, read
+
+    piece = scores.piece_of(loaded)
+    played = piece if options.rate is None else replace(piece, rate=options.rate)
+    try:
+        recorded = read(Path(options.hands), played)
+    except RecordingMismatchError as error:
+        raise OptionError("hands", str(error)) from None
+    for warning in recorded.warnings:
+        report.warn(f"{options.hands}: {warning}")
+    return recorded
+
+
+def _frame(piece: Piece, stage: Stage, position: str, option: str) -> int:
+    """An instant t falls on sample floor(t·rate + ½)."""
+    return int(scores.instant(piece, position, option) * stage.rate + 0.5)

@@ -1,0 +1,93 @@
+"""The samples that a session played, computed again from its journal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+
+from . import score as scores
+from .errors import DivergedError, OptionError
+from .render import Completed, FileOptions
+
+JOURNAL = ".jsonl"  # how the name of a journal ends
+# What the journal itself decides.
+_DECIDED = (
+    "from_",
+    "to",
+    "stems",
+    "channels",
+    "seed",
+    "rate",
+    "hands",
+    "method",
+    "error",
+    "cents",
+    "plan",
+)
+
+
+def render_journal(
+    path: Path, out: str | Path | None, options: FileOptions, report: Report
+) -> Completed:
+    """Write what a session's virtual players played, at the level that was heard.
+
+    Raises OptionError, ScoreError, DivergedError, FileRefusedError, and ErgonError for a journal
+    that cannot be read or played.
+    """
+    from ergon.exchange.wave_header import Stamp, WaveFormat
+    from ergon.rendering.level import Level
+    from ergon.rendering.render import RenderJob, render
+    from ergon.repl.session.journal_content import read_journal
+    from ergon.repl.session.replay import ReplayedSession
+
+    for name in _DECIDED:
+        if getattr(options, name) is not None:
+            raise OptionError(name, "a journal is rendered as it was played, without this option")
+    with _played(path):
+        replay = read_journal(path, trust=options.trust)
+        with scores.staging(replay.opening.texts.load, report):
+            again = ReplayedSession(replay)
+    if not again.n_frames:
+        raise ErgonError(f"{path}: nothing was played")
+    opening, running = replay.opening, again.running
+    piece, plan = running.version.piece, running.stage.plan
+    job = RenderJob(
+        target=str(out) if out is not None else path.with_suffix(".wav").name,
+        format=WaveFormat(scores.whole_rate(again.rate), again.n_channels, options.bits or 24),
+        start=0,
+        stop=again.n_frames,
+        level=Level(None, opening.limit, opening.highpass, opening.gain),
+        stamp=Stamp(piece.title, piece.digest(), plan.hash if plan else ""),
+        block=options.block,
+        threads=options.threads,
+        force=options.force,
+        inputs=(path, *(one for texts in replay.all_texts() for one in texts.load().inputs)),
+    )
+    with (
+        _played(path),
+        report.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress,
+    ):
+        done = render(again, job, progress.at)
+    stage = again.running.stage
+    return Completed(done, job, 0.0, stage.network, stage.simulation)
+
+
+@contextmanager
+def _played(path: Path) -> Iterator[None]:
+    """A journal that cannot be read, or a line of it that is not taken again, is refused."""
+    from ergon import _core
+    from ergon.repl.session.journal import JournalError
+    from ergon.repl.session.version import NotTakenError
+
+    try:
+        yield
+    except _core.DivergedError as error:
+        raise DivergedError((), reason=str(error)) from None
+    except JournalError as error:
+        raise ErgonError(str(error)) from None
+    except NotTakenError as error:
+        raise ErgonError(f"{path}: {error}") from None

@@ -1,0 +1,187 @@
+"""A score as every call meets it: read, staged, and asked for positions and levels."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Container, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from ergon.common.errors import ErgonError
+from ergon.common.report import Report
+from ergon.exchange.wave_header import Bits
+from ergon.rendering.level import Level
+
+from .errors import OptionError, ScoreError
+from .options import AccuracyOptions, ReadOptions
+
+if TYPE_CHECKING:
+    from ergon.notation.text.bounds import Bounds
+    from ergon.notation.text.errors import Diagnostic
+    from ergon.scores.reading.load import Loaded
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.live import Real
+    from ergon.scores.staging.stage import Stage
+
+STDIN = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Staged:
+    """A piece ready to run, and how long it took to prepare [s]."""
+
+    piece: Piece
+    stage: Stage
+    plan_s: float
+
+
+def read(
+    path: str | Path,
+    options: ReadOptions | None = None,
+    report: Report | None = None,
+    *,
+    leave_out: Sequence[str] = (),
+) -> Loaded:
+    """Load a score and report its diagnostics, but for some codes; `-` is stdin."""
+    from ergon.scores.reading.load import load
+
+    options, path = options or ReadOptions(), str(path)
+    text = _stdin() if path == STDIN and options.text is None else options.text
+    loaded = load(path, text=text, bounds=bounds(path, options.trust))
+    loaded = replace(
+        loaded, diagnostics=[one for one in loaded.diagnostics if one.code not in leave_out]
+    )
+    (report or Report()).diagnostics(loaded.diagnostics, loaded.files, loaded.left_out)
+    return loaded
+
+
+def bounds(path: str, trust: bool) -> Bounds:
+    """Where the files of a score may lie."""
+    from ergon.notation.text.bounds import Bounds
+
+    return Bounds.around(Path(path).parent, trust=trust)
+
+
+def piece_of(loaded: Loaded) -> Piece:
+    """The piece. Raises ScoreError when the score has errors."""
+    if loaded.piece is None:
+        raise ScoreError(loaded.diagnostics, loaded.files)
+    return loaded.piece
+
+
+def stage_piece(
+    loaded: Loaded,
+    options: AccuracyOptions | None = None,
+    report: Report | None = None,
+    *,
+    seed: int | None = None,
+    rate: float | None = None,
+    record: bool = False,
+    threads: int = 1,
+    real: Real | None = None,
+    silent: Container[str] = (),
+    on_fault: Literal["stop", "mute"] = "stop",
+) -> Staged:
+    """Put the piece on its stage, and report what the engine has to say of it.
+
+    It is planned as `options` say; without them every module is stepped as it is written, by
+    `seed`. Raises ScoreError and OptionError.
+    """
+    from ergon.exchange.plan_store import of_user
+    from ergon.scores.staging.stage import stage
+
+    piece = piece_of(loaded)
+    start = time.perf_counter()
+    # Parameters are physical: another rate needs no other score.
+    played = piece if rate is None else replace(piece, rate=rate)
+    pins = None
+    if options is not None:
+        played = replace(played, accuracy=options.accuracy(played.accuracy))
+        pins, seed = options.pins(), options.seed
+    with staging(lambda: loaded, report):
+        staged = stage(
+            played,
+            seed=seed,
+            record=record,
+            planned=options is not None,
+            pins=pins,
+            store=of_user(),
+            threads=threads,
+            real=real,
+            silent=silent,
+            on_fault=on_fault,
+        )
+    plan_s = time.perf_counter() - start
+    show(report, loaded, staged.diagnostics)
+    return Staged(piece, staged, plan_s)
+
+
+def show(report: Report | None, loaded: Loaded, found: Sequence[Diagnostic]) -> None:
+    """Report diagnostics that come after loading."""
+    (report or Report()).diagnostics(found, loaded.files, {})
+
+
+@contextmanager
+def staging(loaded: Callable[[], Loaded], report: Report | None = None) -> Iterator[None]:
+    """What the engine refuses is reported in its place, and is a ScoreError."""
+    from ergon.scores.staging.stage import StageError
+
+    try:
+        yield
+    except StageError as error:
+        found = loaded()
+        show(report, found, error.diagnostics)
+        raise ScoreError(error.diagnostics, found.files) from error
+
+
+def instant(piece: Piece, text: str, option: str) -> float:
+    """Seconds of a position of the piece such as `3|2.5`, `B+2`, `12.5s`."""
+    from ergon.notation.clock.positions import parse_position
+    from ergon.notation.text.errors import TextError
+
+    tempo = piece.tempo_map
+    try:
+        return tempo.seconds(tempo.resolve(parse_position(text)))
+    except TextError as error:
+        asked = f"; did you mean '{error.suggestion}'?" if error.suggestion else ""
+        raise OptionError(option, f"{error.message}{asked}") from None
+
+
+def where(piece: Piece, seconds: float) -> str:
+    """An instant as `bar|beat`."""
+    tempo = piece.tempo_map
+    return tempo.written(tempo.beats(seconds))
+
+
+def marks_of(piece: Piece) -> list[tuple[str, float]]:
+    """Marks with their beats, in order of time."""
+    tempo = piece.tempo_map
+    beats = ((mark.name, tempo.resolve(mark.at)) for mark in piece.marks)
+    return sorted(beats, key=lambda mark: (mark[1], mark[0]))
+
+
+def level_of(piece: Piece, bits: Bits) -> Level:
+    """What happens between the mix and a file of `bits`."""
+    master = piece.mix.master
+    if master is None:
+        return Level.unsaid(bits)
+    return Level.said(bits, normalise=master.normalise, limit=master.limit)
+
+
+def whole_rate(rate: float) -> int:
+    """The rate of a file, which counts whole frames a second."""
+    if rate != int(rate):
+        raise OptionError(
+            "rate", f"a WAV file has a whole number of frames per second, not {rate:g}"
+        )
+    return int(rate)
+
+
+def _stdin() -> str:
+    try:
+        return sys.stdin.buffer.read().decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ErgonError("stdin holds no text in UTF-8") from None

@@ -1,0 +1,1 @@
+"""A staged piece computed as fast as it goes: into files, frozen parts, rows of ergons, reports."""

@@ -1,0 +1,23 @@
+"""A recording simulation into the rows of the stream of ergons."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ergon.exchange.stream import Form, Names, rows
+
+if TYPE_CHECKING:
+    from ergon._core import Simulation
+
+
+def stream(
+    simulation: Simulation, n_frames: int, form: Form, names: Names, block: int = 4096
+) -> Iterator[tuple[str, int]]:
+    """Run a recording simulation to frame `n_frames`; gives (rows of a block, frames done)."""
+    import numpy as np
+
+    for at in range(0, n_frames, block):
+        count = min(block, n_frames - at)
+        simulation.process(np.zeros((count, simulation.n_out)))
+        yield rows(form, simulation.ergons(), names), at + count

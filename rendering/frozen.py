@@ -1,0 +1,70 @@
+"""Parts of a staged piece into frozen files: a WAV file for each, and the manifest."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from ergon.exchange.frozen import MANIFEST, Frozen, Source, Stem, text
+from ergon.exchange.safe import check_target, writing
+from ergon.exchange.wave import WaveWriter
+from ergon.exchange.wave_header import CHANNELS_MAX, Stamp, WaveFormat
+
+from .ahead import ahead
+from .render import BLOCK, Staged, frames_of, stem_paths
+
+
+def write(
+    stage: Staged,
+    taps: Mapping[str, Sequence[int]],
+    source: Source,
+    folder: Path,
+    progress: Callable[[int], None],
+    *,
+    n_frames: int,
+    force: bool = False,
+    threads: int = 1,
+    inputs: Sequence[Path] = (),
+) -> Frozen:
+    """Compute `n_frames` frames of the taps of parts; all files or none.
+
+    Raises FileRefusedError before any work when a file may not be written, DivergedError from the
+    engine when a part goes non-finite.
+    """
+    import numpy as np
+
+    pieces = [
+        (part, tuple(own[first : first + CHANNELS_MAX]))
+        for part, own in taps.items()
+        for first in range(0, len(own), CHANNELS_MAX)
+    ]
+    paths = stem_paths(folder, [part for part, _ in pieces])
+    for path in (*paths, folder / MANIFEST):
+        check_target(path, force=force, inputs=inputs)
+    stamp = Stamp(source.title, source.score, source.plan)
+    with contextlib.ExitStack() as stack:
+        # Entered first, it gets its name last.
+        manifest = stack.enter_context(writing(folder / MANIFEST, binary=True, force=force))
+        writers = []
+        for (_, own), path in zip(pieces, paths, strict=True):
+            file = stack.enter_context(writing(path, binary=True, force=force))
+            format = WaveFormat(int(source.rate), len(own), "double")
+            writers.append(WaveWriter(file, format, n_frames, stamp))
+        at = 0
+        blocks = frames_of(stage.simulation, n_frames, BLOCK)
+        with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as coming:
+            for frames in coming:
+                for writer, (_, own) in zip(writers, pieces, strict=True):
+                    writer.write(np.ascontiguousarray(frames[:, list(own)]))
+                at += len(frames)
+                progress(at)
+        for writer in writers:
+            writer.close()
+        stems = tuple(
+            Stem(part, path, own, writer.sha256)
+            for (part, own), path, writer in zip(pieces, paths, writers, strict=True)
+        )
+        frozen = Frozen(source, n_frames, stems)
+        manifest.write(text(frozen).encode())
+    return frozen
