@@ -41,6 +41,7 @@ from ergon.scores.gesture import notation, words
 from ergon.scores.gesture.sampled import sampled
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import StageError, prepare, stage
+from fuzz import sessions
 from fuzz.harness import Target
 from fuzz.texts import damaged, soup, tree
 
@@ -56,14 +57,20 @@ def _texts(path: str, text: str, overlay: Mapping[str, str] | None = None) -> It
             yield full(one, loaded.files)
         errors = [one for one in loaded.diagnostics if one.severity == "error"]
         assert (loaded.piece is None) == bool(errors)
-    if loaded.piece is not None:
+    if loaded.piece is None:
+        return
+    players = loaded.piece.players.values()
+    live = {player.name: None for player in players if player.hand == "live"}
+    for real in [{}, live] if live else [{}]:  # with stand-ins, then with hands as `duet` has them
         try:
-            ready = prepare(loaded.piece)
+            ready = prepare(loaded.piece, real)
         except StageError as error:
             yield str(error)
         else:
             yield from (one.message for one in ready.collector.finish())
 
+
+LIVE = BELL.replace("hand: virtual", "hand: live, standin: lean, tick: 1kHz")
 
 # --- scores ---------------------------------------------------------------------------------------
 
@@ -72,7 +79,9 @@ def _score(chance: random.Random) -> str:
     kind = chance.randrange(10)
     known = bases()
     if kind <= 2:
-        return mutated(chance.choice([*known.values()]), chance)
+        text = mutated(chance.choice([*known.values(), BELL, LIVE]), chance)
+        # A part that goes beyond the beginning, or hardly lasts.
+        return text.replace("play: knock", f"play: knock, {chance.choice(MANNERS)}", 1)
     if kind <= 5:
         return damaged(chance.choice([*known.values(), BELL]), chance, SCORE_WORDS)
     if kind <= 7:
@@ -81,7 +90,12 @@ def _score(chance: random.Random) -> str:
     return "ergon: 1\n" + "".join(f"{name}: {tree(chance, SCORE_WORDS)}\n" for name in names)
 
 
-SCORE_WORDS = (*WORDS.split(), *SECTIONS.split(), "0mm@0", "1mm@1", "3bar", "-6dB", "sky.all")
+MANNERS = (
+    *("do: [shift -9999]", "do: [stretch 1e-9]", "join: 9s"),
+    "{hand: live, key: k1, tick: 1kHz}",
+)
+_PLAIN = ("0mm@0", "1mm@1", "3bar", "-6dB", "sky.all")
+SCORE_WORDS = (*WORDS.split(), *SECTIONS.split(), *_PLAIN, *MANNERS)
 
 
 def _score_bytes(chance: random.Random) -> bytes:
@@ -483,6 +497,8 @@ TARGETS = (
     Target("layouts", _beside("layouts/stereo.yaml"), _read_beside(LAID_OUT), (), 60),
     Target("socket lines", _wire, _read_wire, (ProtocolError,), 3000),
     Target("OSC packets", _osc, _read_osc, (MalformedError,), 2000, is_silent=True),
+    Target("journals", sessions.journal, sessions.read_journal, (), 20, limit=30.0),
+    Target("sessions", sessions.typed, sessions.read_typed, (), 20, limit=30.0),
     Target("typed lines", _typed, _read_typed, (), 500),
 )  # fmt: skip
 BY_NAME = {target.name: target for target in TARGETS}

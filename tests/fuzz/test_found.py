@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from one_bell import SCORE
 
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import prepare
 
 
 @pytest.mark.parametrize(
@@ -30,3 +33,12 @@ def test_a_hold_that_moves_by_a_rounding_stays():
     points = notation.parse("0@0 hold 4e-10m@1 hold 8e-10m@2 smooth 6@3").points
     assert points[1].x == points[2].x == 0.0
     assert np.ptp(sampled(points, 0.5, 1000.0)[:500]) == 0.0
+
+
+def test_a_part_of_a_real_hand_may_end_before_the_beginning():
+    """`shift` did it, and the hand had a negative number of ticks."""
+    live = SCORE.replace("hand: virtual", "hand: live")
+    piece = load("s.yaml", text=live.replace("every: 1, times: 2", "do: [shift -9999]")).piece
+    assert piece is not None
+    (hand,) = prepare(piece, {"ada": None}).live
+    assert hand.ticks == 2
