@@ -242,6 +242,8 @@ def _joined(events: list[_Event]) -> Notation:
                     length=event.length,
                     suggestion="smooth",
                 )
+            if event.curve == "hold":
+                x = points[-1].x  # the engine compares them exactly
             if abs(at[0] - last.beats) <= SAME and abs(at[1] - last.seconds) <= SAME:
                 if still:
                     continue

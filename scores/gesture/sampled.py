@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ergon._core import Network, Simulation, Timeline
+from ergon._core import DivergedError, EngineError, Network, Simulation, Timeline
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.take_file import MAX_SAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,6 +23,7 @@ def sampled(points: Sequence[Point], beat: float, rate: float) -> NDArray[np.flo
     """Positions (n,) [m], `rate` a second, of points in beats of `beat` [s]; from 0 to the last.
 
     The engine goes the path with a key of its own, so a `throw` here flies as a free mass does.
+    Raises TextError at the point that the engine refuses, or that no mass reaches.
     """
     t = [point.at.beats * beat + point.at.seconds for point in points]
     network = Network()
@@ -28,12 +32,30 @@ def sampled(points: Sequence[Point], beat: float, rate: float) -> NDArray[np.flo
     key = timeline.key("hand", mass)
     curves = [point.curve for point in points]
     x = [point.x for point in points]
-    timeline.gesture(key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
-    simulation = Simulation(network, timeline)
+    if t[-1] * rate >= MAX_SAMPLES:
+        message = f"this gesture has more than {MAX_SAMPLES:,} samples at {rate:g} Hz"
+        raise _wrong(points, len(points) - 1, message)
+    try:
+        timeline.gesture(key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
+        simulation = Simulation(network, timeline)
+    except EngineError as error:
+        message = str(error).removeprefix("gesture: ")
+        named = re.search(r"point (\d+)", message)
+        raise _wrong(points, int(named[1]) if named else 0, message) from None
     n = int(t[-1] * rate + 0.5) + 1
     path = np.empty(n)
     nothing = np.empty((1, 0))
     for i in range(n):
         path[i] = simulation.positions()[mass]
-        simulation.process(nothing)
+        try:
+            simulation.process(nothing)
+        except DivergedError:
+            index = next((k for k, instant in enumerate(t) if instant * rate >= i + 1), len(t) - 1)
+            message = "the path to this point, or on from it, is too fast for any mass"
+            raise _wrong(points, index, message) from None
     return path
+
+
+def _wrong(points: Sequence[Point], index: int, message: str) -> TextError:
+    point = points[min(index, len(points) - 1)]
+    return TextError(message, offset=point.offset, length=point.length, code="E308")

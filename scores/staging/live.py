@@ -132,7 +132,8 @@ def standin(piece: Piece, player: Player, every: int, collector: Collector) -> N
         hands.play(play, starts)
     if not alone.parts and player.standin:
         hands.standin(player)
-    end = max((gesture.stop for gesture in hands.gestures), default=0.0)
+    # A part that is shifted to before the beginning is over when the piece begins.
+    end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
     n_ticks = int(end * piece.rate) // every + 2
     if n_ticks > MAX_TICKS:
         longest = MAX_TICKS * every / piece.rate

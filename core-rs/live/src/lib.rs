@@ -7,6 +7,8 @@ pub mod audio;
 pub mod device;
 pub mod doctor;
 pub mod emulate;
+#[cfg(test)]
+mod fuzz;
 pub mod perform;
 pub mod realtime;
 pub mod recording;

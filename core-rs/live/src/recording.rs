@@ -15,6 +15,8 @@ use std::io;
 use thiserror::Error;
 
 pub use header::{Axis, Header};
+#[cfg(test)]
+pub(crate) use reader::decode;
 pub use reader::{Recording, read};
 pub use row::{Sample, flag};
 pub use writer::{Recorder, RecorderHandle, RowSink, Status};

@@ -187,7 +187,7 @@ pub fn read(path: &Path, ticks: Option<Range<u64>>) -> Result<Recording, Recordi
 }
 
 /// The recording in `length` bytes.
-pub(super) fn decode(
+pub(crate) fn decode(
     from: &mut impl Read,
     length: u64,
     ticks: Option<Range<u64>>,

@@ -1,0 +1,44 @@
+"""What the fuzzers found, each as it was found first."""
+
+import numpy as np
+import pytest
+from one_bell import SCORE
+
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture import notation
+from ergon.scores.gesture.sampled import sampled
+from ergon.scores.reading.load import load
+from ergon.scores.staging.stage import prepare
+
+
+@pytest.mark.parametrize(
+    ("text", "marked", "words"),
+    [
+        # Beats and seconds compare only once the tempo is known.
+        ("0@0 3@0.5s 6@1 2@0.6s", "6@1", "time must rise"),
+        ("0@0 throw 1@0.0001", "1@0.0001", "a throw needs time"),
+        ("0@0 -3mm@0.125 900m@0.135", "-3mm@0.125", "too fast for any mass"),
+        ("0@0 3@1e9", "3@1e9", "more than 20,000,000 samples"),
+    ],
+)
+def test_a_path_that_no_hand_goes_is_refused_in_its_place(text: str, marked: str, words: str):
+    with pytest.raises(TextError, match=words) as caught:
+        sampled(notation.parse(text).points, 0.5, 1000.0)
+    error = caught.value
+    assert text[error.offset : error.offset + error.length] == marked
+
+
+def test_a_hold_that_moves_by_a_rounding_stays():
+    """The notation took it, and the engine refused it."""
+    points = notation.parse("0@0 hold 4e-10m@1 hold 8e-10m@2 smooth 6@3").points
+    assert points[1].x == points[2].x == 0.0
+    assert np.ptp(sampled(points, 0.5, 1000.0)[:500]) == 0.0
+
+
+def test_a_part_of_a_real_hand_may_end_before_the_beginning():
+    """`shift` did it, and the hand had a negative number of ticks."""
+    live = SCORE.replace("hand: virtual", "hand: live")
+    piece = load("s.yaml", text=live.replace("every: 1, times: 2", "do: [shift -9999]")).piece
+    assert piece is not None
+    (hand,) = prepare(piece, {"ada": None}).live
+    assert hand.ticks == 2

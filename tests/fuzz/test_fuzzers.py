@@ -1,0 +1,58 @@
+"""Every reader of the table, for a while in `make test`, for long in `make test-long`."""
+
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from test_corrupted_takes import FORMATS
+
+from fuzz.harness import Target, fuzz
+from fuzz.targets import BY_NAME, TARGETS
+
+NAMES = [target.name for target in TARGETS]
+
+
+def holds(target: Target, count: int, folder: Path) -> None:
+    outcome = fuzz(target, count, folder)
+    print(f"{target.name}: {outcome}")
+    assert not outcome.faults, str(outcome)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_reader_answers_or_refuses(name: str, tmp_path: Path) -> None:
+    target = BY_NAME[name]
+    holds(target, target.short, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_a_reader_answers_or_refuses_for_long(name: str, tmp_path: Path) -> None:
+    target = BY_NAME[name]
+    holds(target, target.long, tmp_path)
+
+
+def cut_or_flipped(data: bytes):
+    """Every beginning of a file, then the file with each of its bits the other way."""
+    yield from (data[:end] for end in range(len(data)))
+    for bit in range(8 * len(data)):
+        flipped = bytearray(data)
+        flipped[bit // 8] ^= 1 << bit % 8
+        yield bytes(flipped)
+
+
+def every_damage(suffix: str, folder: Path, every: int) -> None:
+    target = BY_NAME[f"take{suffix}"]
+    for data in FORMATS[suffix]:
+        for damaged in islice(cut_or_flipped(data), 0, None, every):
+            target.read(damaged, folder)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_some_cuts_and_bits_of_a_take(suffix: str, tmp_path: Path) -> None:
+    every_damage(suffix, tmp_path, 97)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_every_cut_and_every_bit_of_a_take(suffix: str, tmp_path: Path) -> None:
+    every_damage(suffix, tmp_path, 1)
