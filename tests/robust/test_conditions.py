@@ -1,0 +1,429 @@
+"""Where a command meets a machine that refuses: full disks, no HOME, little memory, other signals.
+
+Every refusal is a sentence with an exit code, and what was cut is never called whole.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from robust.test_kills import LIVE, SCORE
+
+from ergon import _core
+from ergon.repl.session.journal import read
+
+ERGON = [sys.executable, "-m", "ergon.cli"]
+DEVICE = [*ERGON, "emulate", "frame", "--udp", "0", "--json"]
+NEVER = ("Traceback", "internal error", "Exception ignored", "panicked", "in ergon itself")
+IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+PATIENCE = 120.0  # [s] of a machine that does much else
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (folder / "score.yaml").write_text(SCORE.replace("TAIL", "1s"))
+    (folder / "long.yaml").write_text(SCORE.replace("TAIL", "36000s"))
+    (folder / "live.yaml").write_text(LIVE)
+    return folder
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+GIVEN = ["live.yaml", "long.yaml", "score.yaml"]
+
+
+def after(folder: Path) -> list[str]:
+    """Files of a folder; an export keeps what it wrote before, none of it cut."""
+    kept = [path.name for path in folder.glob("out/*")]
+    assert not [name for name in kept if name.endswith((".part", ".wav"))], kept
+    return [name for name in files(folder) if name != "out"]
+
+
+def limited(kind: int, most: int) -> Callable[[], None]:
+    return lambda: resource.setrlimit(kind, (most, most))
+
+
+def ergon(
+    folder: Path,
+    line: str,
+    before: Callable[[], None] | None = None,
+    lines: str | None = None,
+    **environment: str | None,
+) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of a command, none of which shows its inside."""
+    merged = {**os.environ, **environment}
+    done = subprocess.run(
+        [*ERGON, *line.split()],
+        cwd=folder,
+        env={name: value for name, value in merged.items() if value is not None},
+        input=lines or "",
+        capture_output=True,
+        timeout=PATIENCE,
+        text=True,
+        preexec_fn=before,
+    )
+    for word in NEVER:
+        assert word not in done.stdout + done.stderr, done.stdout + done.stderr
+    return done.returncode, done.stdout, done.stderr
+
+
+# --- disks ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 256 KiB with the scores on it."""
+    disk = tmp_path / "small"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(disk)]
+    if not IS_ROOT or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no disk can be mounted here")
+    try:
+        (disk / "score.yaml").write_text(SCORE.replace("TAIL", "60s"))
+        (disk / "live.yaml").write_text(LIVE)
+        yield disk
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+WRITERS = (
+    "render score.yaml -o x.wav",
+    "render score.yaml -o x.wav --stems stems",
+    "render score.yaml --freeze bell -o frozen",
+    "export score.yaml -o out",
+)
+
+
+@pytest.mark.parametrize("line", WRITERS)
+def test_a_full_disk_leaves_nothing_half(small: Path, line: str) -> None:
+    code, _, told = ergon(small, line)
+    assert code == 2
+    assert "No space left" in told, told
+    assert after(small) == ["live.yaml", "score.yaml"]
+
+
+@pytest.mark.parametrize("line", WRITERS)
+def test_the_largest_file_that_may_be_is_a_full_disk(here: Path, line: str) -> None:
+    code, _, told = ergon(here, line, limited(resource.RLIMIT_FSIZE, 100_000))
+    assert code == 2
+    assert "File too large" in told, told
+    assert after(here) == GIVEN
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "render score.yaml -o /dev/full",
+        "plan score.yaml -o /dev/full",
+        "compile score.yaml -o /dev/full",
+        "schema -o /dev/full",
+    ],
+)
+def test_a_device_that_is_full(here: Path, line: str) -> None:
+    code, _, told = ergon(here, line)
+    assert code == 2
+    assert "No space left" in told, told
+
+
+@pytest.mark.parametrize(
+    "line", ["info score.yaml", "plan score.yaml", "compile score.yaml", "render score.yaml -o -"]
+)
+def test_a_full_standard_output(here: Path, line: str) -> None:
+    with open("/dev/full", "wb") as full:
+        words = [*ERGON, *line.split()]
+        done = subprocess.run(words, cwd=here, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert "No space left" in done.stderr
+    assert not [word for word in NEVER if word in done.stderr], done.stderr
+
+
+def fill(disk: Path) -> None:
+    """Nothing more goes onto a disk."""
+    with open(disk / "fill", "wb", buffering=0) as file:
+        try:
+            while file.write(bytes(4096)):
+                pass
+        except OSError:
+            pass
+
+
+@pytest.mark.parametrize(
+    "what",
+    ["take record -o a.take", "duet live.yaml --record a.take --audio null --gain 0dB --unchecked"],
+)
+def test_a_take_on_a_disk_that_gets_full_is_told_and_never_whole(small: Path, what: str) -> None:
+    device = subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True)
+    assert device.stdout is not None
+    with device:
+        try:
+            url = json.loads(device.stdout.readline())["url"]
+            live = ("ada=" if "duet" in what else "") + url
+            both = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+            words = [*ERGON, *what.split(), "--live", live, "--json"]
+            with subprocess.Popen(words, cwd=small, text=True, **both) as process:
+                try:
+                    while not (small / "a.take").exists():
+                        assert process.poll() is None, process.communicate()
+                        time.sleep(0.02)
+                    time.sleep(0.5)
+                    fill(small)
+                    said = ""
+                    assert process.stdout is not None
+                    while "No space left" not in said:
+                        line = process.stdout.readline()
+                        assert line, said
+                        said += line
+                    process.send_signal(signal.SIGINT)
+                    rest, _ = process.communicate(timeout=PATIENCE)
+                finally:
+                    process.kill()
+        finally:
+            device.kill()
+    assert not [word for word in NEVER if word in said + rest], said + rest
+    assert process.returncode == 2, rest
+    found = _core.read_recording(small / "a.take")
+    assert not found.finished
+
+
+def test_a_take_on_a_disk_that_is_full_is_refused(small: Path) -> None:
+    fill(small)
+    with subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True) as device:
+        assert device.stdout is not None
+        url = json.loads(device.stdout.readline())["url"]
+        code, _, told = ergon(small, f"take record -o a.take --seconds 5 --live {url}")
+        device.kill()
+    assert code == 2
+    assert "No space left" in told
+    assert not (small / "a.take").exists(), "a take of nothing"
+
+
+def test_a_journal_on_a_full_disk_is_told_and_never_whole(small: Path) -> None:
+    fill(small)
+    line = "repl score.yaml --audio null --gain 0dB --plain"
+    _, out, told = ergon(small, line, lines="play\nada plays knock every 1\nquit\n")
+    assert "cannot be written" in out + told
+    assert "No space left" in out + told
+    if (small / "session.jsonl").exists():
+        assert "end" not in [event.name for event in read(small / "session.jsonl")]
+
+
+@pytest.mark.parametrize("line", WRITERS)
+def test_a_folder_that_is_read_only(tmp_path: Path, here: Path, line: str) -> None:
+    mount = ["mount", "-t", "tmpfs", "-o", "ro,size=64k", "tmpfs", str(here)]
+    line = line.replace("score.yaml", str(tmp_path / "score.yaml"))
+    (tmp_path / "score.yaml").write_text(SCORE.replace("TAIL", "1s"))
+    if IS_ROOT:  # to whom rights are nothing
+        if subprocess.run(mount, capture_output=True).returncode:
+            pytest.skip("no disk can be mounted here")
+    else:
+        here.chmod(0o500)
+    try:
+        code, _, told = ergon(here, line)
+    finally:
+        if IS_ROOT:
+            subprocess.run(["umount", "-l", str(here)], check=True)
+        else:
+            here.chmod(0o700)
+    assert code == 2
+    assert "Read-only" in told or "Permission denied" in told, told
+
+
+# --- environments ---------------------------------------------------------------------------------
+
+LINES = (
+    "check score.yaml",
+    "render score.yaml -o x.wav",
+    "plan score.yaml",
+    "devices",
+    "info score.yaml",
+    "repl score.yaml --audio null --gain 0dB --plain",
+)
+
+
+@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {"HOME": None, "XDG_CACHE_HOME": None, "XDG_RUNTIME_DIR": None, "ERGON_CACHE": "on"},
+        {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "ERGON_CACHE": "on"},
+        {"HOME": "", "XDG_CACHE_HOME": "/dev/null/x", "ERGON_CACHE": "on"},
+        {"LANG": "C", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
+        {"TMPDIR": "/nonexistent", "TERM": "nothing"},
+    ],
+    ids=["no HOME", "HOME is nowhere", "HOME is empty", "C", "TMPDIR is nowhere"],
+)
+def test_an_environment_without(here: Path, line: str, environment: dict[str, str | None]) -> None:
+    code, _, told = ergon(here, line, **environment)
+    assert code == 0, told
+
+
+@pytest.mark.parametrize("line", LINES)
+@pytest.mark.parametrize("most", [8, 12, 16, 24])
+def test_few_descriptors(here: Path, line: str, most: int) -> None:
+    code, out, told = ergon(here, line, limited(resource.RLIMIT_NOFILE, most))
+    assert code in (0, 2, 3), told
+    assert code == 0 or told.strip() or out.strip()
+    assert not [name for name in files(here) if name.endswith(".part")]
+
+
+@pytest.mark.parametrize("most", [300, 600, 900])  # [MB]: numpy alone maps some hundred
+@pytest.mark.parametrize(
+    "line", ["check score.yaml", "render long.yaml -o x.wav --normalise -1dB -n"]
+)
+def test_little_memory(here: Path, line: str, most: int) -> None:
+    done = subprocess.run(
+        [*ERGON, *line.split()],
+        cwd=here,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        preexec_fn=limited(resource.RLIMIT_AS, most << 20),
+    )
+    assert done.returncode >= 0, "it ends by itself"
+    assert files(here) == GIVEN
+
+
+# --- signals --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize(
+    ("line", "begun"),
+    [
+        ("render long.yaml -o x.wav", ".x.wav.*.part"),
+        ("render long.yaml --freeze bell -o frozen", "frozen/.*.part"),
+        ("repl score.yaml --audio null --gain 0dB --plain", "session.jsonl"),
+    ],
+)
+def test_a_signal_ends_it_with_nothing_left(
+    here: Path, number: signal.Signals, line: str, begun: str
+) -> None:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([*ERGON, *line.split()], cwd=here, text=True, **pipes) as process:
+        try:
+            while not list(here.glob(begun)):
+                assert process.poll() is None, process.communicate()
+                time.sleep(0.02)
+            process.send_signal(number)
+            out, told = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    assert process.returncode == 128 + number, told
+    assert not [word for word in NEVER if word in out + told], told
+    assert [name for name in files(here) if name not in GIVEN] == (
+        ["session.jsonl"] if "repl" in line else []
+    )
+
+
+def test_who_reads_no_further_ends_a_render(here: Path) -> None:
+    """`ergon render -o - | head -c 100`: no message, no file."""
+    shell = f"{' '.join(ERGON)} render long.yaml -q -o - --bits float | head -c 100 | wc -c"
+    words = ["bash", "-c", shell]
+    done = subprocess.run(words, cwd=here, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.stdout.strip() == "100", done
+    assert done.stderr == ""
+    assert files(here) == GIVEN
+
+
+# --- two at once ----------------------------------------------------------------------------------
+
+
+def test_two_renders_to_one_file(here: Path) -> None:
+    line = [*ERGON, "render", "score.yaml", "-q", "-o"]
+    subprocess.run([*line, "one.wav"], cwd=here, check=True)
+    both = [subprocess.Popen([*line, "x.wav"], cwd=here, stderr=subprocess.PIPE) for _ in range(4)]
+    for process in both:
+        _, told = process.communicate(timeout=PATIENCE)
+        assert process.returncode == 0, told
+    assert (here / "x.wav").read_bytes() == (here / "one.wav").read_bytes()
+    assert files(here) == sorted([*GIVEN, "one.wav", "x.wav"])
+
+
+def test_two_sessions_in_one_folder(here: Path) -> None:
+    line = [*ERGON, "repl", "score.yaml", "--audio", "null", "--gain", "0dB", "--plain"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    both = [subprocess.Popen(line, cwd=here, text=True, **pipes) for _ in range(3)]
+    for number, process in enumerate(both):
+        out, told = process.communicate(f"gain bell -{number + 1}dB\n", timeout=PATIENCE)
+        assert process.returncode == 0, told
+        assert "ok" in out
+    found = set()
+    for name in ("session.jsonl", "session-2.jsonl", "session-3.jsonl"):
+        events = list(read(here / name))
+        assert events[-1].name == "end"
+        found |= {str(event.fields["line"]) for event in events if event.name == "line"}
+    assert found == {f"gain bell -{number}dB" for number in (1, 2, 3)}
+
+
+# --- what is no file ------------------------------------------------------------------------------
+
+READERS = (
+    "check {}",
+    "render {} -o x.wav",
+    "render score.yaml --plan {} -o x.wav",
+    "render live.yaml --hands {} -o x.wav",
+    "render {}.jsonl -o x.wav",
+    "play score.yaml --frozen {} --audio null:fast",
+    "duet live.yaml --standin ada={} --audio null:fast",
+    "repl {} --audio null",
+    "repl score.yaml --resume {} --audio null",
+    "info {}",
+    "take info {}",
+    "take trim {} -o y.take",
+    "take import {} -o y.take",
+    "take export {} -o y.csv",
+    "take list {}",
+    "fmt {}",
+    "compile {}",
+    "plan {}",
+    "plot {} g",
+    "export {} -o out",
+    "chart {}",
+    "stability {}",
+)
+
+
+@pytest.mark.parametrize("line", READERS)
+def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
+    """A pipe that nobody writes to, a folder, a device without an end: a sentence, in 2 GB."""
+    for suffix in (".csv", ".npz", ".wav") if "take import" in line else ("", ".take"):
+        for what in ("fifo", "folder", "zero"):
+            name = f"{what}{suffix}"
+            path = here / (name if "{}.jsonl" not in line else f"{what}.jsonl")
+            if not os.path.lexists(path):
+                if what == "fifo":
+                    os.mkfifo(path)
+                elif what == "folder":
+                    path.mkdir()
+                else:
+                    path.symlink_to("/dev/zero")
+            before = files(here)
+            code, out, told = ergon(here, line.format(name), limited(resource.RLIMIT_AS, 4 << 30))
+            empty = "take list" in line and what == "folder"
+            assert code in ((0,) if empty else (1, 2)), (name, told)
+            assert told.strip() or out.strip(), name
+            assert files(here) == before
+
+
+def test_load_takes_files_alone(here: Path) -> None:
+    os.mkfifo(here / "fifo")
+    (here / "folder").mkdir()
+    line = "repl score.yaml --audio null --gain 0dB --plain"
+    lines = "load /dev/zero\nload fifo\nload folder\nload /dev/full\nreload\n"
+    code, out, told = ergon(here, line, limited(resource.RLIMIT_AS, 4 << 30), lines)
+    assert code == 0, told
+    assert "loaded" not in out
