@@ -16,8 +16,8 @@ from benches.mutated import bases, mutated
 from corrupted import corrupted
 from one_bell import SCORE as BELL
 from random_scores import LAWS, Score
-from test_corrupted_takes import FORMATS, MEANT, internal
 from test_fuzz import SECTIONS, WORDS
+from tests.scores.test_corrupted_takes import FORMATS, MEANT, internal
 
 from ergon import _core
 from ergon.exchange import plan_file, plan_store

@@ -4,7 +4,7 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from test_corrupted_takes import FORMATS
+from tests.scores.test_corrupted_takes import FORMATS
 
 from fuzz.harness import Target, fuzz
 from fuzz.targets import BY_NAME, TARGETS

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from robust.test_kills import LIVE, SCORE
+from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
 from ergon.repl.session.journal import read

@@ -25,7 +25,7 @@ import pytest
 
 from ergon import _core
 from ergon.repl.session.journal import JournalError
-from ergon.repl.session.recorded import opened
+from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import resumed
 
 ERGON = [sys.executable, "-m", "ergon.cli"]
@@ -231,7 +231,7 @@ def repl(folder: Path, chance: random.Random) -> None:
     )
     journal = folder / "session.jsonl"
     try:
-        found = opened(journal, resumes=True, score=str(folder / "score.yaml"))
+        found = read_journal(journal, resumes=True, score=str(folder / "score.yaml"))
     except JournalError:
         assert not accepted
         return

@@ -10,7 +10,7 @@ use ergon_engine::gesture::take::{Care, Take};
 use ergon_engine::law::{Constants, Law, LawText};
 
 use crate::audio::Spec;
-use crate::device::wire::{Found, Inbox, firefader, frame, haply};
+use crate::wire::{Parsed, Inbox, firefader, frame, haply};
 use crate::device::{MAX_AXES, Url};
 use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
 use crate::recording::{Axis, Header, Recording, Sample, decode};
@@ -96,17 +96,17 @@ fn text(dice: &mut Dice, lines: &[&str], words: &[&str]) -> String {
 }
 
 /// Feed bytes in pieces; the calls of the parser are counted, for they are its work.
-fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Found<T>, mut each: impl FnMut(T)) {
+fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
     let calls = std::cell::Cell::new(0_usize);
     let mut inbox = Inbox::<512>::new();
     let counted = |bytes: &[u8]| {
         calls.set(calls.get() + 1);
         let found = parse(bytes);
         match found {
-            Found::Whole(_, len) | Found::Garbage(len) => {
+            Parsed::Packet(_, len) | Parsed::Garbage(len) => {
                 assert!((1..=bytes.len()).contains(&len), "a length of {len}");
             }
-            Found::Short => {}
+            Parsed::Incomplete => {}
         }
         found
     };
@@ -174,7 +174,7 @@ fn frame_packet(dice: &mut Dice) -> Vec<u8> {
         }
         _ => {
             let (numbers, traits) = ([1.0; 8], dice.byte());
-            frame::Who {
+            frame::DeviceInfo {
                 seq,
                 n: n.max(1),
                 traits,
@@ -204,7 +204,7 @@ fn frame_bytes(dice: &mut Dice) {
     fed(&bytes, piece, request, |request| {
         assert!(request.force.iter().all(|x| x.is_finite()));
     });
-    fed(&bytes, piece, frame::Who::parse, |who| {
+    fed(&bytes, piece, frame::DeviceInfo::parse, |who| {
         assert!((1..=MAX_AXES).contains(&who.n));
     });
 }

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from one_bell import SCORE
-from test_docs import blocks, put
+from tests.house.test_docs import blocks, put
 
 import ergon
 from ergon import _core
 from ergon.cli import app
 from ergon.exchange.wave import hash_samples, read_blocks
 
-PAGE = Path(__file__).parents[1] / "docs" / "library.md"
+PAGE = Path(__file__).parents[2] / "docs" / "library.md"
 
 
 @pytest.fixture(autouse=True)
