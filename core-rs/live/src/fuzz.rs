@@ -1,7 +1,8 @@
 //! Seeded fuzzers of the Rust readers of bytes and text that come from outside: devices, recordings, laws.
 //!
 //! One table, `TARGETS`. Each case has its own seed, so that a case that fails runs alone: its number is in the message.
-//! `make test` runs `SHORT` cases of each target, `make test-long` `LONG` (docs/fuzzing.md).
+//! `make test` runs `SHORT` cases of each target, `make test-long` `LONG` (docs/fuzzing.md). FUZZ_TARGET, FUZZ_FROM and
+//! FUZZ_COUNT choose one target and its cases.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
@@ -467,7 +468,11 @@ fn law_text(dice: &mut Dice) {
         constants,
         points: (dice.below(8) == 0).then_some(points.as_slice()),
     };
-    let longest = elastic.chars().count().max(damping.chars().count());
+    let longest = elastic
+        .chars()
+        .count()
+        .max(damping.chars().count())
+        .max(points.len());
     let reach = edges[dice.below(edges.len())];
     match Law::new(&law).and_then(|law| law.through(reach)) {
         Err(error) => {
@@ -521,8 +526,10 @@ fn take_numbers(dice: &mut Dice) {
     }
 }
 
+type Case = fn(&mut Dice);
+
 /// Name, and what one case does.
-const TARGETS: [(&str, fn(&mut Dice)); 9] = [
+const TARGETS: [(&str, Case); 9] = [
     ("firefader bytes", firefader_bytes),
     ("frame bytes", frame_bytes),
     ("haply text", haply_text),
@@ -535,11 +542,13 @@ const TARGETS: [(&str, fn(&mut Dice)); 9] = [
 ];
 
 /// Run so many cases of each target, from a first one on; every fault is told, with the number of its case.
+#[allow(clippy::print_stdout)] // cases per second, for docs/fuzzing.md
 fn fuzzed(count: u64) {
-    let first = std::env::var("FUZZ_FROM")
-        .ok()
-        .and_then(|text| text.parse().ok())
-        .unwrap_or(0);
+    let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());
+    let (first, count) = (
+        number("FUZZ_FROM").unwrap_or(0),
+        number("FUZZ_COUNT").unwrap_or(count),
+    );
     let asked = std::env::var("FUZZ_TARGET").ok();
     let mut faults = Vec::new();
     for (name, target) in TARGETS {
