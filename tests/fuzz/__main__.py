@@ -1,12 +1,12 @@
-"""`PYTHONPATH=tests:. python -m fuzz [TARGET [COUNT [FIRST]]]`: cases of one target, or of all."""
+"""`PYTHONPATH=tests/support:. python -m tests.fuzz [TARGET [COUNT [FIRST]]]`: cases of one target, or of all."""
 
 import resource
 import sys
 import tempfile
 from pathlib import Path
 
-from fuzz.harness import fuzz
-from fuzz.targets import BY_NAME, TARGETS
+from tests.fuzz.harness import fuzz
+from tests.fuzz.targets import BY_NAME, TARGETS
 
 _MEMORY = 8 << 30  # bytes: what a case would take beyond it is a MemoryError, which is a fault
 

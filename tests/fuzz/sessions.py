@@ -14,8 +14,8 @@ from corrupted import corrupted
 from one_bell import SCORE as BELL
 from sessions import Stepped
 from spoken import OTHERS, SESSION
-from test_journal_hostile import Sandbox, hostile, played
-from test_repl_hostile import hostile as hostile_line
+from tests.repl.test_journal_hostile import Sandbox, hostile, played
+from tests.repl.test_repl_hostile import hostile as hostile_line
 
 LINES = (
     *(line for line, _ in SESSION + OTHERS),

@@ -16,34 +16,34 @@ from benches.mutated import bases, mutated
 from corrupted import corrupted
 from one_bell import SCORE as BELL
 from random_scores import LAWS, Score
-from test_fuzz import SECTIONS, WORDS
+from tests.fuzz import sessions
+from tests.fuzz.harness import Target
+from tests.fuzz.texts import damaged, soup, tree
 from tests.scores.test_corrupted_takes import FORMATS, MEANT, internal
+from tests.scores.test_fuzz import SECTIONS, WORDS
 
 from ergon import _core
 from ergon.exchange import plan_file, plan_store
 from ergon.live import boards, calibration
 from ergon.live.boards import BoardError
-from ergon.live.datagrams import MalformedError, messages, written
-from ergon.live.osc_in import AskError, _level, _pressed, _text
+from ergon.live.datagrams import MalformedDatagramError, messages, written
+from ergon.live.osc_in import OscRequestError, _level, _pressed, _text
 from ergon.notation.text.errors import TextError, full
 from ergon.notation.text.format import formatted
 from ergon.notation.text.memory import Memory
 from ergon.repl.wire.protocol import (
     ProtocolError,
-    asked,
     decode,
+    decode_reply,
+    decode_state,
     encode,
-    number_of,
-    reply_in,
-    state_in,
+    parse_request,
+    request_id,
 )
 from ergon.scores.gesture import notation, words
 from ergon.scores.gesture.sampled import sampled
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import StageError, prepare, stage
-from fuzz import sessions
-from fuzz.harness import Target
-from fuzz.texts import damaged, soup, tree
 
 LIBRARY = Path(__file__).parents[2] / "scores" / "library"
 
@@ -432,13 +432,13 @@ def _wire(chance: random.Random) -> bytes:
 
 def _read_wire(line: bytes, _: Path) -> None:
     fields = decode(line)
-    for read in (reply_in, state_in):
+    for read in (decode_reply, decode_state):
         try:
             read(fields.get("is"))
         except ProtocolError:
             continue
-    encode(id=number_of(fields))
-    _, given = asked(fields)
+    encode(id=request_id(fields))
+    _, given = parse_request(fields)
     encode(**{"id": 1, "is": given})
 
 
@@ -465,19 +465,19 @@ def _read_osc(datagram: bytes, _: Path) -> list[str]:
         for ask in asks:
             try:
                 ask(arguments)
-            except AskError as error:
+            except OscRequestError as error:
                 said.append(str(error))
     return said
 
 
 def _typed(chance: random.Random) -> str:
-    from test_repl_hostile import hostile
+    from tests.repl.test_repl_hostile import hostile
 
     return hostile(chance)
 
 
 def _read_typed(line: str, _: Path) -> None:
-    from test_repl_hostile import holds
+    from tests.repl.test_repl_hostile import holds
 
     holds(line)
 
@@ -496,7 +496,7 @@ TARGETS = (
     Target("calibrations", _beside("calib/crm-key-03.yaml"), _read_beside(CALIBRATED), (), 60),
     Target("layouts", _beside("layouts/stereo.yaml"), _read_beside(LAID_OUT), (), 60),
     Target("socket lines", _wire, _read_wire, (ProtocolError,), 3000),
-    Target("OSC packets", _osc, _read_osc, (MalformedError,), 2000, is_silent=True),
+    Target("OSC packets", _osc, _read_osc, (MalformedDatagramError,), 2000, is_silent=True),
     Target("journals", sessions.journal, sessions.read_journal, (), 20, limit=30.0),
     Target("sessions", sessions.typed, sessions.read_typed, (), 20, limit=30.0),
     Target("typed lines", _typed, _read_typed, (), 500),

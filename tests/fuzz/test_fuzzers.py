@@ -4,10 +4,9 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
+from tests.fuzz.harness import Target, fuzz
+from tests.fuzz.targets import BY_NAME, TARGETS
 from tests.scores.test_corrupted_takes import FORMATS
-
-from fuzz.harness import Target, fuzz
-from fuzz.targets import BY_NAME, TARGETS
 
 NAMES = [target.name for target in TARGETS]
 

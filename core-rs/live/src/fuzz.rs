@@ -565,7 +565,7 @@ fn fuzzed(count: u64) {
             }
         }
         let seconds = began.elapsed().as_secs_f64();
-        println!(
+        eprintln!(
             "{name}: {count} cases, {:.0} a second",
             count as f64 / seconds
         );
