@@ -1,4 +1,4 @@
-"""`PYTHONPATH=tests/support:. python -m tests.fuzz [TARGET [COUNT [FIRST]]]`: cases of one target, or of all."""
+"""Fuzz one target, or all: `PYTHONPATH=tests/support:. python -m tests.fuzz [TARGET [COUNT [FIRST]]]`."""
 
 import resource
 import sys
