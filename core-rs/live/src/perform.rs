@@ -94,7 +94,7 @@ pub enum PlayError {
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// The recording.
-    #[error(transparent)]
+    #[error("the recording cannot be written: {0}")]
     Recording(#[from] RecordingError),
     /// A prepared part.
     #[error("{}: {error}", path.display())]
@@ -455,6 +455,11 @@ impl Performance {
     /// Whether the last frame has been computed.
     pub fn is_done(&self) -> bool {
         self.desk.done.load(Ordering::Acquire)
+    }
+
+    /// Why the recording cannot be written at present, such as a full disk; its rows wait meanwhile, for some seconds.
+    pub fn recording_trouble(&self) -> Option<String> {
+        self.recorder.as_ref()?.status().trouble
     }
 
     /// Wait until everything was heard, and put everything away; the events that are left.

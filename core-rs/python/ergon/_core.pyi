@@ -892,6 +892,8 @@ class Performance:
         """Play nothing more."""
     def wait(self, seconds: float) -> bool:
         """Wait until the last frame is computed; False when `seconds` came first."""
+    def recording_trouble(self) -> str | None:
+        """Why the recording cannot be written at present; None where it can, or there is none."""
     def close(self, patience: float) -> list[tuple[int, str, float]]:
         """Wait until everything was heard, put everything away; the events that are left."""
 
