@@ -6,6 +6,7 @@
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, licences
 #   make charts     pictures of error against cost, and of stability (docs/charts)
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
+#   make audit      known faults, licences and sources of what is built in (needs the network)
 #   make test-long  the minutes-long tests, and random cases drawn anew
 
 PYTHON ?= python3
@@ -14,7 +15,7 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test check bench docs charts wheel test-long clean
+.PHONY: demo test check audit bench docs charts wheel test-long clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -37,6 +38,15 @@ check: $(VENV)/dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest ergon._core --allowlist tests/data/stubs-allowed.txt
+
+# No part of `check`: advisories come from the network, and change without a change here.
+audit: $(VENV)/dev
+	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
+	cargo deny --locked check advisories licenses bans sources
+	@test -x $(VENV)-audit/bin/pip-audit || { $(PYTHON) -m venv $(VENV)-audit && \
+	  $(VENV)-audit/bin/pip install --quiet pip-audit; }
+	$(BIN)/pip list --format=freeze --exclude-editable | grep -v '^pip==' > $(VENV)-audit/all.txt
+	$(VENV)-audit/bin/pip-audit --strict --no-deps --disable-pip -r $(VENV)-audit/all.txt
 
 bench: $(VENV)/dev
 	$(BIN)/python -m benches
@@ -69,4 +79,4 @@ $(VENV)/dev: $(VENV)/built
 	@touch $@
 
 clean:
-	rm -rf target $(VENV) out
+	rm -rf target $(VENV) $(VENV)-audit out

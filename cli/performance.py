@@ -50,6 +50,7 @@ class Shown:
         self._redraws = not (plain or console.json or console.quiet) and sys.stderr.isatty()
         self._drawn = 0
         self._said = 0.0
+        self._troubled = False
         self._sound_events = 0
         self._osc: Osc | None = None
 
@@ -96,6 +97,13 @@ class Shown:
             self._clear()
             self._console.warn(remark)
 
+    def _doubt(self, trouble: str | None) -> None:
+        """Tell once that the recording cannot be written, each time that it begins to be so."""
+        if trouble and not self._troubled:
+            self._clear()
+            self._console.warn(f"the recording cannot be written: {trouble}")
+        self._troubled = trouble is not None
+
     def _granted(self) -> str | None:
         self._performance.wait(0.02)
         return self._performance.granted()
@@ -110,6 +118,7 @@ class Shown:
             self._say(sentence)
         self._sound_events = len(sound)
         self._remark()
+        self._doubt(performance.recording_trouble())
         status = performance.status()
         view = self._watcher.look(status)
         now = time.monotonic()

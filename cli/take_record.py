@@ -62,12 +62,20 @@ def record(
         _until_over(console, performance)
     finally:
         performance.stop()
-        performance.close(0.1)
+        try:
+            performance.close(0.1)
+        except _core.EngineError as error:
+            raise Refused(f"{path}: {error}; what is there is kept") from None
         recording.say(console, path, recording.read(console, path), dry=False)
 
 
 def _until_over(console: Console, performance: _core.Performance) -> None:
+    told = False
     while not performance.wait(_LOOK):
+        trouble = performance.recording_trouble()
+        if trouble and not told:
+            console.warn(f"the recording cannot be written: {trouble}")
+        told = trouble is not None
         # A hand whose device is gone goes nowhere: there is nothing more to record of it.
         gone = [what for _, what, _ in performance.events() if what == "gone"]
         if gone:

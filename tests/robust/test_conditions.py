@@ -160,10 +160,13 @@ def fill(disk: Path) -> None:
             pass
 
 
-@pytest.mark.parametrize(
-    "what",
-    ["take record -o a.take", "duet live.yaml --record a.take --audio null --gain 0dB --unchecked"],
+RECORDERS = (
+    "take record -o a.take",
+    "duet live.yaml --record a.take --audio null --gain 0dB --unchecked",
 )
+
+
+@pytest.mark.parametrize("what", RECORDERS)
 def test_a_take_on_a_disk_that_gets_full_is_told_and_never_whole(small: Path, what: str) -> None:
     device = subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True)
     assert device.stdout is not None
@@ -193,20 +196,21 @@ def test_a_take_on_a_disk_that_gets_full_is_told_and_never_whole(small: Path, wh
         finally:
             device.kill()
     assert not [word for word in NEVER if word in said + rest], said + rest
-    assert process.returncode == 2, rest
+    assert process.returncode in (2, 130), rest
     found = _core.read_recording(small / "a.take")
     assert not found.finished
 
 
-def test_a_take_on_a_disk_that_is_full_is_refused(small: Path) -> None:
+@pytest.mark.parametrize("what", RECORDERS)
+def test_a_take_on_a_disk_that_is_full_is_refused(small: Path, what: str) -> None:
     fill(small)
     with subprocess.Popen(DEVICE, stdout=subprocess.PIPE, text=True) as device:
         assert device.stdout is not None
         url = json.loads(device.stdout.readline())["url"]
-        code, _, told = ergon(small, f"take record -o a.take --seconds 5 --live {url}")
+        code, _, told = ergon(small, f"{what} --live {'ada=' if 'duet' in what else ''}{url}")
         device.kill()
-    assert code == 2
-    assert "No space left" in told
+    assert code in (2, 3)
+    assert "the recording cannot be written: No space left" in told
     assert not (small / "a.take").exists(), "a take of nothing"
 
 
@@ -271,7 +275,7 @@ def test_an_environment_without(here: Path, line: str, environment: dict[str, st
 
 
 @pytest.mark.parametrize("line", LINES)
-@pytest.mark.parametrize("most", [8, 12, 16, 24])
+@pytest.mark.parametrize("most", [8, 16])
 def test_few_descriptors(here: Path, line: str, most: int) -> None:
     code, out, told = ergon(here, line, limited(resource.RLIMIT_NOFILE, most))
     assert code in (0, 2, 3), told
@@ -318,6 +322,13 @@ def test_a_signal_ends_it_with_nothing_left(
             while not list(here.glob(begun)):
                 assert process.poll() is None, process.communicate()
                 time.sleep(0.02)
+            if "repl" in line:  # a journal in which nothing has begun is taken away
+                assert process.stdin is not None
+                assert process.stdout is not None
+                process.stdin.write("play\n")
+                process.stdin.flush()
+                while "ok" not in (said := process.stdout.readline()):
+                    assert said
             process.send_signal(number)
             out, told = process.communicate(timeout=PATIENCE)
         finally:
@@ -400,7 +411,10 @@ READERS = (
 @pytest.mark.parametrize("line", READERS)
 def test_no_reader_waits_for_what_is_no_file(here: Path, line: str) -> None:
     """A pipe that nobody writes to, a folder, a device without an end: a sentence, in 2 GB."""
-    for suffix in (".csv", ".npz", ".wav") if "take import" in line else ("", ".take"):
+    suffixes = (".csv", ".npz", ".wav") if "take import" in line else ("",)
+    if "take" in line or "--hands" in line:
+        suffixes = suffixes if "import" in line else (".take",)
+    for suffix in suffixes:
         for what in ("fifo", "folder", "zero"):
             name = f"{what}{suffix}"
             path = here / (name if "{}.jsonl" not in line else f"{what}.jsonl")

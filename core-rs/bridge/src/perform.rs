@@ -266,6 +266,11 @@ impl Performance {
         Ok(true)
     }
 
+    /// Why the recording cannot be written at present; None where it can, or there is none.
+    fn recording_trouble(&self) -> PyResult<Option<String>> {
+        self.with(|own| own.recording_trouble())
+    }
+
     /// Wait until everything was heard and put everything away; the events that are left.
     fn close(&self, py: Python<'_>, patience: f64) -> PyResult<Vec<EventTuple>> {
         let Some(own) = self.own().take() else {

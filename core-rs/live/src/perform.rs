@@ -393,6 +393,11 @@ impl Performance {
         self.flags.done.load(Ordering::Acquire)
     }
 
+    /// Why the recording cannot be written at present, such as a full disk; its rows wait meanwhile, for some seconds.
+    pub fn recording_trouble(&self) -> Option<String> {
+        self.recorder.as_ref()?.status().trouble
+    }
+
     /// Wait until everything was heard, and put everything away; the events that are left.
     ///
     /// # Errors

@@ -1018,6 +1018,8 @@ class Performance:
         """Stop: zero force at once, silence within 5 ms."""
     def wait(self, seconds: float) -> bool:
         """Wait until the last frame is computed; False when `seconds` have passed first."""
+    def recording_trouble(self) -> str | None:
+        """Why the recording cannot be written at present; None where it can, or there is none."""
     def close(self, patience: float) -> list[tuple[int, str, float]]:
         """Wait up to `patience` [s] until everything was heard, and close; events as in `events`.
 

@@ -17,7 +17,7 @@ pub enum PlayError {
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// The recording.
-    #[error(transparent)]
+    #[error("the recording cannot be written: {0}")]
     Recording(#[from] RecordingError),
     /// A prepared part.
     #[error("{}: {error}", path.display())]

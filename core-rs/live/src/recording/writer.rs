@@ -1,7 +1,7 @@
 //! Recording: the real-time thread puts rows into a ring, a plain thread appends them to the file.
 
 use std::fmt;
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -45,8 +45,10 @@ impl Recorder {
         let mut options = OpenOptions::new();
         let mut file = options.append(true).create_new(true).open(path)?;
         let bytes = start(header);
-        file.write_all(&bytes)?;
-        file.sync_all()?;
+        if let Err(error) = file.write_all(&bytes).and_then(|()| file.sync_all()) {
+            fs::remove_file(path).ok(); // nobody takes what holds nothing for a recording
+            return Err(error.into());
+        }
         sync_folder(path);
 
         let (sink, writer) = ends(header, file, bytes.len() as u64);
