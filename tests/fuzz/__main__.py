@@ -1,4 +1,4 @@
-"""Fuzz one target, or all: `PYTHONPATH=tests/support:. python -m tests.fuzz [TARGET [COUNT [FIRST]]]`."""
+"""Fuzz: `PYTHONPATH=tests/support:. python -m tests.fuzz [TARGET [COUNT [FIRST]]]`."""
 
 import resource
 import sys

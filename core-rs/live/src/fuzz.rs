@@ -11,10 +11,10 @@ use ergon_engine::gesture::take::{Care, Take};
 use ergon_engine::law::{Constants, Law, LawText};
 
 use crate::audio::Spec;
-use crate::wire::{Parsed, Inbox, firefader, frame, haply};
 use crate::device::{MAX_AXES, Url};
 use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
 use crate::recording::{Axis, Header, Recording, Sample, decode};
+use crate::wire::{Inbox, Parsed, firefader, frame, haply};
 
 const SHORT: u64 = 2_000;
 const LONG: u64 = 1_000_000;
