@@ -1,8 +1,8 @@
 """Mistakes of a score as records, for a program that shows them in its own way."""
 
 import json
-import subprocess
-import sys
+
+import ergon
 
 SCORE = """\
 ergon: 1
@@ -14,10 +14,19 @@ parts: {ada: [{at: 1|1, play: kock}]}
 
 
 def diagnostics(score: str) -> list[dict[str, object]]:
-    """What `ergon check` finds in a text."""
-    command = [sys.executable, "-m", "ergon.cli", "check", "--json", "-"]
-    done = subprocess.run(command, input=score, capture_output=True, text=True, check=False)
-    return [json.loads(line) for line in done.stdout.splitlines()]
+    """The mistakes of a text that stands in no file."""
+    checked = ergon.check("score.yaml", ergon.ReadOptions(text=score))
+    return [
+        {
+            "code": found.code,
+            "severity": found.severity,
+            "line": found.place.line,
+            "column": found.place.column,
+            "message": found.message,
+            "suggestion": found.suggestion,
+        }
+        for found in checked.diagnostics
+    ]
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """A score made by a program: a scale of struck cells, rendered into a WAV file."""
 
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-ERGON = [sys.executable, "-m", "ergon.cli"]
+import ergon
+
 PITCHES = [220.0 * 2 ** (step / 12) for step in (0, 2, 4, 5, 7, 9, 11, 12)]
 
 
@@ -22,12 +22,12 @@ def score() -> str:
 
 
 def main(target: str) -> None:
-    """Check the score, then render it."""
+    """Render the score; `ergon.ScoreError` says what is wrong with it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scale.yaml"
         path.write_text(score(), encoding="utf-8")
-        subprocess.run([*ERGON, "check", str(path)], check=True)
-        subprocess.run([*ERGON, "render", str(path), "-o", target, "--force"], check=True)
+        done = ergon.render_to_file(path, target, ergon.FileOptions(force=True))
+        print(f"{done.mix.path}: peak {done.mix.peak:.3f}")
 
 
 if __name__ == "__main__":

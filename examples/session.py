@@ -24,7 +24,8 @@ def main(folder: Path) -> Path:
     """Play, change what is played, save; where the new score is."""
     path = folder / "session.yaml"
     path.write_text(SCORE, encoding="utf-8")
-    with ergon.Session(path, audio="null", journal=folder / "session.jsonl") as session:
+    options = ergon.SessionOptions(audio="null", journal=folder / "session.jsonl")
+    with ergon.open_session(path, options) as session:
         session.play()
         session.plays("ada", "knock", every=1, times=8)
         session.set("bell.m.f", "330Hz", now=True)
