@@ -79,9 +79,9 @@ def page(entry: Code) -> str:
         f"{entry.why.strip()}\n\n"
         f"```yaml\n{entry.bad.rstrip()}\n```\n\n"
         f"{files}"
-        f"is answered by\n\n"
+        f"The checker says:\n\n"
         f"```text\n{chr(10).join(said)}\n```\n\n"
-        f"and this is well:\n\n"
+        f"Corrected:\n\n"
         f"```yaml\n{entry.good.rstrip()}\n```\n"
     )
 
