@@ -117,7 +117,7 @@ def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
     assert row["radius"] < 1.0
     assert row["preserved"] is True
     assert app.run(["plan", "s.yaml", "--method", "ca", "--why", "k1"]) == 0
-    assert "not used for k1: one method" in capsys.readouterr().out
+    assert "not used for k1: the score asks for one method" in capsys.readouterr().out
 
 
 @pytest.fixture

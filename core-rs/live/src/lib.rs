@@ -8,6 +8,7 @@ pub mod device;
 pub mod doctor;
 pub mod emulate;
 #[cfg(test)]
+#[path = "tests/fuzz.rs"]
 mod fuzz;
 pub mod perform;
 pub mod realtime;

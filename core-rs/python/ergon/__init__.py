@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ergon.exchange.safe import FileRefusedError
     from ergon.notation.text.errors import Diagnostic
     from ergon.rendering.render import RenderedFile, RenderedFiles
-    from ergon.repl.face import Reply, State
+    from ergon.repl.session_protocol import Reply, State
     from ergon.repl.session.api import NotTaken
 
 __all__ = [
@@ -92,12 +92,12 @@ _PLACES = {
     "RenderOptions": "api.render",
     "RenderedFile": "rendering.render",
     "RenderedFiles": "rendering.render",
-    "Reply": "repl.face",
+    "Reply": "repl.session_protocol",
     "Report": "common.report",
     "ScoreError": "api.errors",
     "Session": "api.session",
     "SessionOptions": "api.options",
-    "State": "repl.face",
+    "State": "repl.session_protocol",
     "check": "api.check",
     "freeze": "api.freeze",
     "open_session": "api.session",
