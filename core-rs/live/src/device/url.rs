@@ -196,7 +196,7 @@ mod tests {
             ("falcon:usb", "not a kind of device"),
             ("/dev/ttyACM0", "colon"),
             ("firefader:", "a path"),
-            ("emul:here", "nowhere"),
+            ("emul:here", "takes no address"),
             ("emul:?masss=1", "masss"),
             ("frame:/dev/x?mass", "'mass'"),
             ("frame:/dev/x#one", "number of an axis"),
