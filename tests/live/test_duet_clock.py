@@ -106,6 +106,7 @@ def test_a_host_that_is_killed_lets_go_and_leaves_its_recording(score: Path, tmp
                 frames = json.loads(playing.until('"playing"'))["frame"]
             # It comes to the disk as it is played, twice a second.
             until(lambda: _played(take) >= frames, "the recording")
+            until(lambda: _core.read_recording(take).positions()[-1, 0] > 1e-5, "a moved key")
             playing.process.kill()
         device.until("let-go")
     left = _core.read_recording(take)
