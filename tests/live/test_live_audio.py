@@ -112,7 +112,7 @@ def test_the_clock_takes_frames_by_time():
     out = _core.AudioOut("null,block=64", RATE, 2)
     began = time.monotonic()
     out.play(noise(RATE // 4, 2))
-    assert out.finish({PATIENCE})
+    assert out.finish(PATIENCE)
     # Not sooner than they last; how much later is the machine's affair.
     assert time.monotonic() - began >= 0.7
     assert out.info[3] == 64
@@ -123,7 +123,7 @@ def test_the_clock_takes_frames_by_time():
 def test_without_a_clock_nothing_is_lost():
     out = _core.AudioOut("null:fast", RATE, 2, capacity=300)
     out.play(noise(100_000, 2))
-    assert out.finish({PATIENCE})
+    assert out.finish(PATIENCE)
     assert (out.played, out.underruns) == (124_000, 0)
 
 
@@ -168,7 +168,7 @@ def captured(sound: np.ndarray, spec: str = "jack") -> Iterator[_core.AudioOut]:
     assert capture.connect("ergon", 5.0)
     out.play(sound)
     yield out
-    assert out.finish({PATIENCE})
+    assert out.finish(PATIENCE)
     out.close()
     result = compare(capture.finish(), sound)
     assert result.wrong == 0, result
@@ -195,7 +195,7 @@ def test_jack_freewheels_bit_for_bit(jack: Jack):
     assert capture.freewheel(True)
     until(lambda: out.freewheeling, "freewheeling")
     out.play(sound)
-    assert out.finish({PATIENCE})
+    assert out.finish(PATIENCE)
     assert capture.freewheel(False)
     until(lambda: not out.freewheeling, "the clock again")
     out.close()
@@ -229,7 +229,7 @@ def test_jack_at_another_rate_converts_and_says_so(jack: Jack):
     assert out.info[2] == RATE
     assert "converted from 44100 Hz" in out.info[5]
     out.play(np.zeros((22050, 2), np.float32))
-    assert out.finish({PATIENCE})
+    assert out.finish(PATIENCE)
     assert out.played == 22050
 
 
@@ -290,7 +290,7 @@ def test_pulse_hears_every_bit(tmp_path: Path):
             out = _core.AudioOut("pulse:dome", RATE, server.channels, capacity=16384)
             assert out.info[:3] == ("pulse", "Null Output", RATE)
             out.play(sound)
-            assert out.finish({PATIENCE})
+            assert out.finish(PATIENCE)
             time.sleep(0.5)  # parec hands on what it has
         out.close()
     heard = np.fromfile(path, np.float32)
