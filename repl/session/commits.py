@@ -43,7 +43,7 @@ class Waiting:
 
     `goes` starts the piece at beat `beat` (True) or stops it there (False). A line
     that `resets` puts all masses at their start; a line that `is_now` was to act as
-    soon as possible.
+    soon as possible. A line that a panic `forgot` does not wait again when it comes too late.
     """
 
     line: str
@@ -53,6 +53,7 @@ class Waiting:
     goes: bool | None = None
     resets: bool = False
     is_now: bool = False
+    forgot: bool = False
     made: Running | None = None
     on: Running | None = None  # the version that `made` follows
     number: int = 0
@@ -210,6 +211,14 @@ class Commits:
             self.making_seconds = max(time.perf_counter() - began, _FORGET * self.making_seconds)
         return made
 
+    def forget(self) -> None:
+        """Drop all lines that wait, also those under way that come too late."""
+        self.waiting.clear()
+        for _, group, _ in self.under_way:
+            for one in group:
+                one.forgot = True
+        self.head = self.running.version
+
     # --- handing over ----------------------------------------------------------------------------
 
     def tick(self) -> list[Waiting]:
@@ -277,11 +286,15 @@ class Commits:
             self.head = on.version
 
     def late(self, ticket: int) -> list[Waiting]:
-        """Queue a change that came too late again, with all that follow it; the lines of these."""
+        """Queue a change that came too late again, with all that follow it; the lines of these.
+
+        Lines that a panic forgot are left out.
+        """
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         if index is None:
             return []
-        back = [one for _, group, _ in self.under_way[index:] for one in group]
+        late = self.under_way[index:]
+        back = [one for _, group, _ in late for one in group if not one.forgot]
         self.running = self.under_way[index][2]
         del self.under_way[index:]
         for one in back:

@@ -82,7 +82,7 @@ class LiveEngine:
             gains=list(change.gains.items()),
             damp=change.damp or 0.0,
             bounds=self._bounds(change.bearings),
-            bars=bars(stage, change.at + int(_BARS * stage.rate)),
+            bars=bars(stage, change.at, change.at + int(_BARS * stage.rate)),
         )
 
     def _bounds(self, bearings: Sequence[HandForceBounds]) -> list[list[tuple[int, float]]]:

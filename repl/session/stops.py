@@ -125,9 +125,7 @@ class Stops:
             self._forgotten = self._panics
             if self._hushed == session.number:
                 return
-            commits = session.commits
-            commits.waiting.clear()
-            commits.head = commits.running.version
+            session.commits.forget()
             try:
                 session.queue(
                     "panic", version_edits.hushed, NOW, goes=False, resets=True, is_limited=False

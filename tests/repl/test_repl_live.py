@@ -16,7 +16,7 @@ from emulators import emulator
 from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE, onset
 
-from ergon.live.perform import PlaybackConfig
+from ergon.live.perform import PlaybackConfig, bars
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart, read_journal
 from ergon.repl.session.live import LiveEngine
@@ -93,6 +93,24 @@ def test_what_was_played_is_what_its_journal_renders(tmp_path: Path):
     assert heard_to > 4 * 44_100
     assert np.max(np.abs(again)) > 0.01
     assert np.array_equal(played[start : start + heard_to], again[:heard_to])
+
+
+def test_a_piece_begins_at_any_bar(tmp_path: Path):
+    """The first bars are then before the first frame."""
+    with closing(session_on(tmp_path, "null")) as session:
+        assert ok(session, "play from 100|1") == "ok from 100|1"
+        ok(session, "ada plays knock every 1 now")
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+        stage = session.commits.running.stage
+        second = int(stage.rate)
+        frames = bars(stage, second, 10 * second)
+        assert frames
+        assert all(second <= frame < 10 * second for frame in frames)
+        tempo = stage.piece.tempo_map
+        beats = [tempo.beats(frame / stage.rate) for frame in frames]
+        first = round(beats[0] / 4.0)
+        assert first >= 99
+        assert beats == pytest.approx([4.0 * (first + i) for i in range(len(beats))], abs=1e-3)
 
 
 def test_a_panic_is_silent_and_forgets(tmp_path: Path):

@@ -411,3 +411,23 @@ def test_an_hour_of_lines_takes_memory_as_its_score_grows(tmp_path):
     # The score has 350 rows more; each version's text stays for `undo`, the last ones parsed.
     assert used[-1] - used[0] < 600 * 0.06, used
     assert stepped.hash_again() == stepped.hash.hexdigest()
+
+
+def test_a_late_line_does_not_come_back_after_a_panic(session):
+    """A change that the engine reports as late waits again; one that a panic dropped does not."""
+    session.ok("play")
+    session.run(0.5)
+    session.ok("ada plays knock every 1/2 now")
+    session.session.pump()
+    commits = session.session.commits
+    ((ticket, lines, _),) = commits.under_way
+    assert [one.line for one in lines] == ["ada plays knock every 1/2 now"]
+    session.session.stops.panic_in_turn()
+    session.engine._coming.clear()
+    assert [one.line for one in commits.late(ticket)] == ["panic"]
+    session.run(0.5)
+    session.ok("release")
+    session.ok("play")
+    session.run(3.0)
+    assert session.session.state().playing == ()
+    assert "ada plays" not in commits.head.texts.text
