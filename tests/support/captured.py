@@ -34,8 +34,13 @@ class Comparison:
 
 
 def compare(captured: NDArray, expected: NDArray, *, reach: int = 48000) -> Comparison:
-    """Align both on their first frame that is not silent; look for `reach` frames beyond a gap."""
+    """Align both on their first frame that is not silent.
+
+    A gap is as much silence as there is (a busy machine makes it seconds long), and at most
+    `reach` frames left out.
+    """
     captured, expected = _begun(captured), _begun(expected)
+    sounding = np.flatnonzero(captured.any(axis=1))
     at = to = equal = wrong = 0
     gaps: list[Gap] = []
     while to < len(expected) and at < len(captured):
@@ -45,7 +50,7 @@ def compare(captured: NDArray, expected: NDArray, *, reach: int = 48000) -> Comp
         at, to, equal = at + same, to + same, equal + same
         if not len(differ):
             break
-        gap = _gap(captured[at : at + reach], expected[to : to + reach], to)
+        gap = _gap(captured, sounding, at, expected[to : to + reach], to)
         if gap is None:
             at, to, wrong = at + 1, to + 1, wrong + 1
         else:
@@ -59,13 +64,15 @@ def _begun(frames: NDArray) -> NDArray:
     return frames[sounding[0] :] if len(sounding) else frames[:0]
 
 
-def _gap(captured: NDArray, expected: NDArray, frame: int) -> Gap | None:
+def _gap(
+    captured: NDArray, sounding: NDArray, at: int, expected: NDArray, frame: int
+) -> Gap | None:
     """Silence put in, frames left out, or both; None when the sound does not go on behind it."""
-    sounding = np.flatnonzero(captured.any(axis=1))
-    if not len(sounding):
+    after = np.searchsorted(sounding, at)
+    if after == len(sounding):
         return None
-    silent = int(sounding[0])
-    behind = captured[silent : silent + SURE]
+    silent = int(sounding[after]) - at
+    behind = captured[at + silent : at + silent + SURE]
     # The first frame is looked for everywhere, the others only where it is found.
     for lost in np.flatnonzero((expected == behind[0]).all(axis=1)):
         there = expected[lost : lost + len(behind)]
