@@ -103,7 +103,7 @@ def perform(
             n_frames=None if config.endless else stage.n_frames,
             hands=hands,
             boards=boards,
-            bars=bars(stage, stage.n_frames),
+            bars=bars(stage, 0, stage.n_frames),
             ahead=config.ahead,
             record=record,
             frozen=[(stem.path, stem.offset, stem.n_frames, stem.taps) for stem in config.frozen],
@@ -112,18 +112,17 @@ def perform(
         simulation.restore(start)
 
 
-def bars(stage: Stage, n_frames: int) -> list[int]:
-    """Frames before `n_frames` at which a bar begins."""
-    from ergon.notation.clock.positions import parse_position
-
+def bars(stage: Stage, start: int, stop: int) -> list[int]:
+    """Frames from `start` to before `stop` at which a bar begins."""
     tempo = stage.piece.tempo_map
+    first, _ = tempo.bars.bar_beat(tempo.beats(start / stage.rate))
     found: list[int] = []
-    for bar in range(1, _BARS_MAX):
-        at = tempo.seconds(tempo.resolve(parse_position(f"{bar}|1")))
-        frame = int(at * stage.rate + 0.5)
-        if frame >= n_frames:
+    for bar in range(max(1, first), max(1, first) + _BARS_MAX):
+        frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
+        if frame >= stop:
             break
-        found.append(frame)
+        if frame >= start:
+            found.append(frame)
     return found
 
 

@@ -17,11 +17,12 @@ from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, started
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import HORIZON, JOIN, Running, follow
-from ergon.repl.session.version import GLIDE, NotTakenError, Version
+from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
 from ergon.scores.staging.stage import StageError
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
+    from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.live import Real
 
 # How long before it is due a waiting line is handed to the engine [s].
@@ -53,6 +54,7 @@ class Waiting:
     goes: bool | None = None
     resets: bool = False
     is_now: bool = False
+    is_read: bool = False  # it reads files
     made: Running | None = None
     on: Running | None = None  # the version that `made` follows
     number: int = 0
@@ -77,6 +79,9 @@ class Commits:
     under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
     making_seconds: float = 0.0  # the time to make a version, the slowest of the last ones [s]
     dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
+    # What each line made when it was last computed, by number: in the end what takes effect.
+    past: dict[int, PastVersion] = field(default_factory=dict)
+    handed: list[int] = field(default_factory=list)  # numbers of lines, in the order of effect
 
     def __post_init__(self) -> None:
         """Add to the margin the time in which forces on real hands fall."""
@@ -196,6 +201,7 @@ class Commits:
     def _follow(self, on: Running, one: Waiting) -> Running:
         began = time.perf_counter()
         version = self._version(on.version, one)
+        self._check_sound(version.piece)
         clock, leave, enter = on.clock, one.beat, one.beat
         seconds = one.start / self.rate
         if one.goes is not None:
@@ -206,9 +212,25 @@ class Commits:
         # Every version is made here, so none plays that a real hand's key cannot bear.
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
         made = replace(made, bearings=borne)
+        if one.number:
+            where = version.piece.tempo_map.written(one.beat)
+            self.past[one.number] = PastVersion.of(version, where)
         if self.margin:  # without a margin the engine waits, and the time does not matter
             self.making_seconds = max(time.perf_counter() - began, _FORGET * self.making_seconds)
         return made
+
+    def _check_sound(self, piece: Piece) -> None:
+        """Raise NotTakenError where a piece needs another sound card than the one that is open."""
+        begun = self.running.stage
+        for unit, plays, asked in (
+            ("number of channels", self.engine.n_channels, max(1, piece.mix.channels)),
+            ("rate", begun.rate, piece.rate),
+        ):
+            if plays != asked:
+                raise NotTakenError(
+                    f"the {unit} of a session cannot change: this session plays {plays:g}, and "
+                    f"the score has {asked:g}; play that score in a session of its own"
+                )
 
     # --- handing over ----------------------------------------------------------------------------
 
@@ -254,6 +276,7 @@ class Commits:
     def _hand(self, group: Sequence[Waiting]) -> None:
         """Hand the lines of one boundary to the engine as one change."""
         before = on = self.running
+        n_dropped = len(self.dropped)
         for one in group:
             is_made = one.made is not None and one.on is on
             try:
@@ -261,6 +284,7 @@ class Commits:
             except REFUSALS as error:  # an earlier line removed what it needs
                 self.dropped.append((one, str(error)))
         if on is before:
+            self._find_head()
             return
         change = Change(
             on.start,
@@ -271,10 +295,28 @@ class Commits:
             damp=on.version.damp,
             bearings=on.bearings,
         )
-        self.under_way.append((self.engine.change(change), group, before))
+        try:
+            ticket = self.engine.change(change)
+        except EngineError as error:
+            self.dropped += [(one, str(error)) for one in group if one.line]
+            self._find_head()
+            return
+        self.under_way.append((ticket, group, before))
+        self.handed += [one.number for one in group if one.number]
         self.running = on
-        if not self.waiting:
-            self.head = on.version
+        if not self.waiting or len(self.dropped) > n_dropped:
+            self._find_head()
+
+    def _find_head(self) -> None:
+        """Find the version that plays when all waiting lines have taken effect."""
+        version = self.running.version
+        for one in self.waiting[:]:
+            try:
+                version = self._version(version, one)
+            except REFUSALS as error:  # a line before it was dropped
+                self.dropped.append((one, str(error)))
+                self.waiting.remove(one)
+        self.head = version
 
     def late(self, ticket: int) -> list[Waiting]:
         """Queue a change that came too late again, with all that follow it; the lines of these."""
@@ -286,8 +328,15 @@ class Commits:
         del self.under_way[index:]
         for one in back:
             one.made = one.on = None
+            if one.number:
+                self.handed.remove(one.number)
         self.waiting = [*back, *self.waiting]
         return back
+
+    def order(self) -> dict[int, float]:
+        """The place of lines in the order in which they take effect, by number."""
+        numbers = [*self.handed, *(one.number for one in self.waiting)]
+        return {number: float(place) for place, number in enumerate(numbers)}
 
     def done(self, ticket: int) -> Sequence[Waiting]:
         """Forget a change that was made; the lines whose it was."""

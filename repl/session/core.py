@@ -19,6 +19,7 @@ from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.guidance import Guidance, allow
+from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import text_fields
 from ergon.repl.session.running import Running, begin
@@ -53,12 +54,14 @@ class SessionCore:
         hands: Path | None = None,
         disk: Disk | None = None,
         watches: bool = False,
+        past: PastVersions | None = None,
     ) -> None:
         """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
 
         `margin` [s] is the time a change takes to reach the engine; `hands` is the recording that
         the engine writes of real hands; `disk` holds known hashes where files on the disk differ
         from the version. A session that `watches` reloads the score when it is saved elsewhere.
+        `past` is the history of a session that goes on; its version 0 is `version`.
         """
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
@@ -68,11 +71,13 @@ class SessionCore:
         self.journal = journal
         self.quant: Length | None = _BAR
         self.quant_text = "bar"
-        self.versions = [PastVersion.of(version, "1|1")]
-        self.version_index = 0  # in `versions`: the last that was not undone
         self.commits = Commits(
             engine, running, real or {}, int(margin * running.stage.rate), version
         )
+        past = past or PastVersions([PastVersion.of(version, "1|1")], 0)
+        self.history = History([one.number for one in past.versions], past.index)
+        self.commits.past.update((one.number, one) for one in past.versions)
+        self.cancelled: list[Waiting] = []  # lines that `undo` took back before they took effect
         self.captures = Captures(hands)
         self.guidance = Guidance(self.commits)
         self.computing = computing.Computing()
@@ -132,6 +137,7 @@ class SessionCore:
         restores: int | None = None,
         is_read: bool = False,
         is_limited: bool = True,
+        redoes: bool = False,
     ) -> tuple[str, Running]:
         """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
@@ -148,7 +154,17 @@ class SessionCore:
 
         enter = place if beat is None else beat
         is_now = when is NOW or (when is None and self.quant is None) or goes is not None
-        waiting = Waiting(line, numbered, enter, start, goes, resets, number=number, is_now=is_now)
+        waiting = Waiting(
+            line,
+            numbered,
+            enter,
+            start,
+            goes,
+            resets,
+            number=number,
+            is_now=is_now,
+            is_read=is_read,
+        )
         seconds: float | None = None
         if is_limited:
             takes_long = is_read or restores is not None or goes is not None
@@ -169,9 +185,10 @@ class SessionCore:
             **(self._fields_read(made.version) if is_read else {}),
         )
         if restores is None:
-            del self.versions[self.version_index + 1 :]
-            self.versions.append(PastVersion.of(made.version, where))
-            self.version_index += 1
+            self.history.add(number)
+            if not redoes:
+                self.cancelled.clear()
+            self.history.sort(self.commits.order())
         self._rescope()
         self.pump()
         return where, made
@@ -184,8 +201,13 @@ class SessionCore:
     def drop(self, waiting: Waiting) -> None:
         """Remove a line that has not taken effect."""
         self.commits.drop(waiting)
-        self._tell("dropped", number=waiting.number)
+        self.note_dropped(waiting)
         self._rescope()
+
+    def note_dropped(self, waiting: Waiting) -> None:
+        """Note in history and journal that a line will not take effect."""
+        self.history.remove(waiting.number)
+        self._tell("dropped", number=waiting.number)
 
     def note_written(self, texts: Texts) -> None:
         """Note in the journal that files were written."""
@@ -205,7 +227,8 @@ class SessionCore:
             while self.commits.dropped:
                 one, why = self.commits.dropped.pop(0)
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
-                self._tell("dropped", number=one.number)
+                self.note_dropped(one)
+            self.history.sort(self.commits.order())
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
             if self.journal is not None and (trouble := self.journal.trouble()):

@@ -87,11 +87,10 @@ class PastVersion:
     where: str = ""
 
     @classmethod
-    def of(cls, version: Version, where: str = "") -> PastVersion:
-        """Keep a version for `undo`."""
-        return cls(
-            version.number, version.line, version.texts, version.faders, version.guides, where
-        )
+    def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
+        """Keep a version for `undo`, as that of another `line` where one is given."""
+        line = version.line if line is None else line
+        return cls(version.number, line, version.texts, version.faders, version.guides, where)
 
     def restored(self, version: Version, beat: float) -> Version:
         """The version as it was, in place of another."""
