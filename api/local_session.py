@@ -180,6 +180,8 @@ def _engine(
 
     def opening(every: int) -> SessionStart:
         heard = config.gain, config.limit, config.highpass
-        return SessionStart(version.texts, clock.at, version.faders, every, *heard, past)
+        return SessionStart(
+            version.texts, clock.at, version.faders, every, *heard, past, version.base
+        )
 
     return make, opening

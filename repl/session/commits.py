@@ -22,6 +22,7 @@ from ergon.scores.staging.stage import StageError
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
+    from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.live import Real
 
@@ -186,7 +187,7 @@ class Commits:
 
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
-        before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None)
+        before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None, dropped=())
         return one.edit(before, one.beat)
 
     def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
@@ -281,6 +282,7 @@ class Commits:
             is_made = one.made is not None and one.on is on
             try:
                 on = one.made if is_made and one.made is not None else self._follow(on, one)
+                one.made = on
             except REFUSALS as error:  # an earlier line removed what it needs
                 self.dropped.append((one, str(error)))
         if on is before:
@@ -337,6 +339,13 @@ class Commits:
         """The place of lines in the order in which they take effect, by number."""
         numbers = [*self.handed, *(one.number for one in self.waiting)]
         return {number: float(place) for place, number in enumerate(numbers)}
+
+    def rebase(self, base: Texts) -> None:
+        """Note that the files hold these texts now."""
+        self.past = {number: replace(one, base=base) for number, one in self.past.items()}
+        version = replace(self.running.version, base=base)
+        self.running = replace(self.running, version=version)
+        self._find_head()
 
     def done(self, ticket: int) -> Sequence[Waiting]:
         """Forget a change that was made; the lines whose it was."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -27,15 +28,18 @@ from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.watch import Watch
 from ergon.repl.session_protocol import Reply
+from ergon.scores.edits import merging
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
+    from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
 _BAR = Length(bars=1.0)
+_LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
 
 
 class SessionCore:
@@ -63,6 +67,7 @@ class SessionCore:
         from the version. A session that `watches` reloads the score when it is saved elsewhere.
         `past` is the history of a session that goes on; its version 0 is `version`.
         """
+        version = replace(version, base=version.base or version.texts)
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
         borne = engine.bearings(running.stage, running.start, (), ())
@@ -115,7 +120,25 @@ class SessionCore:
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
         said = [version_edits.summary(command, made) for command in commands]
         said += self.force_messages(made)
+        said += self._dropped_messages(made.version)
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
+
+    def _dropped_messages(self, version: Version) -> list[str]:
+        """Messages about what was typed and gave way to what the files say now."""
+        found = []
+        for spot in version.dropped:
+            line = self._typed_at(spot)
+            typed = f"'{line}'" if line else "what was typed"
+            found.append(f"{spot} has changed in the file too, which stands: {typed} is dropped")
+        return found
+
+    def _typed_at(self, spot: Spot) -> str:
+        """The last line before this one that changed a place; empty where none is found."""
+        past = [self.commits.past[n] for n in self.history.numbers[: self.history.index]]
+        for before, after in itertools.pairwise(reversed(past[-_LOOKS_BACK:])):
+            if merging.differ(before.texts, after.texts, spot):
+                return before.line
+        return ""
 
     def force_messages(self, made: Running) -> list[str]:
         """Messages about the share of force that real hands get, where it has changed."""
@@ -194,9 +217,12 @@ class SessionCore:
         return where, made
 
     def _fields_read(self, version: Version) -> dict[str, object]:
+        disk: dict[str, object] = {}
         if version.read is not None:
             self.disk.note_read(version.read)
-        return {**text_fields(version.texts), "disk": self.disk.hashes_by_name(version.texts)}
+            disk["base"] = text_fields(version.read)
+        disk["disk"] = self.disk.hashes_by_name(version.texts)
+        return {**text_fields(version.texts), **disk}
 
     def drop(self, waiting: Waiting) -> None:
         """Remove a line that has not taken effect."""
@@ -209,9 +235,13 @@ class SessionCore:
         self.history.remove(waiting.number)
         self._tell("dropped", number=waiting.number)
 
-    def note_written(self, texts: Texts) -> None:
-        """Note in the journal that files were written."""
-        self._tell("saved", score=texts.path, disk=self.disk.hashes_by_name(texts))
+    def note_written(self, texts: Texts, *, is_own: bool) -> None:
+        """Note that files were written: those of these texts, or (not `is_own`) copies of them."""
+        base = {"base": text_fields(texts)} if is_own else {}
+        names = self.disk.hashes_by_name(texts)
+        self._tell("saved", score=texts.path, disk=names, **base)
+        if is_own:
+            self.commits.rebase(texts)
         if self.watch is not None:
             self.watch.has_changed()  # the session itself wrote them
 
@@ -279,7 +309,9 @@ class SessionCore:
             ]
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
-                self._tell("commit", number=one.number, frame=frame, beat=one.beat)
+                # What a line read is merged with what plays when it takes effect.
+                texts = text_fields(one.made.version.texts) if one.is_read and one.made else {}
+                self._tell("commit", number=one.number, frame=frame, beat=one.beat, **texts)
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece

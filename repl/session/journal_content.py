@@ -38,6 +38,7 @@ class SessionStart:
     limit: float
     highpass: float | None
     history: PastVersions | None = None
+    base: Texts | None = None
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
@@ -54,6 +55,7 @@ class SessionStart:
             "limit": self.limit,
             "highpass": self.highpass,
             **({} if self.history is None else history_fields(self.history)),
+            **({} if self.base is None else {"base": text_fields(self.base)}),
         }
 
 
@@ -83,6 +85,7 @@ class JournalContent:
         default_factory=dict
     )  # by number: the beat that a late line waits for
     n_frames: int = 0
+    base: Texts | None = None  # what the files held when they were last read or saved
     events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
 
     def order(self) -> dict[int, float]:
@@ -146,6 +149,10 @@ def read_journal(
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))
+    replay.base = opening.texts
+    if "base" in first.fields:
+        fields = first.get("base", dict)
+        replay.base = where.texts(Event(first.file, first.number, "base", fields))
     for event in events:
         _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
@@ -229,12 +236,17 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
     elif event.name == "commit":
         if number not in replay.lines:
             event.wrong(f"the journal has no line with the number {number}")
+        if "text" in event.fields:  # other than when the line was typed
+            replay.texts[replay.lines[number].number] = where.texts(event)
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":
         replay.late[number] = _beat(event, "beat")
     elif event.name == "dropped":
         replay.dropped.add(number)
+    if "base" in event.fields:
+        fields = event.get("base", dict)
+        replay.base = where.texts(Event(event.file, event.number, "base", fields))
     if event.name in ("line", "saved"):
         replay.disk.add_hashes(where.hashes(event))
     if "frame" in event.fields:

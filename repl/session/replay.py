@@ -167,6 +167,7 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     bar, _ = tempo.bar_beat(beat)
     # Guidance does not resume: a hand is pulled only after a line asks for it.
     begun = replace(version, number=0, line="", guides={}, cuts=False, damp=None, glide=GLIDE)
+    begun = replace(begun, base=replay.base)
     return begun, Clock(None, tempo.bars.start(bar)), _past(replay, begun, versions)
 
 

@@ -12,7 +12,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
-from ergon.scores.edits import keys, matter, names, parts, times
+from ergon.scores.edits import keys, matter, merging, names, parts, times
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
@@ -248,20 +248,27 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.trusts
             folder = Path(command.file).parent
             files.append(_file(command.file, Bounds.around(folder, trust=trust)))
-        return replace(_with_texts(version, files[0]), read=files[0])
+        return replace(_with_texts(version, files[0]), read=files[0], base=files[0])
 
     return edit
 
 
 def _reload(command: c.Reload) -> VersionEdit:
-    """Read the score's files again, as they are when the line is typed."""
+    """Read the score's files again, as they are when the line is typed; what was typed stays.
+
+    A place that was typed and has changed in the files too is as the files say.
+    """
     files: dict[str, Texts] = {}
 
     def edit(version: Version, beat: float) -> Version:
         path = version.texts.path
         if path not in files:
             files[path] = _file(path, version.texts.bounds)
-        return replace(_with_texts(version, files[path]), read=files[path])
+        now = files[path]
+        piece_of(now)  # its own mistakes come before those of the merge
+        texts, dropped = merging.merged(version.base or version.texts, now, version.texts)
+        made = _with_texts(version, texts)
+        return replace(made, read=now, base=now, dropped=tuple(dropped))
 
     return edit
 

@@ -56,7 +56,7 @@ class Stepped:
             disk=disk,
         )
         if written is not None:
-            heard = 1.0, 1.0, None, past
+            heard = 1.0, 1.0, None, past, version.base
             opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard)
             known = self.session.disk.hashes_by_name(version.texts)
             written.tell("session", **opening.fields(), disk=known)
