@@ -23,8 +23,8 @@ from ergon.scores.staging.stage import StageError
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
     from ergon.scores.edits.texts import Texts
-    from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.live import Real
+    from ergon.scores.staging.stage import Stage
 
 # How long before it is due a waiting line is handed to the engine [s].
 _AHEAD = 0.3
@@ -59,6 +59,15 @@ class Waiting:
     made: Running | None = None
     on: Running | None = None  # the version that `made` follows
     number: int = 0
+
+    def is_before(self, other: Waiting) -> bool:
+        """Whether it takes effect before a line that was typed later.
+
+        Of one frame the order is that of beats; what starts or stops the piece comes last.
+        """
+        if self.start != other.start:
+            return self.start < other.start
+        return other.goes is not None or (self.goes is None and self.beat <= other.beat + SAME)
 
 
 @dataclass(slots=True)
@@ -155,7 +164,7 @@ class Commits:
 
         Raises NotTakenError or StageError, and then nothing has changed.
         """
-        place = sum(one.beat <= waiting.beat + SAME for one in self.waiting)
+        place = sum(one.is_before(waiting) for one in self.waiting)
         before, after = self.waiting[:place], self.waiting[place:]
         made = self._make_all([*before, waiting])
         self._replace_queue([*before, waiting], made, after)
@@ -202,7 +211,6 @@ class Commits:
     def _follow(self, on: Running, one: Waiting) -> Running:
         began = time.perf_counter()
         version = self._version(on.version, one)
-        self._check_sound(version.piece)
         clock, leave, enter = on.clock, one.beat, one.beat
         seconds = one.start / self.rate
         if one.goes is not None:
@@ -210,6 +218,7 @@ class Commits:
             tempo = version.piece.tempo_map
             clock = started(tempo, enter, seconds + self.lead) if one.goes else Clock(None, leave)
         made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+        self._check_sound(made.stage)
         # Every version is made here, so none plays that a real hand's key cannot bear.
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
         made = replace(made, bearings=borne)
@@ -220,12 +229,12 @@ class Commits:
             self.making_seconds = max(time.perf_counter() - began, _FORGET * self.making_seconds)
         return made
 
-    def _check_sound(self, piece: Piece) -> None:
-        """Raise NotTakenError where a piece needs another sound card than the one that is open."""
+    def _check_sound(self, stage: Stage) -> None:
+        """Raise NotTakenError where a stage needs another sound card than the one that is open."""
         begun = self.running.stage
         for unit, plays, asked in (
-            ("number of channels", self.engine.n_channels, max(1, piece.mix.channels)),
-            ("rate", begun.rate, piece.rate),
+            ("number of channels", self.engine.n_channels, stage.n_channels),
+            ("rate", begun.rate, stage.rate),
         ):
             if plays != asked:
                 raise NotTakenError(
@@ -251,7 +260,7 @@ class Commits:
                 late.append(one)
                 continue
             group = [other for other in self.waiting if other.start == one.start]
-            self.waiting = self.waiting[len(group) :]
+            self.waiting = [other for other in self.waiting if other.start != one.start]
             self._hand(group)
         bars = self.running.version.piece.tempo_map.bars
         running = self.running

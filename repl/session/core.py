@@ -295,7 +295,7 @@ class SessionCore:
     def _late(self, lines: Sequence[Waiting]) -> None:
         for one in lines:
             if one.number:
-                self._tell("late", number=one.number, beat=one.beat)
+                self._tell("late", number=one.number, beat=one.beat, start=one.start)
             if one.line and not one.is_now:
                 self._messages.append(
                     f"'{one.line}' was not ready in time; it takes effect at the next bar"

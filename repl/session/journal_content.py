@@ -84,6 +84,7 @@ class JournalContent:
     late: dict[int, float] = field(
         default_factory=dict
     )  # by number: the beat that a late line waits for
+    starts: dict[int, int] = field(default_factory=dict)  # and the frame that it waits for
     n_frames: int = 0
     base: Texts | None = None  # what the files held when they were last read or saved
     events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
@@ -92,8 +93,15 @@ class JournalContent:
         """The place of every line in the order in which they take effect, by number."""
         done = {event.get("number", int): float(i) for i, (*_, event) in enumerate(self.commits)}
         waits = [number for number in self.lines if number not in done]
-        waits.sort(key=lambda n: self.late.get(n, self.lines[n].get("beat", float)))
+        waits.sort(key=self._due)
         return done | {number: len(done) + i for i, number in enumerate(waits)}
+
+    def _due(self, number: int) -> tuple[int, bool, float]:
+        """When a line that waits would take effect: frame, whether it is `play` or `stop`, beat."""
+        line = self.lines[number]
+        start = self.starts.get(number, line.number_of("start", int, 0, _FRAME_MAX, 0))
+        beat = self.late.get(number, line.get("beat", float))
+        return start, line.fields.get("goes") is not None, beat
 
     def history(self) -> History:
         """The numbers of the versions at the end."""
@@ -242,6 +250,8 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":
         replay.late[number] = _beat(event, "beat")
+        if "start" in event.fields:
+            replay.starts[number] = event.number_of("start", int, 0, _FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
     if "base" in event.fields:

@@ -143,11 +143,10 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
     rate, lead = version.piece.rate, JOIN + opening.tick_frames / version.piece.rate
     done = {event.get("number", int) for _, _, event in replay.commits}
     waited = [
-        (replay.n_frames, replay.late.get(number, event.get("beat", float)), event)
-        for number, event in sorted(replay.lines.items())
+        (replay.n_frames, replay.late.get(number, replay.lines[number].get("beat", float)), event)
+        for number, event in ((n, replay.lines[n]) for n in replay.order())
         if number not in done and number not in replay.dropped
     ]
-    waited.sort(key=lambda line: line[1])  # in the order in which they would have taken effect
     for frame, beat, event in (*replay.commits, *waited):
         with _errors_placed(event):
             version = replace(version, cuts=False, damp=None, glide=GLIDE)

@@ -116,3 +116,17 @@ def test_a_line_that_a_panic_dropped_does_not_come_back(at: Stepped) -> None:
     at.close()
     with closing(Stepped.resumed(at.journal)) as two:
         assert two.session.commits.head.texts.text == text
+
+
+def test_a_jump_loses_no_line_that_waits(at: Stepped) -> None:
+    at.ok("play")
+    at.run(0.5)
+    at.ok("seed 3 at 5|1")
+    at.ok("set bell.m.t60 2s now")
+    at.ok("play from 100|1")
+    at.ok("ada plays knock every 1 now")
+    at.run(12.0)
+    assert not at.session.commits.waiting
+    text = at.session.commits.head.texts.text
+    assert all(typed in text for typed in ("seed: 3", "t60: 2s", "play: knock, every: 1"))
+    renders_the_same(at)

@@ -6,7 +6,6 @@ The engine is stepped, so that time is counted and every session can be done aga
 from __future__ import annotations
 
 import random
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +42,13 @@ class Player:
         player, gesture = self.one(*PLAYERS), self.one(*GESTURES)
         part = self.one("bell", "drum", "ada", "leo", "nobody")
         how = self.one(
-            "", "", " every 1", " every 1/2 times 5", " every 2", " layer", f" until {self.number(2, 9)}|1"
+            "",
+            "",
+            " every 1",
+            " every 1/2 times 5",
+            " every 2",
+            " layer",
+            f" until {self.number(2, 9)}|1",
         )
         do = self.one("", "", " do mirror", " do scale 0.5, jitter 4ms 0.2mm", " do from 1/4")
         point = f"{self.number(-9, 12)}@{self.one('1/8', '60ms', '1/4')}"
@@ -55,7 +60,7 @@ class Player:
             f"rest {self.one('ada', 'leo', 'all')}",
             f"{gesture} = 0@0 {curve} {point} smooth 0@1/2",
             f"tempo {self.number(60, 300)}",
-            f"tempo {self.number(60, 300)} -> {self.number(60, 300)} over {self.one('1bar', '2', '3s')}",
+            f"tempo {self.number(60, 300)} -> 90 over {self.one('1bar', '2', '3s')}",
             f"nudge {self.one('-10ms', '20ms', '1s')}",
             f"set {self.one('bell.m.t60', 'drum.m.t60')} {self.number(0.1, 3)}s",
             f"set bell.b.K x{self.number(0.5, 2)} over {self.one('1bar', '1s')}",
@@ -75,7 +80,7 @@ class Player:
             "hush",
             f"damp {self.number(0.2, 3)}s",
             "reload",
-            f"load {self.one('other.yaml', 'table.yaml', 'mono.yaml', 'nothing.yaml', 'score.yaml')}",
+            f"load {self.one('other', 'table', 'mono', 'nothing', 'score')}.yaml",
             "stop",
         )
         others = (
@@ -90,7 +95,9 @@ class Player:
             f"keep {self.draw.randint(1, 8)}bar as {self.one('kept', 'more')}",
             "history",
             self.one("show", "show ada", "? knock", "scope ada", "meters", "help", "py piece.seed"),
-            self.one("py 1/0", "ada plyas lean", "= =", "tap", "guide ada leo K=3N/m", "load /dev/zero"),
+            self.one(
+                "py 1/0", "ada plyas lean", "= =", "tap", "guide ada leo K=3N/m", "load /dev/zero"
+            ),
             f"set bell.m.t60 2s now\n{player} plays {gesture} every 1",
         )
         if self.draw.random() < 0.8:
