@@ -221,6 +221,8 @@ class SessionCore:
         if version.read is not None:
             self.disk.note_read(version.read)
             disk["base"] = text_fields(version.read)
+            if self.watch is not None:
+                self.watch.follow(version.read)
         disk["disk"] = self.disk.hashes_by_name(version.texts)
         return {**text_fields(version.texts), **disk}
 

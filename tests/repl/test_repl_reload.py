@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -10,6 +12,11 @@ import numpy as np
 import pytest
 from sessions import Stepped
 from tests.repl.test_repl_session import SCORE
+
+from ergon.repl.session.journal import JournalError
+from ergon.repl.session.journal_content import read_journal
+from ergon.repl.session.watch import Watch
+from ergon.scores.edits.texts import Texts
 
 LINES = ("ada plays knock every 1 now", "set bell.m.t60 2s now", "tempo 90 now")
 
@@ -163,3 +170,36 @@ def test_a_file_that_is_no_score_changes_nothing(at: Stepped, tmp_path: Path, te
     assert not reply.taken
     assert "internal" not in reply.text
     assert at.session.commits.head is before
+
+
+def test_a_loaded_score_is_the_one_that_is_watched(at: Stepped, tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(SCORE)
+    at.session.watch = Watch(Texts.read(tmp_path / "score.yaml"))
+    at.ok(f"load {other}")
+    os.utime(tmp_path / "score.yaml", (1, 1))
+    assert not at.session.watch.has_changed()
+    os.utime(other, (1, 1))
+    assert at.session.watch.has_changed()
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        None,
+        {},
+        {"number": 7, "score": "score.yaml", "files": {}},
+        {"number": -2, "score": "score.yaml", "files": {"": [0, 9, ""]}},
+        {"number": -2, "score": "score.yaml", "files": {"": "text"}},
+        {"number": -2, "score": "score.yaml", "files": {"../x.yaml": [0, 0, ""]}},
+        {"number": 0, "score": "score.yaml", "files": {}},
+    ],
+)
+def test_a_forged_history_is_refused_with_its_place(at: Stepped, row: object) -> None:
+    at.close()
+    first, *rest = at.journal.read_text().splitlines()
+    good = {"number": 0, "score": str(at.journal.parent / "score.yaml"), "files": {}}
+    fields = {**json.loads(first), "history": [row, good], "index": 1}
+    at.journal.write_text("\n".join([json.dumps(fields), *rest, ""]))
+    with pytest.raises(JournalError, match="line 1"):
+        read_journal(at.journal)
