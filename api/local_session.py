@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
     from ergon.repl.session.engine import Engine
+    from ergon.repl.session.history import PastVersions
     from ergon.repl.session.journal_content import SessionStart
     from ergon.repl.session.session import Session
     from ergon.repl.session.version import Version
@@ -48,7 +49,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.repl.session.journal import Journal, JournalError, free
     from ergon.repl.session.session import Session
 
-    version, clock, gain, disk = _beginning(path, options, report)
+    version, clock, past, gain, disk = _beginning(path, options, report)
     piece = version.piece
     boards = [ready(board, options.unchecked, report) for board in boards_of(piece, options.live)]
     real = {player: None for board in boards for _, player in board.axes}
@@ -61,7 +62,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     try:
         hands = free(journal.path.with_suffix(".take")) if real else None
         config = replace(config, record=hands, about={"journal": journal.path.name})
-        make, opening = _engine(version, clock, config, report)
+        make, opening = _engine(version, clock, past, config, report)
         with scores.staging(version.texts.load, report):
             session = Session(
                 version,
@@ -74,6 +75,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
                 hands=hands,
                 disk=disk,
                 watches=options.watch,
+                past=past,
             )
     except BaseException:
         journal.close()
@@ -95,8 +97,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
 
 def _beginning(
     path: str | None, options: SessionOptions, report: Report
-) -> tuple[Version, Clock, float | None, Disk | None]:
-    """The first version, where its piece stands, the gain where it is known, and the disk."""
+) -> tuple[Version, Clock, PastVersions | None, float | None, Disk | None]:
+    """The first version, where its piece stands, those before it, the gain where it is known, and
+    the disk."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
     from ergon.repl.session.journal_content import read_journal
@@ -118,7 +121,7 @@ def _beginning(
     loaded = scores.read(path, ReadOptions(trust=options.trust), report, leave_out=("N401",))
     piece = scores.piece_of(loaded)
     texts = Texts.read(path, scores.bounds(path, options.trust))
-    return Version(0, "", texts, piece), Clock(), None, None
+    return Version(0, "", texts, piece), Clock(), None, None, None
 
 
 def _config(
@@ -155,7 +158,11 @@ def _config(
 
 
 def _engine(
-    version: Version, clock: Clock, config: PlaybackConfig, report: Report
+    version: Version,
+    clock: Clock,
+    past: PastVersions | None,
+    config: PlaybackConfig,
+    report: Report,
 ) -> tuple[Callable[[Stage], Engine], Callable[[int], SessionStart]]:
     from ergon import _core
     from ergon.repl.prompt.signals import left_to_me
@@ -173,6 +180,8 @@ def _engine(
 
     def opening(every: int) -> SessionStart:
         heard = config.gain, config.limit, config.highpass
-        return SessionStart(version.texts, clock.at, version.faders, every, *heard)
+        return SessionStart(
+            version.texts, clock.at, version.faders, every, *heard, past, version.base
+        )
 
     return make, opening

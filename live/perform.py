@@ -113,12 +113,12 @@ def perform(
 
 
 def bars(stage: Stage, start: int, stop: int) -> list[int]:
-    """Frames from `start` until before `stop` at which a bar begins."""
+    """Frames from `start` to before `stop` at which a bar begins."""
     tempo = stage.piece.tempo_map
-    bar, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start / stage.rate)))
+    first, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start / stage.rate)))
     found: list[int] = []
-    for number in range(bar, bar + _BARS_MAX):
-        frame = int(tempo.seconds(tempo.bars.start(number)) * stage.rate + 0.5)
+    for bar in range(first, first + _BARS_MAX):
+        frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
         if frame >= stop:
             break
         if frame >= start:

@@ -148,7 +148,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "scope ada", c.Trace, Slot("name", "NAME", v.MOVING), timed=False),
         _form("help", "he", "lists the verbs, or explains one",
               "help plays", c.Help, Slot("verb", "VERB", VERB, optional=True), timed=False),
-        _form("py", "py", "evaluates a Python expression in which `session` is known",
+        _form("py", "py", "evaluates Python in which `session` and `piece` are known",
               "py session.state().tempo", c.Py,
               Slot("expression", "EXPRESSION", v.EXPRESSION, many=True), timed=False),
         _form("quit", "qui", "all hands lift, and the session ends",

@@ -17,12 +17,14 @@ from ergon.repl.language.commands import NOW, When
 from ergon.repl.session.clock import Clock, boundary, started
 from ergon.repl.session.engine import Change
 from ergon.repl.session.running import HORIZON, JOIN, Running, follow
-from ergon.repl.session.version import GLIDE, NotTakenError, Version
+from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version
 from ergon.scores.staging.stage import StageError
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
+    from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
+    from ergon.scores.staging.stage import Stage
 
 # How long before it is due a waiting line is handed to the engine [s].
 _AHEAD = 0.3
@@ -54,9 +56,19 @@ class Waiting:
     resets: bool = False
     is_now: bool = False
     forgot: bool = False
+    is_read: bool = False  # it reads files
     made: Running | None = None
     on: Running | None = None  # the version that `made` follows
     number: int = 0
+
+    def is_before(self, other: Waiting) -> bool:
+        """Whether it takes effect before a line that was typed later.
+
+        Of one frame the order is that of beats; what starts or stops the piece comes last.
+        """
+        if self.start != other.start:
+            return self.start < other.start
+        return other.goes is not None or (self.goes is None and self.beat <= other.beat + SAME)
 
 
 @dataclass(slots=True)
@@ -78,6 +90,9 @@ class Commits:
     under_way: list[tuple[int, Sequence[Waiting], Running]] = field(default_factory=list)
     making_seconds: float = 0.0  # the time to make a version, the slowest of the last ones [s]
     dropped: list[tuple[Waiting, str]] = field(default_factory=list)  # lines dropped, and why
+    # What each line made when it was last computed, by number: in the end what takes effect.
+    past: dict[int, PastVersion] = field(default_factory=dict)
+    handed: list[int] = field(default_factory=list)  # numbers of lines, in the order of effect
 
     def __post_init__(self) -> None:
         """Add to the margin the time in which forces on real hands fall."""
@@ -150,7 +165,7 @@ class Commits:
 
         Raises NotTakenError or StageError, and then nothing has changed.
         """
-        place = sum(one.beat <= waiting.beat + SAME for one in self.waiting)
+        place = sum(one.is_before(waiting) for one in self.waiting)
         before, after = self.waiting[:place], self.waiting[place:]
         made = self._make_all([*before, waiting])
         self._replace_queue([*before, waiting], made, after)
@@ -182,7 +197,7 @@ class Commits:
 
     @staticmethod
     def _version(before: Version, one: Waiting) -> Version:
-        before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None)
+        before = replace(before, cuts=False, damp=None, glide=GLIDE, read=None, dropped=())
         return one.edit(before, one.beat)
 
     def _make_all(self, queue: list[Waiting]) -> list[tuple[Running, Running]]:
@@ -204,20 +219,39 @@ class Commits:
             tempo = version.piece.tempo_map
             clock = started(tempo, enter, seconds + self.lead) if one.goes else Clock(None, leave)
         made = follow(on, version, clock, one.start, leave=leave, enter=enter, real=self.real)
+        self._check_sound(made.stage)
         # Every version is made here, so none plays that a real hand's key cannot bear.
         borne = self.engine.bearings(made.stage, made.start, made.glides, on.bearings)
         made = replace(made, bearings=borne)
+        if one.number:
+            where = version.piece.tempo_map.written(one.beat)
+            self.past[one.number] = PastVersion.of(version, where)
         if self.margin:  # without a margin the engine waits, and the time does not matter
             self.making_seconds = max(time.perf_counter() - began, _FORGET * self.making_seconds)
         return made
 
-    def forget(self) -> None:
-        """Drop all lines that wait, also those under way that come too late."""
+    def forget(self) -> list[Waiting]:
+        """Drop all lines that wait, and those under way that come too late; those that wait."""
+        waited = [one for one in self.waiting if one.number]
         self.waiting.clear()
         for _, group, _ in self.under_way:
             for one in group:
                 one.forgot = True
         self.head = self.running.version
+        return waited
+
+    def _check_sound(self, stage: Stage) -> None:
+        """Raise NotTakenError where a stage needs another sound card than the one that is open."""
+        begun = self.running.stage
+        for unit, plays, asked in (
+            ("number of channels", self.engine.n_channels, stage.n_channels),
+            ("rate", begun.rate, stage.rate),
+        ):
+            if plays != asked:
+                raise NotTakenError(
+                    f"the {unit} of a session cannot change: this session plays {plays:g}, and "
+                    f"the score has {asked:g}; play that score in a session of its own"
+                )
 
     # --- handing over ----------------------------------------------------------------------------
 
@@ -237,7 +271,7 @@ class Commits:
                 late.append(one)
                 continue
             group = [other for other in self.waiting if other.start == one.start]
-            self.waiting = self.waiting[len(group) :]
+            self.waiting = [other for other in self.waiting if other.start != one.start]
             self._hand(group)
         bars = self.running.version.piece.tempo_map.bars
         running = self.running
@@ -263,13 +297,16 @@ class Commits:
     def _hand(self, group: Sequence[Waiting]) -> None:
         """Hand the lines of one boundary to the engine as one change."""
         before = on = self.running
+        n_dropped = len(self.dropped)
         for one in group:
             is_made = one.made is not None and one.on is on
             try:
                 on = one.made if is_made and one.made is not None else self._follow(on, one)
+                one.made = on
             except REFUSALS as error:  # an earlier line removed what it needs
                 self.dropped.append((one, str(error)))
         if on is before:
+            self._find_head()
             return
         change = Change(
             on.start,
@@ -280,10 +317,28 @@ class Commits:
             damp=on.version.damp,
             bearings=on.bearings,
         )
-        self.under_way.append((self.engine.change(change), group, before))
+        try:
+            ticket = self.engine.change(change)
+        except EngineError as error:
+            self.dropped += [(one, str(error)) for one in group if one.line]
+            self._find_head()
+            return
+        self.under_way.append((ticket, group, before))
+        self.handed += [one.number for one in group if one.number]
         self.running = on
-        if not self.waiting:
-            self.head = on.version
+        if not self.waiting or len(self.dropped) > n_dropped:
+            self._find_head()
+
+    def _find_head(self) -> None:
+        """Find the version that plays when all waiting lines have taken effect."""
+        version = self.running.version
+        for one in self.waiting[:]:
+            try:
+                version = self._version(version, one)
+            except REFUSALS as error:  # a line before it was dropped
+                self.dropped.append((one, str(error)))
+                self.waiting.remove(one)
+        self.head = version
 
     def late(self, ticket: int) -> list[Waiting]:
         """Queue a change that came too late again, with all that follow it; the lines of these.
@@ -293,14 +348,30 @@ class Commits:
         index = next((i for i, (own, *_) in enumerate(self.under_way) if own == ticket), None)
         if index is None:
             return []
-        late = self.under_way[index:]
-        back = [one for _, group, _ in late for one in group if not one.forgot]
+        late = [one for _, group, _ in self.under_way[index:] for one in group]
+        back = [one for one in late if not one.forgot]
         self.running = self.under_way[index][2]
         del self.under_way[index:]
-        for one in back:
+        for one in late:
             one.made = one.on = None
+            if one.number:
+                self.handed.remove(one.number)
+                if one.forgot:
+                    self.dropped.append((one, "it came too late, and a panic was entered since"))
         self.waiting = [*back, *self.waiting]
         return back
+
+    def order(self) -> dict[int, float]:
+        """The place of lines in the order in which they take effect, by number."""
+        numbers = [*self.handed, *(one.number for one in self.waiting)]
+        return {number: float(place) for place, number in enumerate(numbers)}
+
+    def rebase(self, base: Texts) -> None:
+        """Note that the files hold these texts now."""
+        self.past = {number: replace(one, base=base) for number, one in self.past.items()}
+        version = replace(self.running.version, base=base)
+        self.running = replace(self.running, version=version)
+        self._find_head()
 
     def done(self, ticket: int) -> Sequence[Waiting]:
         """Forget a change that was made; the lines whose it was."""

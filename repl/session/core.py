@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -19,6 +20,7 @@ from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.guidance import Guidance, allow
+from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import text_fields
 from ergon.repl.session.running import Running, begin
@@ -26,15 +28,18 @@ from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.watch import Watch
 from ergon.repl.session_protocol import Reply
+from ergon.scores.edits import merging
 
 if TYPE_CHECKING:
     from ergon.repl.session.engine import Engine
+    from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.staging.live import Real
     from ergon.scores.staging.planning import Store
     from ergon.scores.staging.stage import Stage
 
 _BAR = Length(bars=1.0)
+_LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
 
 
 class SessionCore:
@@ -53,13 +58,16 @@ class SessionCore:
         hands: Path | None = None,
         disk: Disk | None = None,
         watches: bool = False,
+        past: PastVersions | None = None,
     ) -> None:
         """Begin with a version whose piece is stopped; `make` makes an engine for its stage.
 
         `margin` [s] is the time a change takes to reach the engine; `hands` is the recording that
         the engine writes of real hands; `disk` holds known hashes where files on the disk differ
         from the version. A session that `watches` reloads the score when it is saved elsewhere.
+        `past` is the history of a session that goes on; its version 0 is `version`.
         """
+        version = replace(version, base=version.base or version.texts)
         running = begin(version, clock or Clock(), real or {}, store)
         engine = make(running.stage)
         borne = engine.bearings(running.stage, running.start, (), ())
@@ -68,11 +76,13 @@ class SessionCore:
         self.journal = journal
         self.quant: Length | None = _BAR
         self.quant_text = "bar"
-        self.versions = [PastVersion.of(version, "1|1")]
-        self.version_index = 0  # in `versions`: the last that was not undone
         self.commits = Commits(
             engine, running, real or {}, int(margin * running.stage.rate), version
         )
+        past = past or PastVersions([PastVersion.of(version, "1|1")], 0)
+        self.history = History([one.number for one in past.versions], past.index)
+        self.commits.past.update((one.number, one) for one in past.versions)
+        self.cancelled: list[Waiting] = []  # lines that `undo` took back before they took effect
         self.captures = Captures(hands)
         self.guidance = Guidance(self.commits)
         self.computing = computing.Computing()
@@ -110,7 +120,25 @@ class SessionCore:
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
         said = [version_edits.summary(command, made) for command in commands]
         said += self.force_messages(made)
+        said += self._dropped_messages(made.version)
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
+
+    def _dropped_messages(self, version: Version) -> list[str]:
+        """Messages about what was typed and gave way to what the files say now."""
+        found = []
+        for spot in version.dropped:
+            line = self._typed_at(spot)
+            typed = f"'{line}'" if line else "what was typed"
+            found.append(f"{spot} has changed in the file too, which stands: {typed} is dropped")
+        return found
+
+    def _typed_at(self, spot: Spot) -> str:
+        """The last line before this one that changed a place; empty where none is found."""
+        past = [self.commits.past[n] for n in self.history.numbers[: self.history.index]]
+        for before, after in itertools.pairwise(reversed(past[-_LOOKS_BACK:])):
+            if merging.differ(before.texts, after.texts, spot):
+                return before.line
+        return ""
 
     def force_messages(self, made: Running) -> list[str]:
         """Messages about the share of force that real hands get, where it has changed."""
@@ -132,6 +160,7 @@ class SessionCore:
         restores: int | None = None,
         is_read: bool = False,
         is_limited: bool = True,
+        redoes: bool = False,
     ) -> tuple[str, Running]:
         """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
@@ -148,7 +177,17 @@ class SessionCore:
 
         enter = place if beat is None else beat
         is_now = when is NOW or (when is None and self.quant is None) or goes is not None
-        waiting = Waiting(line, numbered, enter, start, goes, resets, number=number, is_now=is_now)
+        waiting = Waiting(
+            line,
+            numbered,
+            enter,
+            start,
+            goes,
+            resets,
+            number=number,
+            is_now=is_now,
+            is_read=is_read,
+        )
         seconds: float | None = None
         if is_limited:
             takes_long = is_read or restores is not None or goes is not None
@@ -169,27 +208,42 @@ class SessionCore:
             **(self._fields_read(made.version) if is_read else {}),
         )
         if restores is None:
-            del self.versions[self.version_index + 1 :]
-            self.versions.append(PastVersion.of(made.version, where))
-            self.version_index += 1
+            self.history.add(number)
+            if not redoes:
+                self.cancelled.clear()
+            self.history.sort(self.commits.order())
         self._rescope()
         self.pump()
         return where, made
 
     def _fields_read(self, version: Version) -> dict[str, object]:
+        disk: dict[str, object] = {}
         if version.read is not None:
             self.disk.note_read(version.read)
-        return {**text_fields(version.texts), "disk": self.disk.hashes_by_name(version.texts)}
+            disk["base"] = text_fields(version.read)
+            if self.watch is not None:
+                self.watch.follow(version.read)
+        disk["disk"] = self.disk.hashes_by_name(version.texts)
+        return {**text_fields(version.texts), **disk}
 
     def drop(self, waiting: Waiting) -> None:
         """Remove a line that has not taken effect."""
         self.commits.drop(waiting)
-        self._tell("dropped", number=waiting.number)
+        self.note_dropped(waiting)
         self._rescope()
 
-    def note_written(self, texts: Texts) -> None:
-        """Note in the journal that files were written."""
-        self._tell("saved", score=texts.path, disk=self.disk.hashes_by_name(texts))
+    def note_dropped(self, waiting: Waiting) -> None:
+        """Note in history and journal that a line will not take effect."""
+        self.history.remove(waiting.number)
+        self._tell("dropped", number=waiting.number)
+
+    def note_written(self, texts: Texts, *, is_own: bool) -> None:
+        """Note that files were written: those of these texts, or (not `is_own`) copies of them."""
+        base = {"base": text_fields(texts)} if is_own else {}
+        names = self.disk.hashes_by_name(texts)
+        self._tell("saved", score=texts.path, disk=names, **base)
+        if is_own:
+            self.commits.rebase(texts)
         if self.watch is not None:
             self.watch.has_changed()  # the session itself wrote them
 
@@ -205,7 +259,8 @@ class SessionCore:
             while self.commits.dropped:
                 one, why = self.commits.dropped.pop(0)
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
-                self._tell("dropped", number=one.number)
+                self.note_dropped(one)
+            self.history.sort(self.commits.order())
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
             if self.journal is not None and (trouble := self.journal.trouble()):
@@ -242,7 +297,7 @@ class SessionCore:
     def _late(self, lines: Sequence[Waiting]) -> None:
         for one in lines:
             if one.number:
-                self._tell("late", number=one.number, beat=one.beat)
+                self._tell("late", number=one.number, beat=one.beat, start=one.start)
             if one.line and not one.is_now:
                 self._messages.append(
                     f"'{one.line}' was not ready in time; it takes effect at the next bar"
@@ -256,7 +311,9 @@ class SessionCore:
             ]
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
-                self._tell("commit", number=one.number, frame=frame, beat=one.beat)
+                # What a line read is merged with what plays when it takes effect.
+                texts = text_fields(one.made.version.texts) if one.is_read and one.made else {}
+                self._tell("commit", number=one.number, frame=frame, beat=one.beat, **texts)
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece

@@ -73,6 +73,10 @@ class Engine(Protocol):
     """What a session needs of an engine."""
 
     @property
+    def n_channels(self) -> int:
+        """Channels of the sound, which no change alters."""
+
+    @property
     def tick_frames(self) -> int:
         """Frames of a tick."""
 

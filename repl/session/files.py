@@ -98,7 +98,7 @@ def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]
     except (FileRefusedError, OSError) as error:
         raise NotTakenError(str(error)) from None
     disk.note_written(files)
-    session.note_written(texts)
+    session.note_written(texts, is_own=target is None)
     return [*files]
 
 

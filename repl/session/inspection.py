@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.document import Mapping
 from ergon.notation.text.spelling import nearest
+from ergon.repl.session.rehearsing import rehearse
 from ergon.repl.session.version import NotTakenError
-from ergon.repl.session.version_edits import rehearsed
+from ergon.scores.edits import entries
+from ergon.scores.edits.positions import END
 
 if TYPE_CHECKING:
     from ergon.repl.session.running import Running
     from ergon.repl.session.version import Version
     from ergon.scores.edits.texts import Texts
+    from ergon.scores.reading.piece import Play
 
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters
@@ -30,10 +33,11 @@ def drawn(version: Version, name: str) -> list[str]:
 
     piece = version.piece
     if name not in piece.gestures and name not in piece.takes:
-        return show(version, name)
+        return defined(version, name)
     if not piece.keys:
         raise NotTakenError("a gesture is drawn on a key, and this score has none")
-    alone = rehearsed(piece, name)[0]
+    alone = rehearse(piece, name)
+    assert alone is not None  # there is a key
     first = alone.gestures[0]
     start, stop = max(0.0, first.start - _ROOM), first.stop
     reach = piece.keys[first.key].reach
@@ -53,21 +57,38 @@ def scoped(running: Running, frame: int, name: str) -> list[str]:
     return drawn(running.version, playing[name])
 
 
-def show(version: Version, name: str | None) -> list[str]:
-    """Who plays what; or the lines of the score that define a name, with their numbers."""
-    if name is not None:
-        return _defined(version.texts, name)
-    piece, tempo = version.piece, version.piece.tempo_map
+def defined(version: Version, name: str) -> list[str]:
+    """The lines of the score that define a name, with their numbers."""
+    return _defined(version.texts, name)
+
+
+def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
+    """What each player plays at beat `now`, and what comes next.
+
+    `playing` are the gestures in flight: (player, gesture).
+    """
+    piece = version.piece
     rows = [f"{entry.at.text}: {entry.bpm or ''} bpm" for entry in piece.tempo]
     for player in piece.players.values():
-        mine = [play for play in piece.parts if play.player == player.name]
-        said = "nothing"
-        if mine:
-            last = max(mine, key=lambda play: tempo.resolve(play.at))
-            until = f" until {last.until.text}" if last.until is not None else ""
-            said = f"{last.what} from {last.at.text}{until}"
-        rows.append(f"{player.name} ({player.hand}, {player.key}): {said}")
+        lines = entries.lines(version.texts, piece, player.name)
+        sounding = [what for name, what in playing if name == player.name]
+        begun = [line for line in lines if line.begin <= now]
+        goes_on = [line for line in begun if line.is_open(now, piece)]
+        # Of an entry that begins nothing more the last occurrence may sound.
+        on = {line.play.what for line in goes_on}
+        for what in dict.fromkeys(sounding):
+            goes_on += [line for line in begun if line.play.what == what and what not in on][-1:]
+        coming = sorted((line for line in lines if line.begin > now), key=lambda line: line.begin)
+        said = [_entry(line.play) for line in goes_on] or ["nothing"]
+        said += [f"then {_entry(line.play)}" for line in coming[:1]]
+        rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(said)}")
     return rows
+
+
+def _entry(play: Play) -> str:
+    is_endless = play.until is None or END.fullmatch(play.until.text)
+    until = "" if is_endless or play.until is None else f" until {play.until.text}"
+    return f"{play.what} from {play.at.text}{until}"
 
 
 def _defined(texts: Texts, name: str) -> list[str]:

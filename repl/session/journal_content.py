@@ -9,6 +9,8 @@ from pathlib import Path
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.session.disk import Disk
+from ergon.repl.session.history import History, PastVersions
+from ergon.repl.session.history_content import faders_fields, history_fields, read_history
 from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.version import Faders, Version, piece_of
@@ -35,6 +37,8 @@ class SessionStart:
     gain: float
     limit: float
     highpass: float | None
+    history: PastVersions | None = None
+    base: Texts | None = None
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
@@ -45,14 +49,13 @@ class SessionStart:
         return {
             **text_fields(self.texts),
             "at": self.at,
-            "gains": dict(self.faders.gains),
-            "muted": sorted(self.faders.muted),
-            "solo": sorted(self.faders.solo),
-            "master": self.faders.master,
+            **faders_fields(self.faders),
             "every": self.tick_frames,
             "gain": self.gain,
             "limit": self.limit,
             "highpass": self.highpass,
+            **({} if self.history is None else history_fields(self.history)),
+            **({} if self.base is None else {"base": text_fields(self.base)}),
         }
 
 
@@ -81,7 +84,43 @@ class JournalContent:
     late: dict[int, float] = field(
         default_factory=dict
     )  # by number: the beat that a late line waits for
+    starts: dict[int, int] = field(default_factory=dict)  # and the frame that it waits for
     n_frames: int = 0
+    base: Texts | None = None  # what the files held when they were last read or saved
+    events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
+
+    def order(self) -> dict[int, float]:
+        """The place of every line in the order in which they take effect, by number."""
+        done = {event.get("number", int): float(i) for i, (*_, event) in enumerate(self.commits)}
+        waits = [number for number in self.lines if number not in done]
+        waits.sort(key=self._due)
+        return done | {number: len(done) + i for i, number in enumerate(waits)}
+
+    def _due(self, number: int) -> tuple[int, bool, float]:
+        """When a line that waits would take effect: frame, whether it is `play` or `stop`, beat."""
+        line = self.lines[number]
+        start = self.starts.get(number, line.number_of("start", int, 0, _FRAME_MAX, 0))
+        beat = self.late.get(number, line.get("beat", float))
+        return start, line.fields.get("goes") is not None, beat
+
+    def history(self) -> History:
+        """The numbers of the versions at the end."""
+        before = self.opening.history
+        history = History()
+        if before is not None:
+            history = History([one.number for one in before.versions], before.index)
+        order = self.order()
+        for event in self.events:
+            number = event.get("number", int)
+            restores = event.fields.get("restores")
+            if event.name == "dropped":
+                history.remove(number)
+            elif isinstance(restores, int):
+                history.go_to(restores)
+            else:
+                history.add(number)
+                history.sort(order)
+        return history
 
     def all_texts(self) -> Iterator[Texts]:
         """Every version of the score that was read from files."""
@@ -114,9 +153,14 @@ def read_journal(
         None
         if first.fields.get("highpass") is None
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
+        read_history(first, where.texts, _desk),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))
+    replay.base = opening.texts
+    if "base" in first.fields:
+        fields = first.get("base", dict)
+        replay.base = where.texts(Event(first.file, first.number, "base", fields))
     for event in events:
         _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
@@ -188,6 +232,8 @@ def _desk(event: Event) -> Faders:
 def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> None:
     if event.name in ("line", "commit", "late", "dropped"):
         number = event.number_of("number", int, 0, _NUMBER_MAX)
+    if event.name in ("line", "dropped"):
+        replay.events.append(event)
     if event.name == "line":
         replay.lines[number] = event
         event.get("line", str)
@@ -198,12 +244,19 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
     elif event.name == "commit":
         if number not in replay.lines:
             event.wrong(f"the journal has no line with the number {number}")
+        if "text" in event.fields:  # other than when the line was typed
+            replay.texts[replay.lines[number].number] = where.texts(event)
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.commits.append((frame, _beat(event, "beat"), replay.lines[number]))
     elif event.name == "late":
         replay.late[number] = _beat(event, "beat")
+        if "start" in event.fields:
+            replay.starts[number] = event.number_of("start", int, 0, _FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
+    if "base" in event.fields:
+        fields = event.get("base", dict)
+        replay.base = where.texts(Event(event.file, event.number, "base", fields))
     if event.name in ("line", "saved"):
         replay.disk.add_hashes(where.hashes(event))
     if "frame" in event.fields:

@@ -32,7 +32,7 @@ class LiveEngine:
         """Begin to play a stage. Raises EngineError."""
         self.tick_frames = every(stage)
         self._highpass = config.highpass
-        self._n_channels = stage.n_channels
+        self.n_channels = stage.n_channels
         self._performance: _core.Performance = perform(
             stage, replace(config, endless=True, loose=True)
         )
@@ -112,7 +112,7 @@ class LiveEngine:
         away = frozenset(
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
-        peaks = status.peaks[: self._n_channels]
+        peaks = status.peaks[: self.n_channels]
         return EngineStatus(
             status.load, status.late, peaks, away, bool(self._real) and has_let_go()
         )

@@ -15,10 +15,11 @@ from ergon.repl.session import version_edits
 from ergon.repl.session.clock import Clock, started
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
 from ergon.repl.session.engine import SteppedEngine
+from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event
 from ergon.repl.session.journal_content import JournalContent
 from ergon.repl.session.running import JOIN, Running, begin
-from ergon.repl.session.version import NotTakenError, PastVersion, Version, piece_of
+from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
 from ergon.scores.edits.texts import Texts
 from ergon.scores.staging.stage import MAX_SECONDS
 
@@ -58,7 +59,7 @@ class ReplayedSession:
         )
         self._engine.set_faders(fader_ratios(running))
         self._commits = Commits(self._engine, running, {}, 0, version)
-        self._versions = {0: PastVersion.of(version)}
+        self._versions = _earlier(replay, version)
         self._coming = list(replay.commits)
         self._texts = replay.texts
         self._done = replay.first
@@ -123,28 +124,37 @@ class ReplayedSession:
             self._commits.tick()
 
 
-def resumed(replay: JournalContent) -> tuple[Version, Clock]:
-    """The last version, and the bar at which its piece stands; no sound is computed.
+def _earlier(replay: JournalContent, version: Version) -> dict[int, PastVersion]:
+    """The versions of which a session knows when it begins, by number."""
+    history = replay.opening.history
+    known = {} if history is None else {one.number: one for one in history.versions}
+    return {0: PastVersion.of(version, "1|1"), **known}
+
+
+def resumed(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
+    """The last version, the bar at which its piece stands, and the history; nothing is computed.
 
     Raises JournalError, NotTakenError.
     """
     opening = replay.opening
     with _errors_placed(replay.first):
         version = opening.version()
-    versions, clock = {0: PastVersion.of(version)}, Clock(None, opening.at)
+    versions, clock = _earlier(replay, version), Clock(None, opening.at)
     rate, lead = version.piece.rate, JOIN + opening.tick_frames / version.piece.rate
     done = {event.get("number", int) for _, _, event in replay.commits}
     waited = [
-        (replay.n_frames, replay.late.get(number, event.get("beat", float)), event)
-        for number, event in sorted(replay.lines.items())
+        (replay.n_frames, replay.late.get(number, replay.lines[number].get("beat", float)), event)
+        for number, event in ((n, replay.lines[n]) for n in replay.order())
         if number not in done and number not in replay.dropped
     ]
-    waited.sort(key=lambda line: line[1])  # in the order in which they would have taken effect
     for frame, beat, event in (*replay.commits, *waited):
         with _errors_placed(event):
+            version = replace(version, cuts=False, damp=None, glide=GLIDE)
             version = edit_of_line(event, versions, version, replay.texts)(version, beat)
-            versions[event.get("number", int)] = PastVersion.of(version)
             tempo, goes = version.piece.tempo_map, event.fields.get("goes")
+            versions[event.get("number", int)] = PastVersion.of(
+                version, tempo.written(beat), event.get("line", str)
+            )
             if goes is True:
                 clock = started(tempo, beat, frame / rate + lead)
             elif goes is False:
@@ -155,7 +165,25 @@ def resumed(replay: JournalContent) -> tuple[Version, Clock]:
         raise NotTakenError("the journal claims that the session lasted longer than a day")
     bar, _ = tempo.bar_beat(beat)
     # Guidance does not resume: a hand is pulled only after a line asks for it.
-    return replace(version, number=0, line="", guides={}), Clock(None, tempo.bars.start(bar))
+    begun = replace(version, number=0, line="", guides={}, cuts=False, damp=None, glide=GLIDE)
+    begun = replace(begun, base=replay.base)
+    return begun, Clock(None, tempo.bars.start(bar)), _past(replay, begun, versions)
+
+
+def _past(
+    replay: JournalContent, begun: Version, versions: Mapping[int, PastVersion]
+) -> PastVersions:
+    """The history of a session that goes on as version `begun`, numbered for its journal."""
+    history = replay.history()
+    past = []
+    for place, number in enumerate(history.numbers):
+        # Numbers from 1 on are those of its lines, and -1 is none.
+        new = 0 if place == history.index else -2 - place
+        known = versions.get(number) or PastVersion.of(begun)
+        if new == 0:
+            known = PastVersion.of(begun, known.where, known.line)
+        past.append(replace(known, number=new, guides={}))
+    return PastVersions(past, history.index)
 
 
 def edit_of_line(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.repl.session.rehearsing import keys_for
 from ergon.scores.reading.piece import UNSAID, Play
 from ergon.scores.staging.gliding import Glide, glides
 from ergon.scores.staging.hands import Window
@@ -56,10 +57,16 @@ class Running:
 
 
 def rehearsal(piece: Piece) -> Piece:
-    """A piece in which each player plays each gesture once: for measuring how loud it is."""
+    """A piece in which each player plays each gesture that its key can follow, once.
+
+    It is for measuring how loud the piece is.
+    """
     plays, starts, beat = [], [], 0.0
+    able = {name: keys_for(piece, name) for name in piece.gestures}
     for player in piece.players.values():
         for gesture in piece.gestures.values():
+            if player.key not in able[gesture.name]:
+                continue
             at, place = Position(plus=Length(beats=beat)), gesture.place
             plays.append(
                 Play(player.name, gesture.name, at, None, 1, None, (), UNSAID, place, place, None)

@@ -8,12 +8,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ergon._core import StoppedError
+from ergon.notation.clock.positions import parse_position
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
 from ergon.repl.session import computing, files, inspection, version_edits
-from ergon.repl.session.version import NotTakenError
+from ergon.repl.session.version import NotTakenError, Version
 from ergon.repl.session_protocol import Reply
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 # Taps farther apart than this begin a new count [s]: slower than 20 bpm nobody taps.
 _TAPS_APART = 3.0
 _TAPS = 8  # only the latest taps count
+_SHOWN = 1000  # characters of what `py` gives
 
 
 def _play(session: SessionCore, command: c.Play) -> Reply:
@@ -88,42 +91,64 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
 
 
 def _undo(session: SessionCore, command: c.Undo) -> Reply:
-    return _back_to(session, session.version_index - 1, "undo", "this is the first version")
-
-
-def _redo(session: SessionCore, command: c.Redo) -> Reply:
-    return _back_to(session, session.version_index + 1, "redo", "no version was undone")
+    return _back_by(session, 1, "undo", "this is the first version")
 
 
 def _back(session: SessionCore, command: c.Back) -> Reply:
-    return _back_to(
-        session,
-        session.version_index - command.count,
-        f"back {command.count}",
-        "there are fewer versions than that",
-    )
+    line = f"back {command.count}"
+    return _back_by(session, command.count, line, "there are fewer versions than that")
 
 
-def _back_to(session: SessionCore, index: int, line: str, none: str) -> Reply:
-    if not 0 <= index < len(session.versions):
+def _back_by(session: SessionCore, count: int, line: str, none: str) -> Reply:
+    """Restore the version of so many lines ago; lines that wait are taken back."""
+    history = session.history
+    target = history.index - count
+    if target < 0:
         raise NotTakenError(f"{none}; `history` lists the versions")
-    target, left = session.versions[index], session.versions[session.version_index]
-    waits = next((one for one in session.commits.waiting if one.number == left.number), None)
-    if waits is not None and index == session.version_index - 1:
-        session.drop(waits)
-        session.version_index = index
-        return Reply(True, f"ok '{left.line}' is cancelled before it took effect")
+    left = history.numbers[target + 1 : history.index + 1]
+    waiting = [one for one in session.commits.waiting if one.number in left]
+    for one in reversed(waiting):
+        session.drop(one)
+        session.cancelled.append(one)
+    if len(waiting) == len(left):
+        lines = " and ".join(f"'{one.line}'" for one in waiting)
+        said = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
+        return Reply(True, f"ok {lines} {said} took effect")
+    return _restore(session, target, line)
 
-    where, made = session.queue(line, target.restored, restores=target.number)
-    session.version_index = index
-    said = "; ".join([f"as after: {target.line or 'the beginning'}", *session.force_messages(made)])
-    return Reply(True, f"ok {where} {said}")
+
+def _redo(session: SessionCore, command: c.Redo) -> Reply:
+    history, commits = session.history, session.commits
+    if history.index + 1 < len(history.numbers):
+        return _restore(session, history.index + 1, "redo")
+    if not session.cancelled:
+        raise NotTakenError("no version was undone; `history` lists the versions")
+    one = session.cancelled[-1]
+    at = None
+    if one.beat >= commits.place(c.NOW, None)[0]:
+        at = parse_position(session.written(one.beat))
+    where, _ = session.queue(one.line, one.edit, at, is_read=one.is_read, redoes=True)
+    session.cancelled.pop()
+    return Reply(True, f"ok {where} {one.line}")
+
+
+def _restore(session: SessionCore, index: int, line: str) -> Reply:
+    past, number = session.commits.past, session.history.numbers[index]
+
+    def restored(version: Version, beat: float) -> Version:
+        return past[number].restored(version, beat)
+
+    where, made = session.queue(line, restored, restores=number)
+    session.history.go_to(number)
+    said = [f"as after: {past[number].line or 'the beginning'}", *session.force_messages(made)]
+    return Reply(True, f"ok {where} {'; '.join(said)}")
 
 
 def _history(session: SessionCore, command: c.History) -> Reply:
     rows = []
-    for index, version in enumerate(session.versions):
-        here = ">" if index == session.version_index else " "
+    for index, number in enumerate(session.history.numbers):
+        version = session.commits.past[number]
+        here = ">" if index == session.history.index else " "
         rows.append(f"{here} {index:3}  {version.where:>8}  {version.line or '(the score)'}")
     return Reply(True, "", lines=tuple(rows))
 
@@ -133,7 +158,11 @@ def _help(session: SessionCore, command: c.Help) -> Reply:
 
 
 def _show(session: SessionCore, command: c.Show) -> Reply:
-    return Reply(True, "", lines=tuple(inspection.show(session.commits.head, command.name)))
+    commits = session.commits
+    if command.name is not None:
+        return Reply(True, "", lines=tuple(inspection.defined(commits.head, command.name)))
+    playing = commits.running.in_flight(commits.engine.frame)
+    return Reply(True, "", lines=tuple(inspection.show(commits.head, playing, commits.now())))
 
 
 def _look(session: SessionCore, command: c.Look) -> Reply:
@@ -193,11 +222,21 @@ def _keep(session: SessionCore, command: c.Keep) -> Reply:
 
 
 def _py(session: SessionCore, command: c.Py) -> Reply:
-    scope: dict[str, Any] = {"session": session, "math": math}
-    value = eval(command.expression, {"__builtins__": __builtins__}, scope)
-    return Reply(
-        True, "" if value is None else repr(value)[:1000]
-    )  # `py` is the performer's own code
+    """Evaluate the performer's own code: whatever it raises is the performer's error."""
+    scope: dict[str, Any] = {
+        "session": session,
+        "piece": session.commits.head.piece,
+        "math": math,
+        "__builtins__": __builtins__,
+    }
+    try:
+        value = eval(command.expression, scope)
+        return Reply(True, "" if value is None else repr(value)[:_SHOWN])
+    except StoppedError:
+        raise
+    except BaseException as error:  # also `exit()`
+        said = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise NotTakenError(f"your Python raised {said[:_SHOWN]}") from None
 
 
 def _quit(session: SessionCore, command: c.Quit) -> Reply:

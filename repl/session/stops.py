@@ -10,7 +10,7 @@ from ergon.repl.session import version_edits
 from ergon.repl.session.commits import REFUSALS
 
 if TYPE_CHECKING:
-    from ergon.repl.session.commits import Commits, VersionEdit
+    from ergon.repl.session.commits import Commits, VersionEdit, Waiting
     from ergon.repl.session.computing import Computing
 
 PANIC = "panic: no sound, no force; `release` ends the panic, then `play` starts the piece"
@@ -27,6 +27,9 @@ class Stopped(Protocol):
 
     def say(self, message: str) -> None:
         """Add a message."""
+
+    def note_dropped(self, waiting: Waiting) -> None:
+        """Note that a line will not take effect."""
 
     def queue(
         self,
@@ -125,7 +128,8 @@ class Stops:
             self._forgotten = self._panics
             if self._hushed == session.number:
                 return
-            session.commits.forget()
+            for one in session.commits.forget():
+                session.note_dropped(one)
             try:
                 session.queue(
                     "panic", version_edits.hushed, NOW, goes=False, resets=True, is_limited=False

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
+    from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
     from ergon.scores.reading.piece import Piece
 
@@ -57,7 +58,9 @@ class Version:
 
     A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
     that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
-    player who guides a real hand; `read` is what the line read from the disk.
+    player who guides a real hand; `read` is what the line read from the disk, and `dropped` are the
+    places whose typing gave way to it. `base` is what the files held when they were last read or
+    saved.
     """
 
     number: int
@@ -70,6 +73,8 @@ class Version:
     glide: float = GLIDE
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
     read: Texts | None = None
+    dropped: Sequence[Spot] = ()
+    base: Texts | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +90,25 @@ class PastVersion:
     faders: Faders
     guides: Mapping[str, HandGuide]
     where: str = ""
+    base: Texts | None = None
 
     @classmethod
-    def of(cls, version: Version, where: str = "") -> PastVersion:
-        """Keep a version for `undo`."""
-        return cls(
-            version.number, version.line, version.texts, version.faders, version.guides, where
-        )
+    def of(cls, version: Version, where: str = "", line: str | None = None) -> PastVersion:
+        """Keep a version for `undo`, as that of another `line` where one is given."""
+        line = version.line if line is None else line
+        own = version
+        return cls(own.number, line, own.texts, own.faders, own.guides, where, own.base)
 
     def restored(self, version: Version, beat: float) -> Version:
         """The version as it was, in place of another."""
         piece = piece_of(self.texts)
         return replace(
-            version, texts=self.texts, piece=piece, faders=self.faders, guides=self.guides
+            version,
+            texts=self.texts,
+            piece=piece,
+            faders=self.faders,
+            guides=self.guides,
+            base=self.base or version.base,
         )
 
 

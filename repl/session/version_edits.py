@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Any
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
 from ergon.repl.session.guidance import guide_of
+from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
-from ergon.scores.edits import keys, matter, names, parts, times
+from ergon.scores.edits import keys, matter, merging, names, parts, times
 from ergon.scores.edits.texts import Texts
-from ergon.scores.staging.stage import solo
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit
     from ergon.repl.session.running import Running
-    from ergon.scores.reading.piece import Piece
-    from ergon.scores.staging.stage import Stage
 
 
 def unchanged(version: Version, beat: float) -> Version:
@@ -52,15 +50,6 @@ def _with_texts(version: Version, texts: Texts) -> Version:
 def with_take(version: Version, name: str, file: str, channel: str) -> Version:
     """The version with a take of a name."""
     return _with_texts(version, names.take(version.texts, name, file, channel))
-
-
-def rehearsed(piece: Piece, name: str) -> list[Stage]:
-    """A gesture alone on each key that it is played on, or on the first. Raises StageError."""
-    players = (piece.players[play.player] for play in piece.parts if play.what == name)
-    on = dict.fromkeys(player.key for player in players) or dict.fromkeys([*piece.keys][:1])
-    mix = replace(piece.mix, routes=(), channels=1)
-    bare = replace(piece, instruments={}, duet=(), strikes=(), mix=mix)
-    return [solo(bare, name, key) for key in on]
 
 
 # --- what is written -----------------------------------------------------------------------------
@@ -222,7 +211,7 @@ def _define_rehearsed(command: c.Define) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         made = _with_texts(version, _define(command, version, beat))
-        rehearsed(made.piece, command.name)
+        rehearse(made.piece, command.name)
         return made
 
     return edit
@@ -259,20 +248,27 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.trusts
             folder = Path(command.file).parent
             files.append(_file(command.file, Bounds.around(folder, trust=trust)))
-        return replace(_with_texts(version, files[0]), read=files[0])
+        return replace(_with_texts(version, files[0]), read=files[0], base=files[0])
 
     return edit
 
 
 def _reload(command: c.Reload) -> VersionEdit:
-    """Read the score's files again, as they are when the line is typed."""
+    """Read the score's files again, as they are when the line is typed; what was typed stays.
+
+    A place that was typed and has changed in the files too is as the files say.
+    """
     files: dict[str, Texts] = {}
 
     def edit(version: Version, beat: float) -> Version:
         path = version.texts.path
         if path not in files:
             files[path] = _file(path, version.texts.bounds)
-        return replace(_with_texts(version, files[path]), read=files[path])
+        now = files[path]
+        piece_of(now)  # its own mistakes come before those of the merge
+        texts, dropped = merging.merged(version.base or version.texts, now, version.texts)
+        made = _with_texts(version, texts)
+        return replace(made, read=now, base=now, dropped=tuple(dropped))
 
     return edit
 
@@ -328,11 +324,16 @@ def summary(command: c.Command, made: Running) -> str:
 
 
 def _defined(command: c.Define, made: Running) -> str:
-    gesture = made.version.piece.gestures[command.name]
-    tempo, rate = made.version.piece.tempo_map, made.stage.rate
-    count = len(gesture.points)
+    piece = made.version.piece
+    gesture = piece.gestures[command.name]
+    said = f"{command.name}: {len(gesture.points)} points"
     last = gesture.points[-1].at
-    if "throw" in {point.curve for point in gesture.points[1:]}:
-        return f"{command.name}: {count} points"
-    seconds = last.beats * 60.0 / tempo.bpm(0.0) + last.seconds
-    return f"{command.name}: {count} points, {int(seconds * rate + 0.5):,} ergons"
+    if "throw" not in {point.curve for point in gesture.points[1:]}:
+        seconds = last.beats * 60.0 / piece.tempo_map.bpm(0.0) + last.seconds
+        said += f", {int(seconds * made.stage.rate + 0.5):,} ergons"
+    if any(play.what == command.name for play in piece.parts):
+        return said
+    able = keys_for(piece, command.name)
+    if len(able) == len(piece.keys):
+        return said
+    return f"{said}; nobody plays it yet, and of the keys only {', '.join(able)} can follow it"

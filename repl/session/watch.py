@@ -14,6 +14,10 @@ class Watch:
 
     def __init__(self, texts: Texts) -> None:
         """Watch the files that texts use."""
+        self.follow(texts)
+
+    def follow(self, texts: Texts) -> None:
+        """Watch the files that these texts use, in place of those before."""
         self._files = [Path(name) for name in texts.load().files]
         self._seen = self._stamps()
 

@@ -28,6 +28,7 @@ from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
 
 if TYPE_CHECKING:
+    from ergon.scores.gesture.transforms import Transform
     from ergon.scores.staging.live import Real
 
 _WHEN_DIVERGED = "a smaller K or law, a weaker strike or a higher rate keeps it finite"
@@ -291,13 +292,25 @@ def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> St
     return StageError(collector.finish())
 
 
-def solo(piece: Piece, name: str, key: str) -> Stage:
+def solo(
+    piece: Piece, name: str, key: str, do: tuple[Transform, ...] = (), manner: Manner | None = None
+) -> Stage:
     """One gesture or take alone on a key, at the beginning of the piece."""
     where = piece.keys[key].place
     hand = Player(key, "virtual", key, None, None, None, where)
     what = piece.gestures.get(name) or piece.takes[name]
     play = Play(
-        hand.name, name, Position(), None, 1, None, (), Manner(), what.place, what.place, None
+        hand.name,
+        name,
+        Position(),
+        every=None,
+        times=1,
+        until=None,
+        do=do,
+        manner=manner or Manner(),
+        place=what.place,
+        at_place=what.place,
+        until_place=None,
     )
     alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())
     return stage(alone)

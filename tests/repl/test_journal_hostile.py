@@ -126,7 +126,7 @@ def played(path: Path) -> list[str]:
         again = ReplayedSession(read_journal(path))
         again.process(np.zeros((min(again.n_frames, 3 * EVERY), again.n_channels)))
         replay = read_journal(path, resumes=True)
-        version, clock = resumed(replay)
+        version, clock, _ = resumed(replay)
         session = Session(
             version,
             lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),

@@ -163,7 +163,7 @@ def test_a_journal_restores_what_was_accepted(tmp_path: Path):
         journal = (tmp_path / "session.jsonl").read_text(encoding="utf-8")
     cut = tmp_path / "cut.jsonl"
     cut.write_text(journal + '{"v": 1, "event": "li', encoding="utf-8")
-    version, clock = resumed(read_journal(cut))
+    version, clock, _ = resumed(read_journal(cut))
     assert version.texts.text == head.texts.text
     assert version.faders == head.faders
     assert clock.by is None

@@ -46,13 +46,14 @@ def files(folder: Path) -> dict[str, str]:
 def gone_on(folder: Path) -> Session:
     """A session that goes on where the journal ends."""
     replay = read_journal(folder / "session.jsonl", resumes=True)
-    version, clock = resumed(replay)
+    version, clock, past = resumed(replay)
     return Session(
         version,
         lambda stage: SteppedEngine(stage, tick_frames=EVERY, highpass=None),
         margin=0.0,
         clock=clock,
         disk=replay.disk,
+        past=past,
     )
 
 

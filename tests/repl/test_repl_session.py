@@ -171,6 +171,7 @@ def _hurt(plain: Stepped, hurt: Stepped) -> None:
 
 
 def test_a_refused_throw_says_how_far_and_what_to_type(session):
+    session.ok("ada plays knock")  # leo's key has no travel
     reply = session.type("knock = 0@0 throw 12@125ms throw 0@375ms")
     assert not reply.taken
     assert "98." in reply.text, reply.text

@@ -244,7 +244,7 @@ def test_a_session_goes_on_where_its_journal_lies(piece):
             named = read_journal(Path("s.jsonl"), str(score), resumes=True)
             assert resumed(named)[0].texts.path == str(score)
         else:
-            version, _ = resumed(read_journal(Path("s.jsonl"), resumes=True))
+            version, *_ = resumed(read_journal(Path("s.jsonl"), resumes=True))
             Path("../x.yaml").write_text("gestures: {g: 0@0 1@1}\n")
             Path("s.yaml").write_text("ergon: 1\nuse: [../x.yaml]\n" + PLAYED)
             with pytest.raises(NotTakenError, match="outside the score's folder"):

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ergon.repl.session.clock import Clock
 from ergon.repl.session.engine import SteppedEngine
-from ergon.repl.session.journal import Journal
+from ergon.repl.session.journal import Journal, free
 from ergon.repl.session.journal_content import SessionStart, read_journal
-from ergon.repl.session.replay import ReplayedSession
+from ergon.repl.session.replay import ReplayedSession, resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.repl.session_protocol import Reply
@@ -31,12 +32,34 @@ class Stepped:
         path.write_text(text, encoding="utf-8")
         texts = Texts.read(path)
         version = Version(0, "", texts, piece_of(texts))
-        self.journal = folder / "session.jsonl"
-        written = Journal(self.journal) if journal else None
+        self._open(folder / "session.jsonl", version, Clock(), None, None, journal, keeps)
+
+    @classmethod
+    def resumed(cls, journal: Path) -> Stepped:
+        """A session that goes on where a journal ends, with a journal beside it."""
+        found = read_journal(journal, resumes=True)
+        version, clock, past = resumed(found)
+        own = cls.__new__(cls)
+        own._open(free(journal), version, clock, past, found.disk, True, True)
+        return own
+
+    def _open(self, path, version, clock, past, disk, journal, keeps) -> None:
+        self.journal = path
+        written = Journal(path) if journal else None
+        self.session = Session(
+            version,
+            self._begin,
+            margin=0.0,
+            journal=written,
+            clock=clock,
+            past=past,
+            disk=disk,
+        )
         if written is not None:
-            opening = SessionStart(texts, 0.0, version.faders, EVERY, 1.0, 1.0, None)
-            written.tell("session", **opening.fields())
-        self.session = Session(version, self._begin, margin=0.0, journal=written)
+            heard = 1.0, 1.0, None, past, version.base
+            opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard)
+            known = self.session.disk.hashes_by_name(version.texts)
+            written.tell("session", **opening.fields(), disk=known)
         self._sound: list[np.ndarray] = []
         self._keeps = keeps
         self.hash = hashlib.sha256()

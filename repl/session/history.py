@@ -1,0 +1,58 @@
+"""The versions of a session in the order in which they took effect, for `undo` and `history`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ergon.repl.session.version import PastVersion
+
+
+@dataclass(slots=True)
+class History:
+    """Numbers of versions, those that wait last; `index` is the last that was not undone.
+
+    Versions behind `index` were undone after they had taken effect.
+    """
+
+    numbers: list[int] = field(default_factory=lambda: [0])
+    index: int = 0
+
+    @property
+    def now(self) -> int:
+        """The number of the last version that was not undone."""
+        return self.numbers[self.index]
+
+    def add(self, number: int) -> None:
+        """Add a version; those that were undone are forgotten."""
+        del self.numbers[self.index + 1 :]
+        self.numbers.append(number)
+        self.index += 1
+
+    def remove(self, number: int) -> None:
+        """Remove a version that will not take effect."""
+        if number in self.numbers:
+            place = self.numbers.index(number)
+            del self.numbers[place]
+            self.index -= place <= self.index
+
+    def go_to(self, number: int) -> None:
+        """Note that an earlier version is restored; one that is unknown changes nothing."""
+        if number in self.numbers:
+            self.index = self.numbers.index(number)
+
+    def sort(self, order: Mapping[int, float]) -> None:
+        """Put versions that were not undone in the order in which they take effect.
+
+        Versions that `order` lacks were there at the beginning.
+        """
+        stop = self.index + 1
+        self.numbers[:stop] = sorted(self.numbers[:stop], key=lambda n: order.get(n, -1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class PastVersions:
+    """The history of a session that goes on: its versions, and which of them plays."""
+
+    versions: Sequence[PastVersion]
+    index: int

@@ -1,0 +1,133 @@
+"""The history of a session as one field of a journal: each version as what differs from the last.
+
+A session that goes on writes it once, so that its journal renders an `undo` that goes back behind
+its beginning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ergon.repl.session.history import PastVersions
+from ergon.repl.session.journal import Event
+from ergon.repl.session.journal_names import journal_name
+from ergon.repl.session.version import Faders, PastVersion
+from ergon.scores.edits.texts import Texts
+
+_VERSIONS = 1000  # the latest are kept
+_CHARACTERS = 1 << 28  # of all texts of a history together
+
+# The texts of a journal's event, and its faders.
+ReadTexts = Callable[[Event], Texts]
+ReadFaders = Callable[[Event], Faders]
+
+
+def faders_fields(faders: Faders) -> dict[str, object]:
+    """The fields of a journal for faders."""
+    return {
+        "gains": dict(faders.gains),
+        "muted": sorted(faders.muted),
+        "solo": sorted(faders.solo),
+        "master": faders.master,
+    }
+
+
+def history_fields(history: PastVersions) -> dict[str, object]:
+    """The fields of a journal for a history; none where there is only its beginning."""
+    first = max(0, history.index + 1 - _VERSIONS)
+    versions = history.versions[first:]
+    if len(versions) < 2:
+        return {}
+    rows, before = [], dict[str, str]()
+    for version in versions:
+        files = _files(version.texts)
+        changed = {name: _delta(before.get(name, ""), text) for name, text in files.items()}
+        rows.append(
+            {
+                "number": version.number,
+                "line": version.line,
+                "where": version.where,
+                "score": version.texts.path,
+                "files": {name: delta for name, delta in changed.items() if delta is not None},
+                "gone": sorted(before.keys() - files.keys()),
+                **faders_fields(version.faders),
+            }
+        )
+        before = files
+    return {"history": rows, "index": history.index - first}
+
+
+def read_history(event: Event, texts: ReadTexts, faders: ReadFaders) -> PastVersions | None:
+    """The history in a journal's event; None where it has none. Raises JournalError."""
+    if "history" not in event.fields:
+        return None
+    rows: list[Any] = event.get("history", list)
+    index = event.number_of("index", int, 0, len(rows) - 1)
+    files: dict[str, str] = {}
+    left, versions = _CHARACTERS, []
+    for fields in rows:
+        if not isinstance(fields, dict):
+            event.wrong("the field 'history' has the wrong type or value")
+        row = Event(event.file, event.number, "history", fields)
+        gone = row.words("gone")
+        files = {name: text for name, text in files.items() if name not in gone}
+        for name, delta in row.get("files", dict).items():
+            files[name] = _applied(row, files.get(name, ""), delta)
+        left -= sum(map(len, files.values()))
+        if left < 0:
+            event.wrong("its history is larger than any session's")
+        named = {"score": row.get("score", str), "text": files.get("", ""), "overlay": _used(files)}
+        read = texts(Event(event.file, event.number, "history", named))
+        versions.append(
+            PastVersion(
+                row.number_of("number", int, -len(rows) - 1, 0),
+                row.get("line", str, ""),
+                read,
+                faders(row),
+                {},
+                row.get("where", str, ""),
+            )
+        )
+    if len({version.number for version in versions}) < len(versions):
+        event.wrong("two versions of its history have one number")
+    return PastVersions(versions, index)
+
+
+def _files(texts: Texts) -> dict[str, str]:
+    """The texts by the journal's names of their files; the score is ''."""
+    folder = Path(texts.path).parent
+    texts = texts if texts.sealed else texts.complete()
+    return {
+        "": texts.text,
+        **{journal_name(file, folder): text for file, text in texts.overlay.items()},
+    }
+
+
+def _used(files: Mapping[str, str]) -> dict[str, str]:
+    return {name: text for name, text in files.items() if name}
+
+
+def _delta(before: str, text: str) -> list[object] | None:
+    """[characters kept in front, characters kept behind, what is between]; None: the same."""
+    if before == text:
+        return None
+    front = _shared(before, text)
+    behind = _shared(before[front:][::-1], text[front:][::-1])
+    return [front, behind, text[front : len(text) - behind]]
+
+
+def _shared(a: str, b: str) -> int:
+    """How many characters two texts share at their beginning."""
+    most = min(len(a), len(b))
+    return next((i for i in range(most) if a[i] != b[i]), most)
+
+
+def _applied(row: Event, before: str, delta: object) -> str:
+    match delta:
+        case [int(front), int(behind), str(text)] if (
+            front >= 0 and behind >= 0 and front + behind <= len(before)
+        ):
+            return before[:front] + text + before[len(before) - behind :]
+    row.wrong("the field 'history' has the wrong type or value")

@@ -1,0 +1,66 @@
+"""Gestures alone on keys: whether a key can follow one, and how it does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ergon.scores.staging.stage import StageError, solo
+
+if TYPE_CHECKING:
+    from ergon.scores.gesture.transforms import Transform
+    from ergon.scores.reading.piece import Piece
+    from ergon.scores.staging.stage import Stage
+
+
+def rehearse(piece: Piece, name: str) -> Stage | None:
+    """A gesture alone on the first key that plays it; on all others it is tried as it is played.
+
+    One that nobody plays needs one key that can follow it; None where there is no key at all.
+    Raises StageError.
+    """
+    plays = {
+        (piece.players[play.player].key, _without_places(play.do), play.manner): play
+        for play in piece.parts
+        if play.what == name
+    }
+    if not plays:
+        return _on_some_key(piece, name)
+    bare = _bare(piece)
+    first, *_ = [solo(bare, name, key, play.do, play.manner) for (key, *_), play in plays.items()]
+    return first
+
+
+def keys_for(piece: Piece, name: str) -> list[str]:
+    """The keys that can follow a gesture as it is written."""
+    bare = _bare(piece)
+    return [key for key in piece.keys if not isinstance(_tried(bare, name, key), StageError)]
+
+
+def _on_some_key(piece: Piece, name: str) -> Stage | None:
+    bare, refusal = _bare(piece), None
+    for key in piece.keys:
+        tried = _tried(bare, name, key)
+        if not isinstance(tried, StageError):
+            return tried
+        refusal = refusal or tried
+    if refusal is not None:
+        raise refusal
+    return None
+
+
+def _tried(bare: Piece, name: str, key: str) -> Stage | StageError:
+    try:
+        return solo(bare, name, key)
+    except StageError as error:
+        return error
+
+
+def _bare(piece: Piece) -> Piece:
+    """A piece of which only keys, gestures and takes are left."""
+    mix = replace(piece.mix, routes=(), channels=1)
+    return replace(piece, instruments={}, duet=(), strikes=(), mix=mix)
+
+
+def _without_places(do: tuple[Transform, ...]) -> tuple[Transform, ...]:
+    return tuple(replace(one, offset=0) for one in do)

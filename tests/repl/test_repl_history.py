@@ -1,0 +1,132 @@
+"""`undo`, `redo` and `history`: in order of effect, across `--resume`, as journals render."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sessions import Stepped
+from tests.repl.test_repl_session import SCORE
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Stepped]:
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        yield stepped
+
+
+def renders_the_same(at: Stepped) -> None:
+    at.close()
+    again = at.again()
+    assert np.max(np.abs(again)) > 0
+    assert np.array_equal(again, at.sound[: len(again)])
+
+
+def test_undo_takes_back_the_last_that_took_effect(at: Stepped) -> None:
+    at.ok("play")
+    at.run(0.3)
+    at.ok("ada plays knock every 1 at 3|1")
+    at.ok("set bell.m.t60 2s now")
+    at.run(5.0)
+    at.ok("seed 3 now")
+    at.run(0.3)
+    assert [row[17:] for row in at.ok("history").lines] == [
+        "(the score)",
+        "set bell.m.t60 2s now",
+        "ada plays knock every 1 at 3|1",
+        "seed 3 now",
+    ]
+    at.ok("undo now")  # the seed
+    at.run(0.3)
+    assert "knock, every: 1" in at.session.commits.head.texts.text
+    assert "t60: 2s" in at.session.commits.head.texts.text
+    at.ok("undo now")  # ada, who began last
+    at.run(0.3)
+    assert "knock, every: 1" not in at.session.commits.head.texts.text
+    assert "t60: 2s" in at.session.commits.head.texts.text
+    at.ok("back 1 now")
+    at.run(0.3)
+    assert at.session.commits.head.texts.text == SCORE
+    renders_the_same(at)
+
+
+def test_back_takes_waiting_lines_back_too(at: Stepped) -> None:
+    at.ok("play")
+    at.ok("ada plays knock every 1 now")
+    at.run(1.0)
+    at.ok("set bell.m.t60 2s at 9|1")
+    at.ok("seed 3 at 9|1")
+    assert "are cancelled before they took effect" in at.ok("back 2").text
+    assert not at.session.commits.waiting
+    at.ok("redo")
+    assert "t60: 2s" in at.session.commits.head.texts.text
+    assert [one.beat for one in at.session.commits.waiting] == [32.0]
+    at.ok("back 2 now")
+    at.run(20.0)
+    assert at.session.commits.head.texts.text == SCORE
+    renders_the_same(at)
+
+
+def test_a_resumed_session_has_the_history_of_before(at: Stepped) -> None:
+    at.ok("play")
+    for line in ("ada plays knock every 1 now", "set bell.m.t60 2s", "gain bell -6dB", "seed 3"):
+        at.ok(line)
+        at.run(2.5)
+    at.ok("undo")
+    at.run(2.5)
+    rows = at.ok("history").lines
+    before = at.session.commits.head
+    at.close()
+    with closing(Stepped.resumed(at.journal)) as two:
+        assert two.ok("history").lines == rows
+        two.ok("play")
+        two.ok("undo now")  # the gain
+        two.run(1.0)
+        assert two.session.commits.head.texts.text == before.texts.text
+        assert two.session.commits.head.faders.gains == {}
+        two.ok("undo now")
+        two.run(1.0)
+        assert "t60: 2s" not in two.session.commits.head.texts.text
+        two.ok("redo now")
+        two.ok("leo plays knock every 1 now")
+        two.run(2.0)
+        rows = two.ok("history").lines
+        renders_the_same(two)
+    with closing(Stepped.resumed(two.journal)) as three:
+        assert three.ok("history").lines == rows
+        three.ok("play")
+        three.ok("back 3 now")
+        three.run(1.0)
+        assert three.session.commits.head.texts.text == SCORE
+        three.ok("redo now")
+        three.run(2.0)
+        renders_the_same(three)
+
+
+def test_a_line_that_a_panic_dropped_does_not_come_back(at: Stepped) -> None:
+    at.ok("play")
+    at.run(0.5)
+    at.ok("ada plays knock every 1 at 9|1")
+    at.ok("panic")
+    at.run(0.5)
+    text = at.session.commits.head.texts.text
+    at.close()
+    with closing(Stepped.resumed(at.journal)) as two:
+        assert two.session.commits.head.texts.text == text
+
+
+def test_a_jump_loses_no_line_that_waits(at: Stepped) -> None:
+    at.ok("play")
+    at.run(0.5)
+    at.ok("seed 3 at 5|1")
+    at.ok("set bell.m.t60 2s now")
+    at.ok("play from 100|1")
+    at.ok("ada plays knock every 1 now")
+    at.run(12.0)
+    assert not at.session.commits.waiting
+    text = at.session.commits.head.texts.text
+    assert all(typed in text for typed in ("seed: 3", "t60: 2s", "play: knock, every: 1"))
+    renders_the_same(at)

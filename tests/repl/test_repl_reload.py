@@ -1,0 +1,205 @@
+"""`reload` and `--watch`: what was typed stays, what the files say comes, conflicts are named."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sessions import Stepped
+from tests.repl.test_repl_session import SCORE
+
+from ergon.repl.session.journal import JournalError
+from ergon.repl.session.journal_content import read_journal
+from ergon.repl.session.watch import Watch
+from ergon.scores.edits.texts import Texts
+
+LINES = ("ada plays knock every 1 now", "set bell.m.t60 2s now", "tempo 90 now")
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Stepped]:
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        yield stepped
+
+
+def edited(folder: Path, *changes: tuple[str, str]) -> None:
+    path = folder / "score.yaml"
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+
+
+def renders_the_same(at: Stepped) -> None:
+    at.close()
+    again = at.again()
+    assert np.max(np.abs(again)) > 0
+    assert np.array_equal(again, at.sound[: len(again)])
+
+
+LEO = ("lean: 0mm@0 smooth 3mm@1", "lean: 0mm@0 smooth 4mm@1")
+
+
+def test_what_was_typed_goes_on_to_the_last_bit(tmp_path: Path) -> None:
+    """The file's own change is of a gesture that nobody plays."""
+    heard = []
+    for name, reloads in (("a", True), ("b", False)):
+        folder = tmp_path / name
+        folder.mkdir()
+        with closing(Stepped(SCORE, folder)) as at:
+            at.ok("play")
+            for line in LINES:
+                at.ok(line)
+                at.run(1.0)
+            if reloads:
+                edited(folder, LEO)
+                reply = at.ok("reload")
+                assert "dropped" not in reply.text
+            at.run(6.0)
+            text = at.session.commits.head.texts.text
+            assert ("smooth 4mm@1" in text) == reloads
+            assert "t60: 2s" in text
+            heard.append(at.sound)
+            if reloads:
+                renders_the_same(at)
+    assert np.any(heard[0])
+    assert np.array_equal(*heard)
+
+
+def test_a_place_that_both_changed_is_as_the_file_says_and_is_named(
+    at: Stepped, tmp_path: Path
+) -> None:
+    at.ok("play")
+    at.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 now")
+    at.ok("ada plays knock every 1 now")
+    at.run(1.0)
+    before = at.session.commits.head.texts.text
+    edited(tmp_path, ("knock: 0mm@0 smooth 6mm", "knock: 0mm@0 smooth 7mm"), ("f: 90Hz", "f: 80Hz"))
+    reply = at.ok("reload now")
+    assert "gestures.knock has changed in the file too" in reply.text
+    assert "'knock = 0@0 smooth 5@1/8 smooth 0@1/2 now' is dropped" in reply.text
+    at.run(2.0)
+    text = at.session.commits.head.texts.text
+    assert "smooth 7mm@1/8 smooth 0mm@1/2     # once" in text
+    assert "f: 80Hz" in text
+    assert "play: knock, every: 1" in text
+    assert any("smooth 5@1/8" in row for row in at.ok("history").lines)
+    at.ok("undo now")
+    at.run(2.0)
+    assert at.session.commits.head.texts.text == before
+    # What was taken back comes again with the next reload.
+    assert "gestures.knock has changed" in at.ok("reload now").text
+    at.run(2.0)
+    renders_the_same(at)
+
+
+def test_what_needs_something_that_the_file_lacks_is_dropped_and_named(
+    at: Stepped, tmp_path: Path
+) -> None:
+    at.ok("play")
+    at.ok("leo plays lean every 2 now")
+    at.ok("set bell.m.t60 2s now")
+    at.run(1.0)
+    edited(tmp_path, ("  lean: 0mm@0 smooth 3mm@1 smooth 0mm@2\n", ""))
+    reply = at.ok("reload now")
+    assert "parts.leo" in reply.text
+    assert "'leo plays lean every 2 now' is dropped" in reply.text
+    at.run(2.0)
+    assert "t60: 2s" in at.session.commits.head.texts.text
+    renders_the_same(at)
+
+
+def test_a_line_before_a_reload_takes_effect_is_kept(at: Stepped, tmp_path: Path) -> None:
+    at.ok("play")
+    at.run(0.2)
+    edited(tmp_path, LEO)
+    at.ok("reload at 3|1")
+    at.ok("ada plays knock every 1 now")
+    at.run(6.0)
+    text = at.session.commits.head.texts.text
+    assert "smooth 4mm@1" in text
+    assert "play: knock, every: 1" in text
+    renders_the_same(at)
+
+
+def test_after_a_save_what_was_saved_is_what_the_file_was(at: Stepped, tmp_path: Path) -> None:
+    at.ok("play")
+    for line in LINES:
+        at.ok(line)
+        at.run(1.0)
+    at.ok("save")
+    edited(tmp_path, LEO, ("t60: 2s", "t60: 3s"))
+    assert "dropped" not in at.ok("reload now").text
+    at.run(2.0)
+    text = at.session.commits.head.texts.text
+    assert "t60: 3s" in text
+    assert "until: 999|1" in text  # ada goes on
+    renders_the_same(at)
+
+
+def test_a_resumed_session_knows_what_the_file_was(at: Stepped, tmp_path: Path) -> None:
+    at.ok("play")
+    for line in LINES:
+        at.ok(line)
+        at.run(1.0)
+    at.close()
+    edited(tmp_path, LEO)
+    with closing(Stepped.resumed(at.journal)) as two:
+        two.ok("play")
+        assert "dropped" not in two.ok("reload now").text
+        two.run(2.0)
+        text = two.session.commits.head.texts.text
+        assert "smooth 4mm@1" in text
+        assert "t60: 2s" in text
+        renders_the_same(two)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "nonsense", "ergon: 1\nkeys: {k: {M: x}}\n", "\0"])
+def test_a_file_that_is_no_score_changes_nothing(at: Stepped, tmp_path: Path, text: str) -> None:
+    at.ok("play")
+    at.ok("set bell.m.t60 2s now")
+    before = at.session.commits.head
+    (tmp_path / "score.yaml").write_text(text)
+    reply = at.type("reload")
+    assert not reply.taken
+    assert "internal" not in reply.text
+    assert at.session.commits.head is before
+
+
+def test_a_loaded_score_is_the_one_that_is_watched(at: Stepped, tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(SCORE)
+    at.session.watch = Watch(Texts.read(tmp_path / "score.yaml"))
+    at.ok(f"load {other}")
+    os.utime(tmp_path / "score.yaml", (1, 1))
+    assert not at.session.watch.has_changed()
+    os.utime(other, (1, 1))
+    assert at.session.watch.has_changed()
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        None,
+        {},
+        {"number": 7, "score": "score.yaml", "files": {}},
+        {"number": -2, "score": "score.yaml", "files": {"": [0, 9, ""]}},
+        {"number": -2, "score": "score.yaml", "files": {"": "text"}},
+        {"number": -2, "score": "score.yaml", "files": {"../x.yaml": [0, 0, ""]}},
+        {"number": 0, "score": "score.yaml", "files": {}},
+    ],
+)
+def test_a_forged_history_is_refused_with_its_place(at: Stepped, row: object) -> None:
+    at.close()
+    first, *rest = at.journal.read_text().splitlines()
+    good = {"number": 0, "score": str(at.journal.parent / "score.yaml"), "files": {}}
+    fields = {**json.loads(first), "history": [row, good], "index": 1}
+    at.journal.write_text("\n".join([json.dumps(fields), *rest, ""]))
+    with pytest.raises(JournalError, match="line 1"):
+        read_journal(at.journal)

@@ -1,0 +1,129 @@
+"""What a set on a stage meets: jumps, other scores, gestures for one key, Python, what sounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from patience import until
+from sessions import Stepped
+from tests.repl.test_repl_live import session_on
+from tests.repl.test_repl_session import SCORE
+
+from ergon.live.perform import bars
+from ergon.repl.session.journal_content import read_journal
+from ergon.repl.session.replay import ReplayedSession
+from ergon.repl.session.running import rehearsal
+from ergon.repl.session.version import piece_of
+from ergon.scores.edits.texts import Texts
+from ergon.scores.staging.stage import stage
+
+NARROW = SCORE.replace(
+    "keys:\n", "keys:\n  k0: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -1mm..1mm}\n"
+)
+MONO = SCORE.replace("channels: 2", "channels: 1").replace("to: [2]", "to: [1]")
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Stepped]:
+    with closing(Stepped(SCORE, tmp_path)) as stepped:
+        yield stepped
+
+
+def test_a_first_line_may_begin_the_piece_anywhere(tmp_path: Path) -> None:
+    with closing(session_on(tmp_path, "null")) as session:
+        assert session.submit("ada plays knock every 1").taken
+        assert session.submit("play from 100|1").text == "ok from 100|1"
+        until(lambda: ("ada", "knock") in session.state().playing, "ada plays")
+    replay = read_journal(tmp_path / "session.jsonl")
+    began = next(frame for frame, _, line in replay.commits if line.fields["goes"])
+    again = ReplayedSession(replay)
+    out = np.zeros((int(began + again.rate), again.n_channels))
+    again.process(out)
+    assert np.any(out[began:])  # within a second of the session's own time
+
+
+def test_bars_of_a_jump_lie_between_its_frames(at: Stepped) -> None:
+    at.ok("play from 100|1")
+    running = at.session.commits.running
+    found = bars(running.stage, running.start, running.start + int(10 * at.rate))
+    assert found == sorted(set(found))
+    assert len(found) >= 4
+    assert found[0] >= running.start
+
+
+def test_a_score_of_other_channels_is_refused_and_nothing_is_changed(
+    at: Stepped, tmp_path: Path
+) -> None:
+    (tmp_path / "mono.yaml").write_text(MONO)
+    at.ok("play")
+    reply = at.type(f"load {tmp_path / 'mono.yaml'}")
+    assert not reply.taken
+    assert "number of channels of a session cannot change" in reply.text
+    at.run(4.0)
+    assert at.session.state().bar > 1
+    assert at.session.commits.head.texts.path == str(tmp_path / "score.yaml")
+    assert at.session.history.numbers == [0]
+
+
+def test_a_change_that_the_engine_refuses_is_dropped(
+    at: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ergon._core import EngineError
+
+    def refuse(change):
+        raise EngineError("no such change")
+
+    at.ok("play")
+    at.run(0.5)
+    monkeypatch.setattr(at.engine, "change", refuse)
+    before = at.session.commits.head
+    at.ok("seed 7 now")
+    at.session.pump()
+    assert any("is dropped: no such change" in said for said in at.session.messages())
+    assert at.session.commits.head is before
+
+
+def test_a_gesture_is_tried_on_keys_that_play_it(tmp_path: Path) -> None:
+    with closing(Stepped(NARROW, tmp_path)) as at:
+        reply = at.ok("knock = 0@0 smooth 6@60ms smooth 0@160ms")
+        assert "only k1" in reply.text
+        at.ok("ada plays knock every 1 do scale 0.5")
+        # Ada's key bears it as she plays it, at half its height.
+        assert "only" not in at.ok("knock = 0@0 smooth 20@1/2 smooth 0@1").text
+        refused = at.type("knock = 0@0 smooth 200@1/2 smooth 0@1")
+        assert "outside the travel of key 'k1'" in refused.text
+        assert at.session.submit("? knock").lines[0] == "knock on k1"
+
+
+def test_any_score_that_is_checked_can_be_rehearsed(tmp_path: Path) -> None:
+    texts = Texts(str(tmp_path / "score.yaml"), NARROW.replace("6mm@", "600mm@"))
+    piece = piece_of(texts)
+    stage(rehearsal(piece), planned=True)
+
+
+def test_show_tells_what_sounds(at: Stepped) -> None:
+    at.ok("play")
+    at.ok("ada plays knock every 1 at 2|1")
+    at.ok("ada plays lean every 2 at 9|1")
+    at.run(at.session.commits.head.piece.tempo_map.seconds(7.0))
+    assert any("knock from 2|1 until 9|1, then lean from 9|1" in x for x in at.ok("show").lines)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("py piece.seed", "7"),
+        ("py 1/0", "your Python raised ZeroDivisionError: division by zero"),
+        ("py nothing", "your Python raised NameError: name 'nothing' is not defined"),
+        ("py f(", "your Python raised SyntaxError"),
+        ("py exit(3)", "your Python raised SystemExit: 3"),
+    ],
+)
+def test_errors_of_the_performers_python_are_the_performers(
+    at: Stepped, line: str, said: str
+) -> None:
+    assert at.type(line).text.startswith(said)
