@@ -79,7 +79,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         journal.close()
         journal.path.unlink(missing_ok=True)  # nothing has begun
         raise
-    began = opening(session.commits.engine.tick_frames).fields()
+    began = opening(session.commits.engine.tick_frames, hands).fields()
     journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
@@ -156,10 +156,11 @@ def _config(
 
 def _engine(
     version: Version, clock: Clock, config: PlaybackConfig, report: Report
-) -> tuple[Callable[[Stage], Engine], Callable[[int], SessionStart]]:
+) -> tuple[Callable[[Stage], Engine], Callable[[int, Path | None], SessionStart]]:
     from ergon import _core
     from ergon.repl.prompt.signals import left_to_me
     from ergon.repl.session.journal_content import SessionStart
+    from ergon.repl.session.journal_hands import JournalHand, JournalTake
     from ergon.repl.session.live import LiveEngine
 
     def make(stage: Stage) -> Engine:
@@ -171,8 +172,17 @@ def _engine(
         report.say(engine.performance.output())
         return engine
 
-    def opening(every: int) -> SessionStart:
+    def opening(every: int, hands: Path | None) -> SessionStart:
         heard = config.gain, config.limit, config.highpass
-        return SessionStart(version.texts, clock.at, version.faders, every, *heard)
+        take = None
+        if hands is not None:
+            players = version.piece.players
+            axes = [
+                JournalHand(player, players[player].key, board.url, axis)
+                for board in config.boards
+                for axis, player in board.axes
+            ]
+            take = JournalTake(hands, tuple(axes))
+        return SessionStart(version.texts, clock.at, version.faders, every, *heard, take)
 
     return make, opening

@@ -213,6 +213,8 @@ class SessionCore:
 
     def _handle_events(self) -> None:
         for event in self.commits.engine.events():
+            for player, is_real in event.real.items():
+                self._tell("hand", player=player, real=is_real, frame=event.frame)
             if event.sentence:
                 self._messages.append(f"{self._written(event.frame)} {event.sentence}")
             elif event.ticket is not None and event.is_late:
@@ -220,6 +222,8 @@ class SessionCore:
                 self._late(self.commits.late(event.ticket))
             elif event.ticket is not None:
                 self._committed(self.commits.done(event.ticket), event.frame)
+        for frame, begins in self.commits.engine.silences():
+            self._tell("silence", frame=frame, begins=begins)
 
     def _keep_take(self, own: Capture) -> None:
         """Write the file of a take that has ended, and give it a name in the score."""

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ergon.notation.text.bounds import Bounds
+from ergon.rendering.silence import Silence
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.journal import Event, JournalError, read
+from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.version import Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -26,7 +28,7 @@ _HASH = 64  # digits
 @dataclass(frozen=True, slots=True)
 class SessionStart:
     """How a session began: its score, the beat where it stood, the faders, and how it was heard
-    (`gain` and `limit` are ratios)."""
+    (`gain` and `limit` are ratios). `take` records real hands."""
 
     texts: Texts
     at: float
@@ -35,6 +37,7 @@ class SessionStart:
     gain: float
     limit: float
     highpass: float | None
+    take: JournalTake | None = None
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
@@ -53,6 +56,7 @@ class SessionStart:
             "gain": self.gain,
             "limit": self.limit,
             "highpass": self.highpass,
+            **({} if self.take is None else self.take.fields()),
         }
 
 
@@ -68,7 +72,7 @@ class JournalContent:
     """How a session began, and which line took effect at which frame.
 
     `texts` are those that lines read, by the line of the journal; `disk` holds the last hashes of
-    files on the disk.
+    files on the disk. A journal that `ended` was written to its end.
     """
 
     opening: SessionStart
@@ -81,7 +85,9 @@ class JournalContent:
     late: dict[int, float] = field(
         default_factory=dict
     )  # by number: the beat that a late line waits for
+    silences: list[Silence] = field(default_factory=list)
     n_frames: int = 0
+    ended: bool = False
 
     def all_texts(self) -> Iterator[Texts]:
         """Every version of the score that was read from files."""
@@ -114,6 +120,7 @@ def read_journal(
         None
         if first.fields.get("highpass") is None
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
+        take_of(first, path),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))
@@ -204,8 +211,26 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
         replay.late[number] = _beat(event, "beat")
     elif event.name == "dropped":
         replay.dropped.add(number)
+    elif event.name == "silence":
+        _add_silence(replay, event)
+    elif event.name == "end":
+        replay.ended = True
     if event.name in ("line", "saved"):
         replay.disk.add_hashes(where.hashes(event))
     if "frame" in event.fields:
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.n_frames = max(replay.n_frames, frame)
+
+
+def _add_silence(replay: JournalContent, event: Event) -> None:
+    """An edge of the silence of a panic: every other one begins it."""
+    frame = event.number_of("frame", int, 0, _FRAME_MAX)
+    last = replay.silences[-1] if replay.silences else None
+    is_open = last is not None and last.stop is None
+    begins = event.get("begins", bool)
+    if begins is is_open or (last is not None and frame < (last.stop or last.start)):
+        event.wrong("silences neither overlap nor end before they begin")
+    if last is not None and is_open:
+        replay.silences[-1] = Silence(last.start, frame)
+    else:
+        replay.silences.append(Silence(frame))

@@ -42,7 +42,9 @@ class LiveEngine:
         reaches = [hand.reach for hand in stage.live]
         self.guard = Guard(self._performance.hand_limit, reaches, numbers)
         self._boards = [board.url for board in config.boards]
+        self._on_board = [[player for _, player in board.axes] for board in config.boards]
         self._sound = 0
+        self._n_silences = 0
         # Once it is closed: its last status, and the events that were not reported.
         self._last: _core.Status | None = None
         self._left: list[tuple[int, str, float]] = []
@@ -125,7 +127,7 @@ class LiveEngine:
             if what in ("changed", "late"):
                 found.append(EngineEvent(frame, int(number), is_late=what == "late"))
             elif sentence := said(event, self._players, self._boards):
-                found.append(EngineEvent(frame, sentence=sentence))
+                found.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
         self._left = []
         if self._last is None:
             sound = self._performance.sound_events()
@@ -133,6 +135,20 @@ class LiveEngine:
                 EngineEvent(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]
             ]
             self._sound = len(sound)
+        return found
+
+    def _real_now(self, event: tuple[int, str, float]) -> dict[str, bool]:
+        _, what, number = event
+        if what == "gone":
+            return dict.fromkeys(self._on_board[int(number)], False)
+        return {self._players[int(number)]: True} if what == "took over" else {}
+
+    def silences(self) -> Sequence[tuple[int, bool]]:
+        """Edges of the silence of panics since the last call: (frame, whether it begins)."""
+        if self._last is not None:
+            return ()
+        found = self._performance.silences(self._n_silences)
+        self._n_silences += len(found)
         return found
 
     def _status(self) -> _core.Status:

@@ -165,6 +165,7 @@ class Session(SessionCore):
         if self._thread is not None:
             self._thread.join()
         with self.lock:
+            self._handle_events()
             self._tell("end", frame=self.commits.engine.frame)
             self.commits.engine.close()
             self._handle_events()

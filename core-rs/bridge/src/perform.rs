@@ -147,6 +147,15 @@ impl Performance {
         self.with(|own| own.output().events().into_iter().map(of).collect())
     }
 
+    /// Where the silence of a panic begins and ends: (frame, whether it begins), from number `since` on.
+    fn silences(&self, since: u64) -> PyResult<Vec<(u64, bool)>> {
+        let of = |edge: audio::Edge| (edge.frame, edge.silent);
+        self.with(|own| {
+            let edges = own.output().shared().edges(since);
+            edges.into_iter().map(of).collect()
+        })
+    }
+
     /// How much of the scene's force each real hand may get.
     fn hand_limits(&self) -> PyResult<Vec<HandLimit>> {
         self.with(|own| own.hand_limits().iter().map(HandLimit::of).collect())

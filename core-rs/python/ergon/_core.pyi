@@ -963,6 +963,13 @@ class Performance:
         """
     def sound_events(self) -> list[tuple[float, str]]:
         """Events of the sound output so far: (time [s], sentence)."""
+    def silences(self, since: int) -> list[tuple[int, bool]]:
+        """Edges of the silence of panics, from number `since` on: (frame, whether it begins).
+
+        From a frame at which it begins the sound falls within 5 ms; from one at which it ends the
+        sound rises within 2 ms. The latest 256 edges are kept. Raises EngineError when the
+        performance is closed.
+        """
     def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
         """The force limit of a real hand in another scene; None where the hand is not real.
 
