@@ -70,6 +70,7 @@ class EngineStatus:
     peaks: Sequence[float] = ()
     away: frozenset[str] = frozenset()
     let_go: bool = False  # no force is sent, by `let_go` or by a signal
+    troubles: Sequence[str] = ()  # what is wrong, in a few words each
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import PlaybackConfig, bars, every, perform
+from ergon.live.trouble import troubles
 from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath
 from ergon.repl.session.version import NotTakenError
 
@@ -115,8 +116,10 @@ class LiveEngine:
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
         peaks = status.peaks[: self._n_channels]
+        recording = None if self._last else self._performance.recording_trouble()
+        found = troubles(status, self._players, recording, is_endless=self._last is None)
         return EngineStatus(
-            status.load, status.late, peaks, away, bool(self._real) and has_let_go()
+            status.load, status.late, peaks, away, bool(self._real) and has_let_go(), found
         )
 
     def events(self) -> Sequence[EngineEvent]:

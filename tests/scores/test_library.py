@@ -29,6 +29,7 @@ SECONDS = {  # as stated: from the first event to the end of the tail
     "rain": 34.0,
     "two-keys": 33.1,
     "duet": 66.5,
+    "fader": 30.7,
 }
 HEARD = {"duet": 0.5, "two-keys": 4.0, "rain": 6.0}  # how much is rendered here; others wholly
 CENTS = 5.0

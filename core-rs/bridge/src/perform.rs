@@ -391,8 +391,11 @@ pub(crate) struct Status {
     busiest: f64,
     filled: usize,
     underruns: u64,
+    xruns: u64,
     played: u64,
     alive: bool,
+    done: bool,
+    panicked: bool,
     sounding: Option<f64>,
     latency: f64,
     paced: bool,
@@ -418,8 +421,11 @@ impl Status {
             busiest: status.busiest,
             filled: status.filled,
             underruns: sound.underruns(),
+            xruns: sound.xruns(),
             played: sound.played(),
             alive: sound.alive(),
+            done: own.is_done(),
+            panicked: sound.panicked(),
             sounding: sound.sounding().map(|since| since.as_secs_f64()),
             latency: f64::from(latency) / f64::from(info.rate.max(1)),
             paced: info.paced,
@@ -441,6 +447,9 @@ pub(crate) struct HandStatus {
     touch: bool,
     enabled: bool,
     tripped: bool,
+    hot: bool,
+    let_go: u64,
+    stalls: u64,
 }
 
 impl HandStatus {
@@ -454,6 +463,9 @@ impl HandStatus {
             touch: hand.touch,
             enabled: hand.enabled,
             tripped: hand.tripped,
+            hot: hand.hot,
+            let_go: hand.let_go,
+            stalls: hand.stalls,
         }
     }
 }

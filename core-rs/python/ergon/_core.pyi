@@ -841,6 +841,8 @@ class AudioOut:
     events: list[tuple[float, int, str]]
     """All events so far: (time since it was opened [s], frame, sentence)."""
     alive: bool  # a card or server takes frames
+    done: bool  # the physics thread has ended
+    panicked: bool  # silence was asked for
     freewheeling: bool  # a JACK server that runs as fast as it can
     underruns: int
     missing: int  # frames of silence that underruns put in
@@ -884,6 +886,9 @@ class HandStatus:
     touch: bool  # a finger is on the key
     enabled: bool  # the device lets forces through
     tripped: bool  # forces are held at zero
+    hot: bool  # the board says that the motor is too hot
+    let_go: int  # how often the board said that it had let go
+    stalls: int  # how often the force ended because the host was stopped
 
 @final
 class Status:
@@ -900,6 +905,7 @@ class Status:
     busiest: float  # greatest load of one tick
     filled: int  # frames in the ring
     underruns: int
+    xruns: int  # how often the clock of the sound was held up
     played: int  # frames that went to the card
     alive: bool  # a card or server takes frames
     sounding: float | None  # time since frame 0 went to the card [s], from its last block's time

@@ -506,6 +506,8 @@ impl Player {
             own.scale = self.scales[hand].now();
             own.touch = mover.real && slot.sample.touch[axis];
             own.enabled = mover.real && slot.sample.force_enabled[axis];
+            own.hot = mover.real && slot.sample.hot;
+            [own.let_go, own.stalls] = slot.interruptions();
             let trip = slot.tripped(axis);
             if let Some(why) = trip.filter(|_| !own.tripped) {
                 let event = Event {
