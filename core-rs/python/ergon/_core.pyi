@@ -841,8 +841,6 @@ class AudioOut:
     events: list[tuple[float, int, str]]
     """All events so far: (time since it was opened [s], frame, sentence)."""
     alive: bool  # a card or server takes frames
-    done: bool  # the physics thread has ended
-    panicked: bool  # silence was asked for
     freewheeling: bool  # a JACK server that runs as fast as it can
     underruns: int
     missing: int  # frames of silence that underruns put in
@@ -908,6 +906,8 @@ class Status:
     xruns: int  # how often the clock of the sound was held up
     played: int  # frames that went to the card
     alive: bool  # a card or server takes frames
+    done: bool  # the physics thread has ended
+    panicked: bool  # silence was asked for
     sounding: float | None  # time since frame 0 went to the card [s], from its last block's time
     latency: float  # from the card to the ear [s]
     paced: bool  # the output has a clock
