@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sessions import Stepped
 from tests.repl.test_repl_session import SCORE
+
+from ergon import _core
+from ergon.repl.session.captures import Capture, Captures
+from ergon.repl.session.engine import EngineStatus
+from ergon.repl.session.version import NotTakenError
 
 
 @pytest.fixture
@@ -42,3 +48,35 @@ def test_scope_draws_where_the_key_has_been(own: Stepped):
     assert "ada on k1" in own.ok("scope ada").lines[0], "a key also moves where nothing plays"
     refused = own.type("scope nobody")
     assert not refused.taken
+
+
+def test_what_goes_wrong_is_said_once_and_stands_in_the_state(
+    own: Stepped, monkeypatch: pytest.MonkeyPatch
+):
+    own.session.messages()
+    found = ["gaps 1"]
+    status = EngineStatus(peaks=(1e-43,), troubles=found)
+    monkeypatch.setattr(own.engine, "status", lambda: status)
+    own.run(0.1)
+    own.run(0.1)
+    assert [one for one in own.session.messages() if "gaps" in one] == ["1|1 gaps 1"]
+    state = own.session.state()
+    assert state.troubles == ("gaps 1",)
+    assert state.level == float("-inf"), "what nobody hears is silence"
+    found[0] = "gaps 4"
+    own.run(1.1)
+    assert len([one for one in own.session.messages() if "gaps 4" in one]) == 1
+
+
+def test_a_take_of_nothing_is_not_written(tmp_path: Path):
+    ticks = np.arange(10, dtype=np.uint64)
+    recorded = _core.Recording(44_100.0, 44, [("remi", "k2")], "{}", ticks, np.zeros((10, 1)))
+    hands = tmp_path / "session.take"
+    hands.write_bytes(recorded.to_bytes())
+    captures = Captures(hands)
+    with pytest.raises(NotTakenError, match="nothing of it was recorded"):
+        captures.write(Capture("remi", "solo", 44 * 100, 44 * 200), tmp_path, 44)
+    assert not (tmp_path / "takes").exists()
+    cut = Capture("remi", "solo", 0, 44 * 30)
+    captures.write(cut, tmp_path, 44)
+    assert cut.n_missing == 20
