@@ -15,7 +15,7 @@ from ergon.common.report import Report
 from ergon.rendering.level import HIGHPASS
 
 from . import score as scores
-from .errors import DeviceError, OptionError
+from .errors import OptionError, not_begun
 from .gain import gain_of
 from .hands import boards_of, ready
 from .options import ReadOptions, SessionOptions
@@ -168,7 +168,7 @@ def _engine(
             with left_to_me():  # not to the physics, nor to who looks after it
                 engine = LiveEngine(stage, config)
         except _core.EngineError as error:
-            raise DeviceError(str(error)) from None
+            raise not_begun(error, str(error)) from None
         report.say(engine.performance.output())
         return engine
 

@@ -154,7 +154,7 @@ def record(view: PerformanceView, frame: int) -> dict[str, object]:
         "late": view.late,
         "underruns": view.gaps,
         "troubles": list(view.troubles),
-        "panicked": view.panicked,
+        "panic": view.panicked,
         "peak_dbfs": None if not math.isfinite(view.peak_db) else round(view.peak_db, 2),
         "hands": [
             {

@@ -18,7 +18,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::device::{self, AxisOf};
-use crate::error::{refused, said};
+use crate::error::{refused, said, unrecorded};
 use crate::guardian;
 use crate::mixer::Mixer;
 use crate::simulation::{Simulation, damping};
@@ -119,7 +119,10 @@ impl Performance {
                 .into_iter()
                 .map(|board| open(board, period))
                 .collect::<PyResult<_>>()?;
-            perform::Performance::start(stage, boards, config).map_err(said)
+            perform::Performance::start(stage, boards, config).map_err(|error| match error {
+                perform::PlayError::Recording(_) => unrecorded(error),
+                error => said(error),
+            })
         })
         .map(|own| Self {
             control: own.control(),
