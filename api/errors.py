@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ergon.common.errors import ErgonError
 
 if TYPE_CHECKING:
+    from ergon import _core
     from ergon.notation.text.errors import Diagnostic, Source
 
 
@@ -75,3 +76,11 @@ class EngineExitError(ErgonError):
 
 class DeviceError(ErgonError):
     """A sound card or a force-feedback device is not there, or does not answer."""
+
+
+def not_begun(error: _core.EngineError, sentence: str) -> ErgonError:
+    """The error of a performance that did not begin: of its recording's file, or of a device."""
+    from ergon.exchange.safe import FileRefusedError
+
+    is_file = error.module == "record"
+    return FileRefusedError(sentence) if is_file else DeviceError(sentence)

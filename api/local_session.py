@@ -15,7 +15,7 @@ from ergon.common.report import Report
 from ergon.rendering.level import HIGHPASS
 
 from . import score as scores
-from .errors import DeviceError, OptionError
+from .errors import OptionError, not_begun
 from .gain import gain_of
 from .hands import boards_of, ready
 from .options import ReadOptions, SessionOptions
@@ -81,7 +81,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         journal.close()
         journal.path.unlink(missing_ok=True)  # nothing has begun
         raise
-    began = opening(session.commits.engine.tick_frames).fields()
+    began = opening(session.commits.engine.tick_frames, hands).fields()
     journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
@@ -163,10 +163,11 @@ def _engine(
     past: PastVersions | None,
     config: PlaybackConfig,
     report: Report,
-) -> tuple[Callable[[Stage], Engine], Callable[[int], SessionStart]]:
+) -> tuple[Callable[[Stage], Engine], Callable[[int, Path | None], SessionStart]]:
     from ergon import _core
     from ergon.repl.prompt.signals import left_to_me
     from ergon.repl.session.journal_content import SessionStart
+    from ergon.repl.session.journal_hands import JournalHand, JournalTake
     from ergon.repl.session.live import LiveEngine
 
     def make(stage: Stage) -> Engine:
@@ -174,14 +175,23 @@ def _engine(
             with left_to_me():  # not to the physics, nor to who looks after it
                 engine = LiveEngine(stage, config)
         except _core.EngineError as error:
-            raise DeviceError(str(error)) from None
+            raise not_begun(error, str(error)) from None
         report.say(engine.performance.output())
         return engine
 
-    def opening(every: int) -> SessionStart:
+    def opening(every: int, hands: Path | None) -> SessionStart:
         heard = config.gain, config.limit, config.highpass
+        take = None
+        if hands is not None:
+            players = version.piece.players
+            axes = [
+                JournalHand(player, players[player].key, board.url, axis)
+                for board in config.boards
+                for axis, player in board.axes
+            ]
+            take = JournalTake(hands, tuple(axes))
         return SessionStart(
-            version.texts, clock.at, version.faders, every, *heard, past, version.base
+            version.texts, clock.at, version.faders, every, *heard, past, version.base, take
         )
 
     return make, opening

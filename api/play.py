@@ -14,7 +14,7 @@ from ergon.rendering.level import HIGHPASS
 
 from . import freeze
 from . import score as scores
-from .errors import DeviceError, OptionError
+from .errors import OptionError, not_begun
 from .gain import gain_of
 from .hands import boards_of, guides, no_player, ready
 from .options import AccuracyOptions, PerformanceOptions
@@ -91,7 +91,7 @@ def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
 
 
 def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Performance:
-    """Begin to play where `config` says. Raises DeviceError."""
+    """Begin to play where `config` says. Raises DeviceError, FileRefusedError."""
     from ergon import _core
     from ergon.live.perform import perform
 
@@ -99,7 +99,7 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
         with report.progress("going there", config.start, stage.rate) as progress:
             return perform(stage, config, progress.at)
     except _core.EngineError as error:
-        raise DeviceError(_named(error, stage)) from None
+        raise not_begun(error, _named(error, stage)) from None
 
 
 def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: Report) -> None:

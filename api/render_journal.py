@@ -33,7 +33,7 @@ _DECIDED = (
 def render_journal(
     path: Path, out: str | Path | None, options: FileOptions, report: Report
 ) -> Completed:
-    """Write what a session's virtual players played, at the level that was heard.
+    """Write what a session played, its real hands too, at the level that was heard.
 
     Raises OptionError, ScoreError, DivergedError, FileRefusedError, and ErgonError for a journal
     that cannot be read or played.
@@ -51,6 +51,8 @@ def render_journal(
         replay = read_journal(path, trust=options.trust)
         with scores.staging(replay.opening.texts.load, report):
             again = ReplayedSession(replay)
+    for warning in again.warnings:
+        report.warn(warning)
     if not again.n_frames:
         raise ErgonError(f"{path}: nothing was played")
     opening, running = replay.opening, again.running
@@ -65,7 +67,12 @@ def render_journal(
         block=options.block,
         threads=options.threads,
         force=options.force,
-        inputs=(path, *(one for texts in replay.all_texts() for one in texts.load().inputs)),
+        inputs=(
+            path,
+            *(() if opening.take is None else (opening.take.path,)),
+            *(one for texts in replay.all_texts() for one in texts.load().inputs),
+        ),
+        silences=replay.silences,
     )
     with (
         _played(path),

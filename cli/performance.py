@@ -118,9 +118,10 @@ class Shown:
             self._say(sentence)
         self._sound_events = len(sound)
         self._remark()
-        self._doubt(performance.recording_trouble())
+        recording = performance.recording_trouble()
+        self._doubt(recording)
         status = performance.status()
-        view = self._watcher.look(status)
+        view = self._watcher.look(status, recording)
         now = time.monotonic()
         if console.json:
             if last or now - self._said >= 1.0:
@@ -160,13 +161,15 @@ class Shown:
             self._console.say(sentence)
 
     def _finish(self, status: _core.Status) -> None:
+        from ergon.live.trouble import gaps as gaps_of
+
         self._clear()
-        late, seconds = status.late, status.frame / self._stage.rate
+        late, seconds, n_gaps = status.late, status.frame / self._stage.rate, gaps_of(status)
         fields = {
             "frames": status.frame,
             "late_ticks": late,
             "ticks": status.ticks,
-            "underruns": status.underruns,
+            "underruns": n_gaps,
             "dropped": status.dropped,
             "missed": status.missed,
         }
@@ -175,10 +178,10 @@ class Shown:
         if self._console.json:
             self._console.record("played", **fields)
         else:
-            gaps = f", {status.underruns} gaps" if status.underruns else ""
+            gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
         if status.missed:
             missed = status.missed / self._stage.rate
             self._console.warn(f"{missed:.3f} s of frozen parts were read too late: silent")
-        if self._strict and (late or status.underruns or status.dropped or status.missed):
-            raise Late(f"{late} late ticks, {status.underruns} gaps in the sound (--strict)")
+        if self._strict and (late or n_gaps or status.dropped or status.missed):
+            raise Late(f"{late} late ticks, {n_gaps} gaps in the sound (--strict)")

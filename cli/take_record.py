@@ -56,7 +56,8 @@ def record(
         performance = capture(boards, path, tick=tick, seconds=seconds)
     except _core.EngineError as error:
         path.unlink(missing_ok=True)
-        raise DeviceMissing(str(error)) from None
+        kind = Refused if error.module == "record" else DeviceMissing
+        raise kind(str(error)) from None
     console.say("recording" + ("; Ctrl-C ends it" if seconds is None else f" {seconds:g} s"))
     try:
         _until_over(console, performance)

@@ -28,7 +28,6 @@ METRICS: dict[Metric, str] = {
 MAPS = ("cell", "contact", "strike", "rate", "coupling")
 SLOW = "e4"  # the exact flow of a slow part: no method of its own for all of a scene
 CUTS = ("soft", "quick")  # its maps
-EXTRA = "pip install ergon-live[lab]"
 
 
 def order_of(method: str | None) -> int:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon.common.errors import ErgonError
+from ergon.common.extras import install
 from ergon.exchange.safe import MARK, writing
-from ergon.lab.names import EXTRA
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,7 +41,7 @@ def save(
     try:
         import matplotlib
     except ImportError:
-        raise MatplotlibMissingError(f"pictures need matplotlib: {EXTRA}") from None
+        raise MatplotlibMissingError(f"pictures need matplotlib: {install('lab')}") from None
     with matplotlib.rc_context(_STYLE):
         figure = draw()
         svg = _bytes(figure, "svg", {"Date": None, "Creator": "ergon"})

@@ -6,13 +6,13 @@ import re
 from collections.abc import Iterator, Sequence
 
 from ergon.common.errors import ErgonError
+from ergon.common.extras import install
 
 MOST = 4096  # bytes of a datagram; what is longer is not for us
 _DEEPEST = 8  # bundles inside bundles
 _BUNDLE = b"#bundle\0"
 _HEAD = len(_BUNDLE) + 8  # with its time tag
 _TYPES = re.compile(rb",[ifdhsbtTFN]*\Z")
-PIP = "pip install ergon-live[osc]"
 
 
 class PythonOscMissingError(ErgonError):
@@ -28,7 +28,9 @@ def require_python_osc() -> None:
     try:
         import pythonosc.osc_message  # noqa: F401
     except ImportError:
-        raise PythonOscMissingError(f"OSC needs python-osc; install it by: {PIP}") from None
+        raise PythonOscMissingError(
+            f"OSC needs python-osc; install it by: {install('osc')}"
+        ) from None
 
 
 def messages(datagram: bytes) -> list[tuple[str, list[object]]]:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from ergon._core import FORCE_SCALE_MIN
 
+from .trouble import gaps, troubles
+
 if TYPE_CHECKING:
     from ergon import _core
     from ergon.live.guard import HandForceBounds
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _METER = 21  # characters; odd, so that the middle is one of them
-_FLOOR_DB = -60.0
+SILENT = 1e-7  # a peak of so little is silence: -140 dB
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,8 @@ class HandView:
     force: float
     real: bool
     tripped: bool
+    sent: float = 0.0
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +45,10 @@ class PerformanceView:
     keys: tuple[HandView, ...]
     load: float
     late: int
-    underruns: int
+    gaps: int
     peak_db: float
+    troubles: tuple[str, ...] = ()
+    panicked: bool = False
 
 
 class Watcher:
@@ -54,8 +60,8 @@ class Watcher:
         # A gesture is over when a later one begins; there may be a million.
         self._gestures: list[StagedGesture] = sorted(stage.gestures, key=lambda g: g.start)
 
-    def look(self, status: _core.Status) -> PerformanceView:
-        """What is to be seen now."""
+    def look(self, status: _core.Status, recording: str | None = None) -> PerformanceView:
+        """What is to be seen now; `recording` says why hands cannot be recorded at present."""
         stage = self._stage
         seconds = status.frame / stage.rate
         tempo = stage.piece.tempo_map
@@ -68,6 +74,8 @@ class Watcher:
                 own.force,
                 own.real,
                 own.tripped,
+                own.sent,
+                own.scale,
             )
             for hand, own in zip(stage.live, status.hands, strict=False)
         )
@@ -78,8 +86,10 @@ class Watcher:
             keys=keys,
             load=status.load,
             late=status.late,
-            underruns=status.underruns,
-            peak_db=20.0 * math.log10(peak) if peak > 0 else -math.inf,
+            gaps=gaps(status),
+            peak_db=decibels_of(peak),
+            troubles=troubles(status, [key.player for key in keys], recording, is_endless=False),
+            panicked=status.panicked,
         )
 
     def _playing(self, seconds: float) -> list[tuple[str, str]]:
@@ -94,14 +104,19 @@ class Watcher:
         return list(latest.items())
 
 
+def decibels_of(peak: float) -> float:
+    """A peak in dB below full scale; below the floor of a level it is silence, -inf."""
+    return 20.0 * math.log10(peak) if peak > SILENT else -math.inf
+
+
 def lines(view: PerformanceView, width: int) -> list[str]:
     """The view as lines of at most `width` characters; no colours, no meaning by them."""
     playing = " · ".join(f"{player} {what}" for player, what in view.playing) or "—"
     level = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
-    counts = f"late {view.late}"
-    if view.underruns:
-        counts += f" · gaps {view.underruns}"
-    shown = [f"{view.where:>9}  {playing}", f"{'':9}  load {view.load:4.0%} · {counts} · {level}"]
+    counts = " · ".join([f"late {view.late}", *view.troubles])
+    if view.panicked:
+        playing = f"PANIC  {playing}"
+    shown = [f"{view.where:>9}  {playing}", f"{'':9}  load {view.load:4.0%} · {level} · {counts}"]
     shown += [_key(key) for key in view.keys]
     return [line[:width] for line in shown]
 
@@ -110,7 +125,12 @@ def _key(key: HandView) -> str:
     who = f"{key.player} on {key.key}"
     hand = "tripped" if key.tripped else "hand" if key.real else "stand-in"
     meter = meter_of(key.position, *key.travel)
-    return f"{'':9}  {who:16} {meter} {1e3 * key.position:+7.2f} mm {key.force:+7.3f} N  {hand}"
+    force = f"{key.force:+7.3f} N"
+    if key.real:
+        force += f", sent {key.sent:+7.3f} N"
+        if key.scale < 1.0:
+            force += f" ({_percent(key.scale)})"
+    return f"{'':9}  {who:16} {meter} {1e3 * key.position:+7.2f} mm {force}  {hand}"
 
 
 def meter_of(x: float, low: float, high: float) -> str:
@@ -132,7 +152,9 @@ def record(view: PerformanceView, frame: int) -> dict[str, object]:
         "playing": {player: what for player, what in view.playing},
         "load": round(view.load, 4),
         "late": view.late,
-        "underruns": view.underruns,
+        "underruns": view.gaps,
+        "troubles": list(view.troubles),
+        "panic": view.panicked,
         "peak_dbfs": None if not math.isfinite(view.peak_db) else round(view.peak_db, 2),
         "hands": [
             {
@@ -140,6 +162,8 @@ def record(view: PerformanceView, frame: int) -> dict[str, object]:
                 "key": key.key,
                 "position_m": key.position,
                 "force_n": key.force,
+                "sent_n": key.sent,
+                "scale": key.scale,
                 "real": key.real,
                 "tripped": key.tripped,
             }

@@ -7,6 +7,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from .trouble import gaps, troubles
+
 if TYPE_CHECKING:
     from ergon import _core
     from ergon.notation.clock.tempo import TempoMap
@@ -66,6 +68,7 @@ class OscTeller:
         self._hands = [f"/ergon/hand/{hand.player}" for hand in stage.live]
         self._events = [_From(_beats(stage), start), _From(_strikes(stage), start)]
         self._late: tuple[int, int] | None = None
+        self._troubles: tuple[str, ...] = ()
         self._next_hands = self._next_levels = -math.inf
 
     def turn(self, clock: Callable[[], float]) -> None:
@@ -90,10 +93,17 @@ class OscTeller:
             self._next_levels = now + _LEVELS
             peaks = status.peaks[: self._stage.n_channels]
             self._send("/ergon/level", [20.0 * math.log10(max(peak, _FLOOR)) for peak in peaks])
-        late = status.late, status.underruns
+        late = status.late, gaps(status)
         if late != self._late:
             self._late = late
             self._send("/ergon/late", late)
+        recording = self._performance.recording_trouble()
+        players = [hand.player for hand in self._stage.live]
+        found = troubles(status, players, recording, is_endless=False)
+        found = ("PANIC", *found) if status.panicked else found
+        if found != self._troubles:
+            self._troubles = found
+            self._send("/ergon/trouble", found)
 
 
 _Event = tuple[int, str, tuple[object, ...]]  # (frame, address, arguments)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from ergon.exchange.wave_header import Bits, WaveFormat
+
+from .silence import Silence, silenced
 
 if TYPE_CHECKING:
     import numpy as np
@@ -143,7 +145,13 @@ class MasterChain:
     """Gain, limiter, cut and meter before one writer; the meter measures the written samples."""
 
     def __init__(
-        self, writer: Writer, rate: float, start: int, stop: int, limit: float | None
+        self,
+        writer: Writer,
+        rate: float,
+        start: int,
+        stop: int,
+        limit: float | None,
+        silences: Sequence[Silence] = (),
     ) -> None:
         """Write frames `start` to `stop` of those that are taken, counted from 0."""
         from ergon import _core
@@ -156,6 +164,7 @@ class MasterChain:
         self.latency = self._limiter.latency if self._limiter is not None else 0
         self._at = -self.latency  # index in the piece of the next frame that leaves the limiter
         self._start, self._stop = start, stop
+        self._rate, self._silences = rate, silences
 
     @property
     def peak(self) -> float:
@@ -184,9 +193,11 @@ class MasterChain:
         kept = np.ascontiguousarray(
             frames[max(self._start - self._at, 0) : max(self._stop - self._at, 0)]
         )
+        first = max(self._start, self._at)
         self._at += len(frames)
         if not len(kept):
             return
+        kept = np.ascontiguousarray(silenced(kept, first, self._silences, self._rate))
         self._meter.process(kept)
         bits = self._writer.format.bits
         if bits == "float":

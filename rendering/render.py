@@ -21,6 +21,7 @@ from ergon.exchange.wave_header import Stamp, WaveFormat
 
 from .ahead import ahead
 from .level import ArrayWriter, FrameSpool, Level, MasterChain, Writer, ceiling_gain
+from .silence import Silence
 
 if TYPE_CHECKING:
     import numpy as np
@@ -88,6 +89,7 @@ class RenderJob:
     threads: int = 1
     force: bool = False
     inputs: Sequence[Path] = ()  # what is read, and so not written over
+    silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
 
     @property
     def n_frames(self) -> int:
@@ -192,7 +194,7 @@ def _track(
     mixer: Mixer,
     limit: float | None,
 ) -> _Track:
-    finish = MasterChain(writer, stage.rate, job.start, job.stop, limit)
+    finish = MasterChain(writer, stage.rate, job.start, job.stop, limit, job.silences)
     finish.gain = job.level.gain
     held = None
     if job.level.normalise is not None:

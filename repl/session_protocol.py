@@ -40,6 +40,7 @@ class State:
     recording: float | None = None
     panicked: bool = False
     let_go: bool = False  # no force on any hand, though the sound goes on
+    troubles: tuple[str, ...] = ()  # what is wrong, in a few words each
 
     @property
     def where(self) -> str:

@@ -293,7 +293,12 @@ class _Reading:
         if self.hints is not None:
             return False
         what = f"'{slot.lead}'" if slot.lead else slot.value.what if slot.value else ""
-        raise TextError(f"{what} is missing: {self.form.example}", offset=self.after)
+        example = self.form.example
+        if slot.value is v.PLAYER_OR_ALL and self.scope.players:
+            verb = example.split()[0]
+            names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
+            example = f"{', '.join(names[:-1])} or {names[-1]}"
+        raise TextError(f"{what} is missing: {example}", offset=self.after)
 
     def _nothing_left(self, options: list[Slot]) -> None:
         if not self.words:

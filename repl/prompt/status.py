@@ -19,6 +19,7 @@ def status(state: State, width: int) -> str:
     before = ["PANIC: type release"] if state.panicked else []
     if state.let_go and not state.panicked:
         before = ["NO FORCE: type release"]
+    before += state.troubles
     # Tenths are cut, not rounded: 4.96 is still beat 4.
     before += [f"{state.bar}|{math.floor(10 * state.beat) / 10:.1f}", f"{state.tempo:g} bpm"]
     after = [f"load {state.load:.0%}", f"late {state.late}", _level(state.level)]

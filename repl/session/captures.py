@@ -26,6 +26,7 @@ class Capture:
     name: str
     start: int
     stop: int | None = None
+    n_missing: int = 0  # ticks that were not recorded, once it is written
 
     def seconds(self, frame: int, rate: float) -> float | None:
         """Its length so far [s]; None before it begins."""
@@ -74,7 +75,13 @@ class Captures:
         assert own.stop is not None
         target = folder / "takes" / f"{own.name}.take"
         try:
-            found = _core.read_recording(self.path, (own.start // every, own.stop // every))
+            span = own.start // every, own.stop // every
+            found = _core.read_recording(self.path, span)
+            if not len(found.ticks()):
+                raise NotTakenError(
+                    f"the take {own.name} was not written: nothing of it was recorded"
+                )
+            own.n_missing = span[1] - span[0] - len(found.ticks())
             if not is_below(target, folder):
                 raise FileRefusedError(f"{target} is outside the folder of the score")
             with writing(target, binary=True) as file:

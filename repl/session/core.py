@@ -96,6 +96,8 @@ class SessionCore:
         self._messages: deque[str] = deque(maxlen=1000)
         # The share of the scene's force that each player was last told.
         self._scales: dict[str, float] = {}
+        # By kind of trouble: what was told last, and at which frame.
+        self._troubled: dict[str, tuple[str, float]] = {}
         self._messages += self.force_messages(running)
         self.lock = threading.RLock()
         self._over = threading.Event()
@@ -265,9 +267,23 @@ class SessionCore:
                 self._keep_take(own)
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
+            self._tell_troubles()
+
+    def _tell_troubles(self) -> None:
+        """A message for each trouble of the engine that is new; counts not more than once a
+        second of sound."""
+        frame = self.commits.engine.frame
+        for trouble in self.commits.engine.status().troubles:
+            kind = trouble.rstrip("0123456789")
+            last, told = self._troubled.get(kind, ("", -self.commits.rate))
+            if trouble != last and frame >= told + self.commits.rate:
+                self._troubled[kind] = trouble, frame
+                self._messages.append(f"{self._written(frame)} {trouble}")
 
     def _handle_events(self) -> None:
         for event in self.commits.engine.events():
+            for player, is_real in event.real.items():
+                self._tell("hand", player=player, real=is_real, frame=event.frame)
             if event.sentence:
                 self._messages.append(f"{self._written(event.frame)} {event.sentence}")
             elif event.ticket is not None and event.is_late:
@@ -275,6 +291,8 @@ class SessionCore:
                 self._late(self.commits.late(event.ticket))
             elif event.ticket is not None:
                 self._committed(self.commits.done(event.ticket), event.frame)
+        for frame, begins in self.commits.engine.silences():
+            self._tell("silence", frame=frame, begins=begins)
 
     def _keep_take(self, own: Capture) -> None:
         """Write the file of a take that has ended, and give it a name in the score."""
@@ -292,7 +310,9 @@ class SessionCore:
             return
         assert own.stop is not None
         seconds = (own.stop - own.start) / self.commits.rate
-        self._messages.append(f"take {own.name}: {seconds:.1f} s -> {file}")
+        missing = own.n_missing * self.commits.engine.tick_frames / self.commits.rate
+        cut = f", of which {missing:.3f} s were not recorded" if own.n_missing else ""
+        self._messages.append(f"take {own.name}: {seconds:.1f} s{cut} -> {file}")
 
     def _late(self, lines: Sequence[Waiting]) -> None:
         for one in lines:

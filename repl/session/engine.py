@@ -46,6 +46,19 @@ class GuidedPath:
 
 
 @dataclass(frozen=True, slots=True)
+class HeldHand:
+    """A hand whose movement is known: `positions` (n_ticks,) [m] of the key, tick by tick.
+
+    `index` is its number in the simulation, `reach` the factor between key and scene. After the
+    last tick the key stays.
+    """
+
+    index: int
+    reach: float
+    positions: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
 class EngineStatus:
     """Load as a share of real time, late ticks, peaks of channels as ratios.
 
@@ -57,16 +70,21 @@ class EngineStatus:
     peaks: Sequence[float] = ()
     away: frozenset[str] = frozenset()
     let_go: bool = False  # no force is sent, by `let_go` or by a signal
+    troubles: Sequence[str] = ()  # what is wrong, in a few words each
 
 
 @dataclass(frozen=True, slots=True)
 class EngineEvent:
-    """A change that was made or came too late (by its ticket), or a sentence for the player."""
+    """A change that was made or came too late (by its ticket), or a sentence for the player.
+
+    `real`, by player: whether a person moves the player's key from this frame on.
+    """
 
     frame: int
     ticket: int | None = None
     is_late: bool = False
     sentence: str = ""
+    real: Mapping[str, bool] = field(default_factory=dict)
 
 
 class Engine(Protocol):
@@ -104,6 +122,9 @@ class Engine(Protocol):
     def events(self) -> Sequence[EngineEvent]:
         """Events since the last call."""
 
+    def silences(self) -> Sequence[tuple[int, bool]]:
+        """Edges of the silence of panics since the last call: (frame, whether it begins)."""
+
     def status(self) -> EngineStatus:
         """Load, late ticks, peaks, and keys that are gone."""
 
@@ -126,9 +147,17 @@ class SteppedEngine:
     `render` uses it for journals; a live engine must give the same samples.
     """
 
-    def __init__(self, stage: Stage, *, tick_frames: int, highpass: float | None) -> None:
-        """Begin with a stage at frame 0."""
+    def __init__(
+        self,
+        stage: Stage,
+        *,
+        tick_frames: int,
+        highpass: float | None,
+        hands: Sequence[HeldHand] = (),
+    ) -> None:
+        """Begin with a stage at frame 0, whose hands go where `hands` went."""
         self.tick_frames = tick_frames
+        self._hands = hands
         self.frame = 0
         self.n_channels = stage.n_channels
         self._simulation: _core.Simulation = stage.simulation
@@ -178,6 +207,8 @@ class SteppedEngine:
         while done < n_frames:
             self._due()
             stop = min([self.frame + n_frames - done, *(one.at for _, one in self._coming[:1])])
+            if self._hands:
+                stop = min(stop, self._held())
             n = stop - self.frame
             frames = np.zeros((n, self._simulation.n_out))
             self._simulation.process(frames)
@@ -185,6 +216,14 @@ class SteppedEngine:
             done += n
             self.frame = stop
         return mixed
+
+    def _held(self) -> int:
+        """Say where hands are in this tick; its last frame."""
+        tick = self.frame // self.tick_frames
+        for hand in self._hands:
+            x = hand.positions[min(tick, len(hand.positions) - 1)]
+            self._simulation.hold(hand.index, float(x) * hand.reach)
+        return (tick + 1) * self.tick_frames
 
     def _due(self) -> None:
         while self._coming and self._coming[0][1].at == self.frame:
@@ -203,6 +242,10 @@ class SteppedEngine:
         for group, gain in change.gains.items():
             self._mixer.set_gain(group, gain)
         new.damp(change.damp)
+
+    def silences(self) -> Sequence[tuple[int, bool]]:
+        """No edges: nothing is silenced here."""
+        return ()
 
     def status(self) -> EngineStatus:
         """Nothing is ever late here."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ergon.notation.text.document import Mapping
@@ -12,8 +13,12 @@ from ergon.repl.session.rehearsing import rehearse
 from ergon.repl.session.version import NotTakenError
 from ergon.scores.edits import entries
 from ergon.scores.edits.positions import END
+from ergon.scores.staging.live import leading
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ergon.repl.session.running import Running
     from ergon.repl.session.version import Version
     from ergon.scores.edits.texts import Texts
@@ -22,6 +27,7 @@ if TYPE_CHECKING:
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters
 _POINTS = 4  # of a curve in each character: two in each dot
+_SCOPE, _SCOPE_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
 _LINES_MAX = 40  # of a definition
 _SECTIONS = ("parts", "gestures", "takes", "keys", "instruments", "players", "marks", "strikes")
 
@@ -49,12 +55,51 @@ def drawn(version: Version, name: str) -> list[str]:
     return [f"{name} on {first.key}", *text.splitlines()]
 
 
-def scoped(running: Running, frame: int, name: str) -> list[str]:
-    """Draw the gesture that a player is playing."""
-    playing = dict(running.in_flight(frame))
-    if name not in playing:
-        raise NotTakenError(f"{name} is playing no gesture now; `show` lists the players")
-    return drawn(running.version, playing[name])
+def scoped(running: Running, frame: int, name: str, every: int, hands: Path | None) -> list[str]:
+    """Draw where a player's key was in the last seconds.
+
+    A real hand's is read from the recording `hands`, in ticks of `every` frames; any other is where
+    its part takes the key by itself, without what it touches. Raises NotTakenError.
+    """
+    from ergon.view.braille import plot
+    from ergon.view.curve import Curve
+
+    piece, rate = running.version.piece, running.stage.rate
+    if name not in piece.players:
+        near = nearest(name, piece.players)
+        raise NotTakenError(f"'{name}' is not a player", None if near is None else f"scope {near}")
+    key = piece.players[name].key
+    last = frame // every
+    ticks = range(max(0, last - int(_SCOPE * rate) // every), last)
+    is_real = hands is not None and any(hand.player == name for hand in running.stage.live)
+    if len(ticks) < _SCOPE_MIN:
+        raise NotTakenError(f"nothing of {name} is to be seen yet")
+    if is_real and hands is not None:
+        path = _recorded(hands, name, ticks)
+    else:
+        path, _ = leading(piece, name, running.spans, every, ticks)
+    width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    step = max(1, len(path) // (_POINTS * width))
+    seconds = [(number - len(path)) * every / rate for number in range(0, len(path), step)]
+    curve = Curve(name, seconds, [1e3 * float(x) for x in path[::step]])
+    text = plot([curve], width=width, height=_HEIGHT, x_label="position [mm]")
+    whose = "its hand" if is_real else "as its part moves it"
+    head = f"{name} on {key}, the last {len(path) * every / rate:.1f} s, {whose}"
+    return [head, *text.splitlines()]
+
+
+def _recorded(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
+    """Positions of a real hand (n_ticks,) [m], as far as they are on the disk."""
+    from ergon import _core
+
+    try:
+        found = _core.read_recording(hands, (ticks.start, ticks.stop))
+    except (_core.EngineError, OSError) as error:
+        raise NotTakenError(f"the recording of hands cannot be read: {error}") from None
+    number = next((i for i, (name, _) in enumerate(found.axes) if name == player), None)
+    if number is None or len(found.ticks()) < _SCOPE_MIN:
+        raise NotTakenError(f"nothing of {player} is recorded yet")
+    return found.positions()[:, number]
 
 
 def defined(version: Version, name: str) -> list[str]:

@@ -41,6 +41,7 @@ class Journal:
             raise JournalError(f"{path}: {error.strerror}") from error
         self.path = path
         self._trouble = ""
+        self.has_failed = False  # something of it was not written
         self._told = threading.Event()
         self._over = False
         self._thread = threading.Thread(target=self._settle, name="ergon journal", daemon=True)
@@ -74,6 +75,7 @@ class Journal:
             self._file.flush()
         except (OSError, ValueError) as error:
             self._trouble = f"the journal cannot be written: {error}"
+            self.has_failed = True
         self._told.set()
 
     def trouble(self) -> str:
@@ -100,6 +102,7 @@ class Journal:
                 os.fsync(self._file.fileno())
             except OSError as error:
                 self._trouble = f"the journal cannot be written: {error}"
+                self.has_failed = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ergon.notation.text.bounds import Bounds
+from ergon.rendering.silence import Silence
 from ergon.repl.session.disk import Disk
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.history_content import faders_fields, history_fields, read_history
 from ergon.repl.session.journal import Event, JournalError, read
+from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
 from ergon.repl.session.version import Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -28,7 +30,7 @@ _HASH = 64  # digits
 @dataclass(frozen=True, slots=True)
 class SessionStart:
     """How a session began: its score, the beat where it stood, the faders, and how it was heard
-    (`gain` and `limit` are ratios)."""
+    (`gain` and `limit` are ratios). `take` records real hands."""
 
     texts: Texts
     at: float
@@ -39,6 +41,7 @@ class SessionStart:
     highpass: float | None
     history: PastVersions | None = None
     base: Texts | None = None
+    take: JournalTake | None = None
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
@@ -56,6 +59,7 @@ class SessionStart:
             "highpass": self.highpass,
             **({} if self.history is None else history_fields(self.history)),
             **({} if self.base is None else {"base": text_fields(self.base)}),
+            **({} if self.take is None else self.take.fields()),
         }
 
 
@@ -71,7 +75,7 @@ class JournalContent:
     """How a session began, and which line took effect at which frame.
 
     `texts` are those that lines read, by the line of the journal; `disk` holds the last hashes of
-    files on the disk.
+    files on the disk. A journal that `ended` was written to its end.
     """
 
     opening: SessionStart
@@ -86,6 +90,8 @@ class JournalContent:
     )  # by number: the beat that a late line waits for
     starts: dict[int, int] = field(default_factory=dict)  # and the frame that it waits for
     n_frames: int = 0
+    ended: bool = False
+    silences: list[Silence] = field(default_factory=list)
     base: Texts | None = None  # what the files held when they were last read or saved
     events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
 
@@ -154,6 +160,7 @@ def read_journal(
         if first.fields.get("highpass") is None
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
         read_history(first, where.texts, _desk),
+        take=take_of(first, path),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))
@@ -254,6 +261,10 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
             replay.starts[number] = event.number_of("start", int, 0, _FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
+    elif event.name == "silence":
+        _add_silence(replay, event)
+    elif event.name == "end":
+        replay.ended = True
     if "base" in event.fields:
         fields = event.get("base", dict)
         replay.base = where.texts(Event(event.file, event.number, "base", fields))
@@ -262,3 +273,17 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
     if "frame" in event.fields:
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.n_frames = max(replay.n_frames, frame)
+
+
+def _add_silence(replay: JournalContent, event: Event) -> None:
+    """An edge of the silence of a panic: every other one begins it."""
+    frame = event.number_of("frame", int, 0, _FRAME_MAX)
+    last = replay.silences[-1] if replay.silences else None
+    is_open = last is not None and last.stop is None
+    begins = event.get("begins", bool)
+    if begins is is_open or (last is not None and frame < (last.stop or last.start)):
+        event.wrong("silences neither overlap nor end before they begin")
+    if last is not None and is_open:
+        replay.silences[-1] = Silence(last.start, frame)
+    else:
+        replay.silences.append(Silence(frame))

@@ -10,6 +10,7 @@ from ergon.live.display import event_sentence as said
 from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import PlaybackConfig, bars, every, perform
+from ergon.live.trouble import troubles
 from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath
 from ergon.repl.session.version import NotTakenError
 
@@ -42,7 +43,9 @@ class LiveEngine:
         reaches = [hand.reach for hand in stage.live]
         self.guard = Guard(self._performance.hand_limit, reaches, numbers)
         self._boards = [board.url for board in config.boards]
+        self._on_board = [[player for _, player in board.axes] for board in config.boards]
         self._sound = 0
+        self._n_silences = 0
         # Once it is closed: its last status, and the events that were not reported.
         self._last: _core.Status | None = None
         self._left: list[tuple[int, str, float]] = []
@@ -113,8 +116,10 @@ class LiveEngine:
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
         peaks = status.peaks[: self.n_channels]
+        recording = None if self._last else self._performance.recording_trouble()
+        found = troubles(status, self._players, recording, is_endless=self._last is None)
         return EngineStatus(
-            status.load, status.late, peaks, away, bool(self._real) and has_let_go()
+            status.load, status.late, peaks, away, bool(self._real) and has_let_go(), found
         )
 
     def events(self) -> Sequence[EngineEvent]:
@@ -125,7 +130,7 @@ class LiveEngine:
             if what in ("changed", "late"):
                 found.append(EngineEvent(frame, int(number), is_late=what == "late"))
             elif sentence := said(event, self._players, self._boards):
-                found.append(EngineEvent(frame, sentence=sentence))
+                found.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
         self._left = []
         if self._last is None:
             sound = self._performance.sound_events()
@@ -133,6 +138,20 @@ class LiveEngine:
                 EngineEvent(self.frame, sentence=sentence) for _, sentence in sound[self._sound :]
             ]
             self._sound = len(sound)
+        return found
+
+    def _real_now(self, event: tuple[int, str, float]) -> dict[str, bool]:
+        _, what, number = event
+        if what == "gone":
+            return dict.fromkeys(self._on_board[int(number)], False)
+        return {self._players[int(number)]: True} if what == "took over" else {}
+
+    def silences(self) -> Sequence[tuple[int, bool]]:
+        """Edges of the silence of panics since the last call: (frame, whether it begins)."""
+        if self._last is not None:
+            return ()
+        found = self._performance.silences(self._n_silences)
+        self._n_silences += len(found)
         return found
 
     def _status(self) -> _core.Status:

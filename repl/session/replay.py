@@ -18,6 +18,7 @@ from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event
 from ergon.repl.session.journal_content import JournalContent
+from ergon.repl.session.journal_hands import HeldHands, held
 from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
 from ergon.scores.edits.texts import Texts
@@ -50,21 +51,36 @@ class ReplayedSession:
 
     def __init__(self, replay: JournalContent) -> None:
         """Begin at frame 0. Raises JournalError, NotTakenError, StageError."""
-        opening = replay.opening
+        opening, take = replay.opening, replay.opening.take
         with _errors_placed(replay.first):
             version = opening.version()
-        running = begin(version, Clock(None, opening.at), {}, None)
+        real = {} if take is None else dict.fromkeys(hand.player for hand in take.hands)
+        for hand in () if take is None else take.hands:
+            player = version.piece.players.get(hand.player)
+            if player is None or player.key != hand.key:
+                replay.first.wrong(f"its score has no {hand.player} on {hand.key}")
+        running = begin(version, Clock(None, opening.at), real, None)
+        hands = HeldHands((), 0, ())
+        if take is not None:
+            hands = held(take, running.stage, opening.tick_frames)
         self._engine = SteppedEngine(
-            running.stage, tick_frames=opening.tick_frames, highpass=opening.highpass
+            running.stage,
+            tick_frames=opening.tick_frames,
+            highpass=opening.highpass,
+            hands=hands.hands,
         )
         self._engine.set_faders(fader_ratios(running))
-        self._commits = Commits(self._engine, running, {}, 0, version)
+        self._commits = Commits(self._engine, running, real, 0, version)
         self._versions = _earlier(replay, version)
         self._coming = list(replay.commits)
         self._texts = replay.texts
         self._done = replay.first
         self.rate = running.stage.rate
+        # A session that was killed may have recorded hands after its last line.
         self.n_frames = replay.n_frames
+        if not replay.ended:
+            self.n_frames = max(self.n_frames, hands.n_frames)
+        self.warnings = (*hands.warnings, *_cut(replay, hands, self.rate))
         if replay.n_frames > MAX_SECONDS * self.rate:
             raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
@@ -209,6 +225,21 @@ def edit_of_line(
     return version_edits.combined(
         [one for one in commands if type(one) in version_edits.VERSION_EDITS]
     )
+
+
+def _cut(replay: JournalContent, hands: HeldHands, rate: float) -> Iterator[str]:
+    """Sentences about what is missing at the end of a journal and of its recording."""
+    seconds = replay.n_frames / rate
+    if not replay.ended:
+        yield (
+            f"{replay.first.file} has no end: the session was killed, is still playing, or could "
+            f"not write; its last event is at {seconds:.1f} s"
+        )
+    if hands.hands and hands.n_frames < replay.n_frames:
+        yield (
+            f"the recording of hands ends at {hands.n_frames / rate:.1f} s of {seconds:.1f} s; "
+            "from there they stay where they were"
+        )
 
 
 class _PassThrough:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ergon import _core
+from ergon.live.display import decibels_of
 from ergon.notation.text.edit import EditError
 from ergon.repl.language.complete import complete
 from ergon.repl.language.highlight import tokens
@@ -88,6 +88,7 @@ class Session(SessionCore):
         beat = running.beat(frame)
         bar, into = tempo.bar_beat(beat)
         peak = max(look.peaks, default=0.0)
+        failed = self.journal is not None and self.journal.has_failed
         capture = self.captures.now
         return State(
             bar=bar,
@@ -96,11 +97,12 @@ class Session(SessionCore):
             playing=running.in_flight(frame),
             load=look.load,
             late=look.late,
-            level=20.0 * math.log10(peak) if peak > 0 else -math.inf,
+            level=decibels_of(peak),
             quant=self.quant_text,
             recording=None if capture is None else capture.seconds(frame, running.stage.rate),
             panicked=self.stops.panicked,
             let_go=look.let_go,
+            troubles=(*(("JOURNAL NOT WRITTEN",) if failed else ()), *look.troubles),
         )
 
     def messages(self) -> Sequence[str]:
@@ -165,6 +167,7 @@ class Session(SessionCore):
         if self._thread is not None:
             self._thread.join()
         with self.lock:
+            self._handle_events()
             self._tell("end", frame=self.commits.engine.frame)
             self.commits.engine.close()
             self._handle_events()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ergon._core import StoppedError
+from ergon.live.display import SILENT, decibels_of
 from ergon.notation.clock.positions import parse_position
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
@@ -84,8 +85,8 @@ def _tap(session: SessionCore, command: c.Tap) -> Reply:
         taps.clear()
     taps.append(now)
     del taps[:-_TAPS]
-    if len(taps) < 3:
-        return Reply(True, f"tap {len(taps)}: {3 - len(taps)} more set the tempo")
+    if len(taps) < 2:
+        return Reply(True, "tap 1: one more sets the tempo")
     bpm = round(60.0 * (len(taps) - 1) / (taps[-1] - taps[0]), 1)
     return session.make_version(f"tempo {bpm:g}", [c.Tempo(bpm, when=c.NOW)])
 
@@ -173,7 +174,11 @@ def _look(session: SessionCore, command: c.Look) -> Reply:
 def _scope(session: SessionCore, command: c.Trace) -> Reply:
     with session.computing.within(computing.LINE):
         lines = inspection.scoped(
-            session.commits.running, session.commits.engine.frame, command.name
+            session.commits.running,
+            session.commits.engine.frame,
+            command.name,
+            session.commits.engine.tick_frames,
+            session.captures.path,
         )
     return Reply(True, "", lines=tuple(lines))
 
@@ -181,7 +186,7 @@ def _scope(session: SessionCore, command: c.Trace) -> Reply:
 def _meters(session: SessionCore, command: c.Meters) -> Reply:
     peaks = session.commits.engine.status().peaks
     shown = [
-        f"{channel:3}  {20 * math.log10(peak):6.1f} dB" if peak > 0 else f"{channel:3}  silent"
+        f"{channel:3}  {decibels_of(peak):6.1f} dB" if peak > SILENT else f"{channel:3}  silent"
         for channel, peak in enumerate(peaks, 1)
     ]
     return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))

@@ -155,6 +155,7 @@ def encode_state(state: State) -> dict[str, Any]:
         "recording": state.recording,
         "panicked": state.panicked,
         **({"let_go": True} if state.let_go else {}),
+        **({"troubles": list(state.troubles)} if state.troubles else {}),
     }
 
 
@@ -173,6 +174,7 @@ def decode_state(said: Any) -> State:
             recording=None if said["recording"] is None else float(said["recording"]),
             panicked=bool(said["panicked"]),
             let_go=bool(said.get("let_go")),
+            troubles=tuple(map(str, said.get("troubles", ()))),
         )
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         raise ProtocolError("the session's answer is not a state") from None

@@ -10,6 +10,7 @@ from one_bell import SCORE
 
 from ergon.cli import app
 from ergon.cli.laboratory import FORMS
+from ergon.common.extras import install
 from ergon.lab.names import METHODS
 from ergon.lab.pictures import targets
 
@@ -148,7 +149,7 @@ def test_without_matplotlib_there_is_the_table(
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert app.run(typed) == 2
-    assert "pip install ergon-live[lab]; x.csv is written" in capsys.readouterr().err
+    assert f"{install('lab')}; x.csv is written" in capsys.readouterr().err
     assert [path.exists() for path in targets(here / "x")] == [True, False, False]
     assert rows(here / "x.csv")
 

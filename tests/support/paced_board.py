@@ -46,12 +46,21 @@ class Paced:
         """Go on for so many periods of 1 ms; `beside` is called about every 20 of them."""
         while periods > 0:
             some = min(periods, 20)
-            with self._changed:
-                self._may += some
-                self._changed.notify_all()
-                assert self._changed.wait_for(lambda: self._may == 0, PATIENCE), "nobody asks"
+            self.may(some)
+            self.wait()
             periods -= some
             beside()
+
+    def may(self, periods: int) -> None:
+        """Let so many more periods pass; where several boards play, all are told first."""
+        with self._changed:
+            self._may += periods
+            self._changed.notify_all()
+
+    def wait(self) -> None:
+        """Until they have passed."""
+        with self._changed:
+            assert self._changed.wait_for(lambda: self._may == 0, PATIENCE), "nobody asks"
 
     def free(self) -> None:
         """From now on it answers at once."""

@@ -98,6 +98,12 @@ pub(crate) fn from_fault(fault: Fault) -> PyErr {
     })
 }
 
+/// EngineError of a file that cannot be written: its module is "record".
+pub(crate) fn unrecorded(sentence: impl Display) -> PyErr {
+    let raised = EngineError::new_err(sentence.to_string());
+    with(raised, Some("record"), |_| Ok(()))
+}
+
 /// The value that a word stands for; EngineError with the words there are.
 pub(crate) fn word<T: Copy>(what: &str, given: &str, words: &[(&str, T)]) -> PyResult<T> {
     let found = words

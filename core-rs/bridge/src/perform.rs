@@ -18,7 +18,7 @@ use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::device::{self, AxisOf};
-use crate::error::{refused, said};
+use crate::error::{refused, said, unrecorded};
 use crate::guardian;
 use crate::mixer::Mixer;
 use crate::simulation::{Simulation, damping};
@@ -119,7 +119,10 @@ impl Performance {
                 .into_iter()
                 .map(|board| open(board, period))
                 .collect::<PyResult<_>>()?;
-            perform::Performance::start(stage, boards, config).map_err(said)
+            perform::Performance::start(stage, boards, config).map_err(|error| match error {
+                perform::PlayError::Recording(_) => unrecorded(error),
+                error => said(error),
+            })
         })
         .map(|own| Self {
             control: own.control(),
@@ -145,6 +148,15 @@ impl Performance {
     fn sound_events(&self) -> PyResult<Vec<(f64, String)>> {
         let of = |event: audio::Event| (event.at, event.sentence);
         self.with(|own| own.output().events().into_iter().map(of).collect())
+    }
+
+    /// Where the silence of a panic begins and ends: (frame, whether it begins), from number `since` on.
+    fn silences(&self, since: u64) -> PyResult<Vec<(u64, bool)>> {
+        let of = |edge: audio::Edge| (edge.frame, edge.silent);
+        self.with(|own| {
+            let edges = own.output().shared().edges(since);
+            edges.into_iter().map(of).collect()
+        })
     }
 
     /// How much of the scene's force each real hand may get.
@@ -382,8 +394,11 @@ pub(crate) struct Status {
     busiest: f64,
     filled: usize,
     underruns: u64,
+    xruns: u64,
     played: u64,
     alive: bool,
+    done: bool,
+    panicked: bool,
     sounding: Option<f64>,
     latency: f64,
     paced: bool,
@@ -409,8 +424,11 @@ impl Status {
             busiest: status.busiest,
             filled: status.filled,
             underruns: sound.underruns(),
+            xruns: sound.xruns(),
             played: sound.played(),
             alive: sound.alive(),
+            done: own.is_done(),
+            panicked: sound.panicked(),
             sounding: sound.sounding().map(|since| since.as_secs_f64()),
             latency: f64::from(latency) / f64::from(info.rate.max(1)),
             paced: info.paced,
@@ -432,6 +450,9 @@ pub(crate) struct HandStatus {
     touch: bool,
     enabled: bool,
     tripped: bool,
+    hot: bool,
+    let_go: u64,
+    stalls: u64,
 }
 
 impl HandStatus {
@@ -445,6 +466,9 @@ impl HandStatus {
             touch: hand.touch,
             enabled: hand.enabled,
             tripped: hand.tripped,
+            hot: hand.hot,
+            let_go: hand.let_go,
+            stalls: hand.stalls,
         }
     }
 }

@@ -28,7 +28,7 @@ pub use connect::survey;
 pub use jack::Capture;
 pub use output::{Event, Info, Output, open};
 pub use ring::{CHANNELS_MAX, Drain, Feed, ring};
-pub use shared::Shared;
+pub use shared::{Edge, Shared};
 pub use spec::{Backend, Spec, USAGE};
 
 /// Why there is no sound.

@@ -393,9 +393,12 @@ impl Performance {
         self.flags.done.load(Ordering::Acquire)
     }
 
-    /// Why the recording cannot be written at present, such as a full disk; its rows wait meanwhile, for some seconds.
+    /// Why the recording cannot be written at present, such as a full disk; its rows wait meanwhile, for some seconds. Or
+    /// how much of it was lost, for the disk did not answer for longer.
     pub fn recording_trouble(&self) -> Option<String> {
-        self.recorder.as_ref()?.status().trouble
+        let status = self.recorder.as_ref()?.status();
+        let lost = || (status.dropped > 0).then(|| format!("{} rows lost", status.dropped));
+        status.trouble.clone().or_else(lost)
     }
 
     /// Wait until everything was heard, and put everything away; the events that are left.

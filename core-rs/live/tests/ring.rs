@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
 use ergon_engine::mix::mixer::Mixer;
-use ergon_live::audio::{Drain, Feed, ring};
+use ergon_live::audio::{Drain, Edge, Feed, ring};
 use proptest::prelude::*;
 
 #[global_allocator]
@@ -98,26 +98,69 @@ fn panic_is_silent_after_five_milliseconds_and_holds() {
         .map(|i| (HUSH - i) as f32 / HUSH as f32)
         .collect();
     assert_eq!((&out[..HUSH], &out[HUSH..]), (&ramp[..], &[0.0; 10][..]));
+    let left = 1000 - HUSH - 10;
     assert_eq!(filled(&mut drain, 32), [0.0; 32]);
-    assert_eq!(
-        (feed.filled(), shared.discarded()),
-        (0, 1000 - HUSH as u64 - 10)
-    );
+    // At the pace of the card: what comes later sounds where it was computed to sound.
+    assert_eq!((feed.filled(), shared.discarded()), (left - 32, 32));
     feed.push(&[1.0; 500]);
+    assert_eq!(
+        filled(&mut drain, left),
+        vec![0.0; left],
+        "nothing sounds until it is released"
+    );
+    assert_eq!(feed.filled(), 468);
+    shared.release();
     assert_eq!(
         filled(&mut drain, 32),
         [0.0; 32],
-        "nothing sounds until it is released"
+        "what was computed meanwhile is old"
     );
-    // At the pace of the card: what feeds it does not run ahead.
-    assert_eq!(feed.filled(), 468);
-    shared.release();
-    assert_eq!(filled(&mut drain, 32), [0.0; 32]);
-    assert_eq!(feed.filled(), 0, "what was computed meanwhile is old");
     feed.push(&[1.0; 500]);
-    let out = filled(&mut drain, FADE + 1);
-    assert_eq!((out[0], out[FADE]), (1.0 / FADE as f32, 1.0));
+    let out = filled(&mut drain, 436 + FADE + 1);
+    assert_eq!(out[..436], [0.0; 436]);
+    assert_eq!((out[436], out[436 + FADE]), (1.0 / FADE as f32, 1.0));
     assert_eq!((shared.underruns(), shared.missing()), (0, 0));
+    let edge = |frame, silent| Edge { frame, silent };
+    assert_eq!(shared.edges(0), [edge(8, true), edge(1508, false)]);
+    assert_eq!(shared.edges(1), [edge(1508, false)]);
+}
+
+#[test]
+fn a_taker_without_a_clock_gets_a_panic_as_silence() {
+    let (mut feed, mut drain) = ring(1, 4096);
+    let shared = feed.shared().clone();
+    let mut heard = Vec::new();
+    let mut frame = [0.0; 100];
+    for block in 0..40 {
+        feed.push(&[1.0; 100]);
+        match block {
+            10 => shared.panic(),
+            20 => shared.release(),
+            _ => {}
+        }
+        let taken = drain.take(&mut frame);
+        heard.extend_from_slice(&frame[..taken]);
+    }
+    assert_eq!(heard.len(), 4_000, "no frame is left out");
+    assert_eq!(heard[..1_000], [1.0; 1_000]);
+    assert_eq!(heard[1_000 + HUSH - 1..2_100], [0.0; 1_101 - HUSH]);
+    assert_eq!(heard[2_100 + FADE - 1..], vec![1.0; 1_901 - FADE]);
+}
+
+#[test]
+fn a_panic_soon_after_a_release_goes_on_in_silence() {
+    let (mut feed, mut drain) = playing(1000);
+    let shared = feed.shared().clone();
+    shared.panic();
+    filled(&mut drain, HUSH);
+    filled(&mut drain, 10);
+    shared.release();
+    assert_eq!(filled(&mut drain, 10), [0.0; 10]);
+    shared.panic();
+    assert_eq!(filled(&mut drain, 600), [0.0; 600]);
+    feed.push(&[1.0; 100]);
+    assert_eq!(filled(&mut drain, 50), [0.0; 50]);
+    assert_eq!(shared.edges(0).len(), 1);
 }
 
 #[test]
@@ -141,7 +184,7 @@ fn when_a_frame_went_to_the_card_is_told_by_its_last_block() {
     filled(&mut drain, HUSH);
     filled(&mut drain, 1);
     shared.release();
-    filled(&mut drain, 1);
+    filled(&mut drain, 2000 - 960 - HUSH - 1);
     feed.push(&[1.0; 100]);
     let early = Instant::now();
     filled(&mut drain, 1);

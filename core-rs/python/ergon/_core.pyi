@@ -884,6 +884,9 @@ class HandStatus:
     touch: bool  # a finger is on the key
     enabled: bool  # the device lets forces through
     tripped: bool  # forces are held at zero
+    hot: bool  # the board says that the motor is too hot
+    let_go: int  # how often the board said that it had let go
+    stalls: int  # how often the force ended because the host was stopped
 
 @final
 class Status:
@@ -900,8 +903,11 @@ class Status:
     busiest: float  # greatest load of one tick
     filled: int  # frames in the ring
     underruns: int
+    xruns: int  # how often the clock of the sound was held up
     played: int  # frames that went to the card
     alive: bool  # a card or server takes frames
+    done: bool  # the physics thread has ended
+    panicked: bool  # silence was asked for
     sounding: float | None  # time since frame 0 went to the card [s], from its last block's time
     latency: float  # from the card to the ear [s]
     paced: bool  # the output has a clock
@@ -963,6 +969,13 @@ class Performance:
         """
     def sound_events(self) -> list[tuple[float, str]]:
         """Events of the sound output so far: (time [s], sentence)."""
+    def silences(self, since: int) -> list[tuple[int, bool]]:
+        """Edges of the silence of panics, from number `since` on: (frame, whether it begins).
+
+        From a frame at which it begins the sound falls within 5 ms; from one at which it ends the
+        sound rises within 2 ms. The latest 256 edges are kept. Raises EngineError when the
+        performance is closed.
+        """
     def hand_limit(self, hand: int, response: _Floats) -> HandLimit | None:
         """The force limit of a real hand in another scene; None where the hand is not real.
 

@@ -32,8 +32,10 @@ pub struct Drain {
     shared: Arc<Shared>,
     phase: Phase,
     shape: Shape,
-    /// A panic has reached silence.
+    /// A panic was announced, whose end is still to be.
     hushed: bool,
+    /// Frames that waited when a panic ended: they pass unheard.
+    stale: usize,
     /// Whether the loudspeakers are behind this one; a rate converter's inner drain tells nothing.
     outermost: bool,
     given: FrameCounts,
@@ -102,6 +104,7 @@ pub(super) fn joined(channels: usize, capacity: usize, shared: Arc<Shared>) -> (
         shared,
         phase: Phase::Waiting,
         hushed: false,
+        stale: 0,
         shape: Shape::new(channels, 48_000),
         outermost: true,
         given: FrameCounts {
@@ -244,15 +247,15 @@ impl Drain {
         rest.fill(0.0);
         let panicked = self.panicked();
         if panicked && self.shape.ask_hush() {
-            // First all that waits, then as much as would be heard: whoever is clocked by it keeps its pace.
-            let frames = if self.hushed {
-                out.len() / self.channels
-            } else {
-                usize::MAX
-            };
-            self.hushed = true;
-            self.throw_away(frames);
+            // At the pace of what would be heard: the sound before and after lies where it was computed to be.
+            self.throw_away(out.len() / self.channels);
             out.fill(0.0);
+            return;
+        }
+        let stale = self.pass_stale(out.len() / self.channels);
+        let (unheard, out) = out.split_at_mut(stale * self.channels);
+        unheard.fill(0.0);
+        if out.is_empty() {
             return;
         }
         let closed = self.gate.closed.load(Ordering::Acquire);
@@ -281,10 +284,10 @@ impl Drain {
 
     /// Hand out what waits, at most `out`, for a taker without a clock; returns the frames.
     pub fn take(&mut self, out: &mut [f32]) -> usize {
-        let panicked = self.panicked();
-        if panicked && self.shape.ask_hush() {
-            self.throw_away(usize::MAX);
-            return 0;
+        if self.panicked() && self.shape.ask_hush() {
+            let thrown = self.throw_away(out.len() / self.channels);
+            out[..thrown * self.channels].fill(0.0);
+            return thrown;
         }
         let ended = self.ended();
         let frames = self.waiting().min(out.len() / self.channels);
@@ -314,17 +317,48 @@ impl Drain {
     /// Whether silence is asked for, or was, and is still to be reached.
     fn panicked(&mut self) -> bool {
         if self.shared.panicked() || self.shape.is_falling_silent() {
+            if std::mem::take(&mut self.stale) > 0 {
+                self.shape.hush_now();
+            }
+            if !std::mem::replace(&mut self.hushed, true) {
+                self.tell_edge(true);
+            }
             return true;
         }
         if self.shape.end_hush() {
             // What was computed meanwhile is old by now.
-            if std::mem::take(&mut self.hushed) {
-                self.throw_away(usize::MAX);
-            }
-            self.phase = Phase::Waiting;
+            self.stale = self.waiting();
             self.shape.begin_anew();
         }
+        self.end_silence();
         false
+    }
+
+    /// At most so many of the frames that are old since a panic, left unheard.
+    fn pass_stale(&mut self, most: usize) -> usize {
+        if self.stale == 0 {
+            return 0;
+        }
+        let passed = self.throw_away(most.min(self.stale));
+        self.stale -= passed;
+        self.end_silence();
+        passed
+    }
+
+    fn end_silence(&mut self) {
+        if self.stale == 0 && std::mem::take(&mut self.hushed) {
+            self.tell_edge(false);
+            if self.waiting() == 0 {
+                self.phase = Phase::Waiting;
+            }
+        }
+    }
+
+    fn tell_edge(&self, silent: bool) {
+        if self.outermost {
+            let frame = self.given.score() + self.shared.skipped();
+            self.shared.add_edge(frame, silent);
+        }
     }
 
     fn without(&mut self, silent: &mut [f32], ended: bool, panicked: bool) {
@@ -358,11 +392,11 @@ impl Drain {
         }
     }
 
-    /// Leave so many frames unheard, or all there are.
-    fn throw_away(&mut self, most: usize) {
+    /// Leave so many frames unheard, or all there are once nothing more comes; returns how many.
+    fn throw_away(&mut self, most: usize) -> usize {
         let closed = self.gate.closed.load(Ordering::Acquire);
         let waiting = self.waiting();
-        let frames = waiting.min(most);
+        let frames = if closed { waiting } else { waiting.min(most) };
         if let Ok(chunk) = self.samples.read_chunk(frames * self.channels) {
             chunk.commit_all();
         }
@@ -375,5 +409,6 @@ impl Drain {
                 self.shared.set_finished();
             }
         }
+        frames.min(most)
     }
 }

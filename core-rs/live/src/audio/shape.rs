@@ -93,6 +93,11 @@ impl Shape {
         *self.hushing.get_or_insert(self.hush) == 0
     }
 
+    /// Silence is asked for where it is silent already.
+    pub(super) fn hush_now(&mut self) {
+        self.hushing = Some(0);
+    }
+
     /// Whether silence was asked for and is not reached.
     pub(super) fn is_falling_silent(&self) -> bool {
         self.hushing.is_some_and(|left| left > 0)

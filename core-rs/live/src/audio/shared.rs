@@ -7,6 +7,17 @@ use crate::stop;
 
 /// No frame has gone to the card yet.
 const NEVER: i64 = i64::MIN;
+/// Edges of silence that are kept until somebody asks.
+const EDGES: usize = 256;
+
+/// Where a panic's silence begins or ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edge {
+    /// Of the score: where the sound begins to fall, or to rise again.
+    pub frame: u64,
+    /// Whether silence begins there.
+    pub silent: bool,
+}
 
 /// News of one performance's sound. Every method may be called from any thread, the callback's too.
 pub struct Shared {
@@ -27,6 +38,9 @@ pub struct Shared {
     priority: AtomicI32,
     latency: AtomicU32,
     block: AtomicU32,
+    /// The latest edges, each frame · 2 + silent, and how many there were.
+    edges: [AtomicU64; EDGES],
+    n_edges: AtomicU64,
 }
 
 impl Default for Shared {
@@ -47,6 +61,8 @@ impl Default for Shared {
             priority: AtomicI32::default(),
             latency: AtomicU32::default(),
             block: AtomicU32::default(),
+            edges: [const { AtomicU64::new(0) }; EDGES],
+            n_edges: AtomicU64::default(),
         }
     }
 }
@@ -66,13 +82,13 @@ macro_rules! count {
 }
 
 impl Shared {
-    /// Silence within 5 ms, in the callback itself, and no sound until `release`; what waits in the ring is thrown
-    /// away meanwhile.
+    /// Silence within 5 ms, in the callback itself, and no sound until `release`; meanwhile frames leave the ring unheard,
+    /// as fast as they would be heard.
     pub fn panic(&self) {
         self.panic.store(true, Ordering::Release);
     }
 
-    /// Sound again, faded in, from what is pushed from now on.
+    /// Sound again, faded in, from what is pushed from now on: what waits in the ring passes unheard.
     pub fn release(&self) {
         self.panic.store(false, Ordering::Release);
     }
@@ -162,6 +178,34 @@ impl Shared {
 
     pub(super) fn add_skipped(&self, frames: u64) {
         self.skipped.fetch_add(frames, Ordering::Relaxed);
+    }
+
+    pub(super) fn skipped(&self) -> u64 {
+        self.skipped.load(Ordering::Relaxed)
+    }
+
+    /// Edges of silence from number `from` on, at most the latest 256.
+    #[must_use]
+    pub fn edges(&self, from: u64) -> Vec<Edge> {
+        let n = self.n_edges.load(Ordering::Acquire);
+        let of = |number: u64| {
+            let edge = self.edges[number as usize % EDGES].load(Ordering::Relaxed);
+            Edge {
+                frame: edge >> 1,
+                silent: edge & 1 == 1,
+            }
+        };
+        (from.max(n.saturating_sub(EDGES as u64))..n)
+            .map(of)
+            .collect()
+    }
+
+    /// Only the drain before the loudspeakers tells edges.
+    pub(super) fn add_edge(&self, frame: u64, silent: bool) {
+        let n = self.n_edges.load(Ordering::Relaxed);
+        let edge = frame << 1 | u64::from(silent);
+        self.edges[n as usize % EDGES].store(edge, Ordering::Relaxed);
+        self.n_edges.store(n + 1, Ordering::Release);
     }
 
     /// SCHED_FIFO priority that the card's thread really runs at; `None`: scheduled like any other.

@@ -69,6 +69,8 @@ pub struct Slot {
     /// Ticks without a new position, and how many are too many.
     silent: u32,
     patience: u32,
+    /// Interruptions of devices that are gone.
+    earlier: [u64; 2],
 }
 
 /// The side that may wait: opens the device again, frees what is dead.
@@ -146,6 +148,7 @@ impl Keyboard {
             wait: Duration::from_secs_f64(WAIT * self.known.period),
             silent: 0,
             patience: (SILENT / self.known.period) as u32 + 1,
+            earlier: [0; 2],
         };
         let search = ReconnectLoop {
             key,
@@ -203,6 +206,15 @@ impl Slot {
         self.guarded
             .as_ref()
             .and_then(|guarded| guarded.tripped(axis))
+    }
+
+    /// How often the board said that it had let go, and how often the host was stopped.
+    pub(super) fn interruptions(&self) -> [u64; 2] {
+        let [let_go, stalls] = self.earlier;
+        self.guarded.as_ref().map_or(self.earlier, |guarded| {
+            let counts = guarded.counts();
+            [let_go + counts.let_go, stalls + counts.stalls]
+        })
     }
 
     /// The force that an axis is to get [N].
@@ -277,6 +289,7 @@ impl Slot {
 
     fn let_go(&mut self) -> bool {
         (self.sample.fresh, self.sample.t_dev_us) = (false, None);
+        self.earlier = self.interruptions();
         if let Some(dead) = self.guarded.take() {
             // Freed by the seeker: closing a port takes its time.
             if let Err(rtrb::PushError::Full(dead)) = self.grave.push(dead) {

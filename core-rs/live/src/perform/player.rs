@@ -406,7 +406,12 @@ impl Player {
         }
         let falls = (1.0 - self.clock.period() / PEAKS).max(0.0) as f32;
         self.status.peaks.iter_mut().for_each(|peak| *peak *= falls);
-        for frame in self.single[..n * channels].chunks_exact(channels) {
+        if self.panicked {
+            // Nothing of it is heard.
+            self.status.peaks.fill(0.0);
+        }
+        let heard = if self.panicked { 0 } else { n };
+        for frame in self.single[..heard * channels].chunks_exact(channels) {
             for (peak, x) in self.status.peaks.iter_mut().zip(frame) {
                 *peak = peak.max(x.abs());
             }
@@ -501,6 +506,8 @@ impl Player {
             own.scale = self.scales[hand].now();
             own.touch = mover.real && slot.sample.touch[axis];
             own.enabled = mover.real && slot.sample.force_enabled[axis];
+            own.hot = mover.real && slot.sample.hot;
+            [own.let_go, own.stalls] = slot.interruptions();
             let trip = slot.tripped(axis);
             if let Some(why) = trip.filter(|_| !own.tripped) {
                 let event = Event {

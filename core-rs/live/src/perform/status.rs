@@ -81,6 +81,12 @@ pub struct HandStatus {
     pub enabled: bool,
     /// Its forces are held at zero, for it tripped.
     pub tripped: bool,
+    /// Its board says that the motor is too hot.
+    pub hot: bool,
+    /// How often its board said that it had let go.
+    pub let_go: u64,
+    /// How often the host was stopped, so that its force ended.
+    pub stalls: u64,
 }
 
 /// Something that happened.

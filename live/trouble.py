@@ -1,0 +1,49 @@
+"""What is wrong with a performance, in a few words each: for every status line and for OSC."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ergon import _core
+
+
+def gaps(status: _core.Status) -> int:
+    """Gaps in the sound: the ring went empty, or the clock of the sound was held up."""
+    return status.underruns + status.xruns
+
+
+def troubles(
+    status: _core.Status, players: Sequence[str], recording: str | None, *, is_endless: bool
+) -> tuple[str, ...]:
+    """What is wrong now or has gone wrong, the gravest first.
+
+    `recording` says why hands cannot be recorded at present. What `is_endless` does not end by
+    itself.
+    """
+    return tuple(_troubles(status, players, recording, is_endless))
+
+
+def _troubles(
+    status: _core.Status, players: Sequence[str], recording: str | None, is_endless: bool
+) -> Iterator[str]:
+    if status.done and is_endless:
+        yield "ENGINE ENDED"
+    elif not status.alive and status.ticks and not status.done:
+        yield "NO SOUND OUTPUT"
+    if recording:
+        yield f"HANDS NOT RECORDED ({recording})"
+    for player, hand in zip(players, status.hands, strict=False):
+        if hand.hot:
+            yield f"{player} HOT"
+        if hand.tripped:
+            yield f"{player} tripped"
+        if hand.let_go:
+            yield f"{player} let go {hand.let_go}"
+        if hand.stalls:
+            yield f"{player} stalls {hand.stalls}"
+    if count := gaps(status):
+        yield f"gaps {count}"
+    if status.lost:
+        yield f"held up {status.lost}"

@@ -1,0 +1,49 @@
+"""The silence of a panic, as the sound card got it: a fall, nothing, and a rise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_FALL, _RISE = 0.005, 0.002  # [s], as `audio/shape` of the live core
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """From frame `start`, where the sound falls, to frame `stop`, where it rises; None: no end."""
+
+    start: int
+    stop: int | None = None
+
+
+def silenced(
+    frames: NDArray[np.float64], at: int, silences: Sequence[Silence], rate: float
+) -> NDArray[np.float64]:
+    """Frames (n_frames, n_channels), of which the first is number `at`, with silences in them.
+
+    In a fall and a rise they have the bits of the single precision in which they were heard.
+    """
+    import numpy as np
+
+    fall, rise = (max(1, int(rate * seconds + 0.5)) for seconds in (_FALL, _RISE))
+    end = at + len(frames)
+    for one in silences:
+        stop = end if one.stop is None else one.stop
+        if one.start >= end or stop + rise <= at:
+            continue
+        now = np.arange(at, end)
+        gains = np.ones(len(now), np.float32)
+        left = np.clip(one.start + fall - 1 - now, 0, fall).astype(np.float32)
+        up = np.clip(now - stop + 1, 0, rise).astype(np.float32)
+        gains[now >= one.start] = (left / np.float32(fall))[now >= one.start]
+        gains[now >= stop] = (up / np.float32(rise))[now >= stop]
+        is_shaped = gains != 1.0
+        frames = frames.copy()
+        single = frames[is_shaped].astype(np.float32) * gains[is_shaped, None]
+        frames[is_shaped] = single.astype(np.float64)
+    return frames

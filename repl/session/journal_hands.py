@@ -1,0 +1,128 @@
+"""Real hands in a journal: which device plays which key, and the recording of what they did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ergon import _core
+from ergon.common.regular import open_regular
+from ergon.exchange.recording import NotRecordingError, from_start
+from ergon.repl.session.engine import HeldHand
+from ergon.repl.session.journal import Event, JournalError
+
+if TYPE_CHECKING:
+    from ergon.scores.staging.stage import Stage
+
+_AXIS_MAX = 1 << 10
+_HANDS_MAX = 64  # axes of a recording
+_SUFFIX = ".take"
+
+
+@dataclass(frozen=True, slots=True)
+class JournalHand:
+    """A real hand: its player and key, and the axis of the device on which it plays from a frame
+    on."""
+
+    player: str
+    key: str
+    device: str
+    axis: int
+    start: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class JournalTake:
+    """The recording of a session's real hands, a file beside the journal."""
+
+    path: Path
+    hands: tuple[JournalHand, ...]
+
+    def fields(self) -> dict[str, object]:
+        """The fields of the journal's first event."""
+        hands = [
+            {"player": h.player, "key": h.key, "device": h.device, "axis": h.axis, "start": h.start}
+            for h in self.hands
+        ]
+        return {"take": self.path.name, "hands": hands}
+
+
+@dataclass(frozen=True, slots=True)
+class HeldHands:
+    """What real hands did: positions for each, the frames that are recorded, and warnings."""
+
+    hands: tuple[HeldHand, ...]
+    n_frames: int
+    warnings: tuple[str, ...]
+
+
+def take_of(first: Event, journal: Path) -> JournalTake | None:
+    """The recording that a journal's first event names; None without real hands.
+
+    Raises JournalError.
+    """
+    if "take" not in first.fields:
+        return None
+    name = first.get("take", str)
+    if Path(name).name != name or Path(name).suffix != _SUFFIX or "\\" in name or "\0" in name:
+        first.wrong(f"the field 'take' is no name of a {_SUFFIX} file beside the journal")
+    listed = first.get("hands", list)
+    if not 1 <= len(listed) <= _HANDS_MAX or not all(isinstance(one, dict) for one in listed):
+        first.wrong("the field 'hands' has the wrong type or value")
+    rows = [Event(first.file, first.number, first.name, one) for one in listed]
+    hands = tuple(
+        JournalHand(
+            row.get("player", str),
+            row.get("key", str),
+            row.get("device", str),
+            row.number_of("axis", int, 0, _AXIS_MAX),
+            row.number_of("start", int, 0, 1 << 40, 0),
+        )
+        for row in rows
+    )
+    return JournalTake(journal.parent / name, hands)
+
+
+def held(take: JournalTake, stage: Stage, every: int) -> HeldHands:
+    """The movement of real hands of a stage, in ticks of `every` frames. Raises JournalError."""
+    import numpy as np
+
+    recording = _recording(take)
+    who = ", ".join(hand.player for hand in take.hands)
+    axes = [(hand.player, hand.key) for hand in stage.live]
+    if recording.rate != stage.rate or recording.frames != every or recording.axes != axes:
+        raise JournalError(f"{take.path} does not record {who} of this session")
+    try:
+        positions = from_start(recording)
+    except NotRecordingError as error:
+        raise JournalError(f"{take.path}: {error}") from None
+    hands = tuple(
+        HeldHand(hand.index, hand.reach, np.ascontiguousarray(positions[:, number]))
+        for number, hand in enumerate(stage.live)
+    )
+    return HeldHands(hands, len(positions) * every, tuple(_warnings(take, recording)))
+
+
+def _recording(take: JournalTake) -> _core.Recording:
+    try:
+        open_regular(take.path).close()  # the core would wait for a pipe's other end
+        return _core.read_recording(take.path)
+    except FileNotFoundError:
+        who = ", ".join(hand.player for hand in take.hands)
+        raise JournalError(
+            f"{take.path} is missing: it records what {who} did, and the session cannot be "
+            "computed without it"
+        ) from None
+    except (_core.EngineError, OSError) as error:
+        raise JournalError(f"{take.path}: {error}") from None
+
+
+def _warnings(take: JournalTake, recording: _core.Recording) -> Sequence[str]:
+    found = []
+    if recording.damage:
+        found.append(f"{take.path}: {recording.damage}")
+    if recording.dropped:
+        found.append(f"{take.path}: {recording.dropped} rows were lost while it was recorded")
+    return found

@@ -1,0 +1,24 @@
+"""The piece that ships for a FireFader: its hand gets forces that it can feel."""
+
+from pathlib import Path
+
+import numpy as np
+from duets import duet, recorded
+from emulators import emulator
+
+PIECE = Path(__file__).parents[2] / "scores" / "library" / "fader.yaml"
+SWEEP = "0mm@0 (smooth 30mm@1 smooth -30mm@3 smooth 0mm@4)*40"
+
+
+def test_the_piece_for_a_fader_sends_more_than_three_tenths_of_a_newton(tmp_path: Path):
+    take = tmp_path / "hand.take"
+    with emulator("firefader", "--lockstep", "--gesture", SWEEP) as fader:
+        live = ("--live", f"remi={fader.url}")
+        with duet(PIECE, *live, "--audio", "null:fast", "--gain", "0dB", "--record", take) as own:
+            assert own.end() == 0, own.told
+    assert not [line for line in own.told if "scaled" in line], own.told
+    found = recorded(take)
+    # Forces rise for two seconds at the start.
+    felt, sent = found.forces()[3_000:, 0], found.sent()[3_000:, 0]
+    assert np.abs(sent).max() > 0.3
+    assert np.abs(sent).max() > 0.95 * np.abs(felt).max()

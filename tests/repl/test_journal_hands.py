@@ -1,0 +1,292 @@
+"""A journal with real hands renders to what was heard: hands, jumps, panics, a device lost."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from paced_board import Paced, paced
+from patience import until
+from tests.repl.test_repl_live import ok
+
+from ergon.live.boards import Board
+from ergon.live.perform import PlaybackConfig
+from ergon.repl.session.journal import Journal
+from ergon.repl.session.journal_content import SessionStart
+from ergon.repl.session.journal_hands import JournalHand, JournalTake
+from ergon.repl.session.live import LiveEngine
+from ergon.repl.session.session import Session
+from ergon.repl.session.version import Version, piece_of
+from ergon.scores.edits.texts import Texts
+
+ERGON = [sys.executable, "-m", "ergon.cli"]
+GAIN = 200.0
+SCORE = """\
+ergon: 1
+tempo: [{at: 1|1, bpm: 240}]
+keys:
+  k1: {M: 400g, K: 60N/m, Z: 1.2Ns/m}
+  k2: {M: 50g, K: 0N/m, Z: 1Ns/m, travel: -12mm..12mm}
+  k3: {M: 50g, K: 0N/m, Z: 1Ns/m, travel: -12mm..12mm}
+instruments:
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: A3, t60: 0.5s}}
+      b: {BUT: {between: [k1, m], K: 900N/m, Z: 0.1Ns/m, gap: 1mm}}
+      c: {BUT: {between: [k2, m], K: 300N/m, Z: 0.1Ns/m, gap: 1mm}}
+    out: {SOX: m}
+  drum:
+    modules:
+      m: {CEL: {M: 9g, f: A2, t60: 0.5s}}
+      c: {BUT: {between: [k3, m], K: 300N/m, Z: 0.1Ns/m, gap: 1mm}}
+    out: {SOX: m}
+gestures:
+  lean: 0mm@0 smooth 8mm@2 smooth 0mm@4
+players:
+  ada: {key: k1}
+  remi: {hand: live, key: k2}
+  zoe: {hand: live, key: k3}
+parts:
+  ada: [{at: 1|1, play: lean, every: 4, times: 999}]
+  remi: [{at: 2|1, play: lean}]
+mix: {channels: 2, route: [{from: bell, to: 1}, {from: drum, to: 2}]}
+"""
+
+
+@dataclass
+class Played:
+    session: Session
+    boards: list[Paced]
+    folder: Path
+
+    def ok(self, line: str) -> str:
+        return ok(self.session, line)
+
+    def run(self, seconds: float) -> None:
+        """Both boards go on, a few periods at a time, and the session with them."""
+        periods = round(1e3 * seconds)
+        while periods > 0:
+            some = min(periods, 20)
+            for board in self.boards:
+                board.may(some)
+            for board in self.boards:
+                board.wait()
+            self.session.pump()
+            if (path := self.session.guidance.due()) is not None:
+                self.session.guidance.hand(*path)
+            periods -= some
+
+
+@contextmanager
+def playing(folder: Path) -> Iterator[Played]:
+    """Two hands on two devices; every frame that is computed stands in heard.wav."""
+    path = folder / "score.yaml"
+    path.write_text(SCORE, encoding="utf-8")
+    texts = Texts.read(path)
+    version = Version(0, "", texts, piece_of(texts))
+    journal = Journal(folder / "session.jsonl")
+    moving = {"stiffness": 900.0, "sine": 5e-3}
+    with paced(hertz=2.0, **moving) as one, paced(hertz=3.0, **moving) as two:
+        boards = [Board(one.url, ((0, "remi"),)), Board(two.url, ((0, "zoe"),))]
+        config = PlaybackConfig(
+            audio=f"file:{folder / 'heard.wav'}",
+            gain=GAIN,
+            boards=boards,
+            record=folder / "session.take",
+        )
+        session = Session(
+            version,
+            lambda stage: LiveEngine(stage, config),
+            margin=0.006,
+            journal=journal,
+            real={"remi": None, "zoe": None},
+            hands=folder / "session.take",
+        )
+        hands = (JournalHand("remi", "k2", one.url, 0), JournalHand("zoe", "k3", two.url, 0))
+        opening = SessionStart(
+            texts,
+            0.0,
+            version.faders,
+            session.commits.engine.tick_frames,
+            GAIN,
+            1.0,
+            None,
+            JournalTake(folder / "session.take", hands),
+        )
+        journal.tell("session", **opening.fields())
+        with closing(session):
+            try:
+                yield Played(session, [one, two], folder)
+            finally:
+                for board in (one, two):
+                    board.ways.silent = False
+                    board.free()  # what ends waits for replies
+
+
+def rendered(folder: Path, journal: str = "session.jsonl") -> subprocess.CompletedProcess[str]:
+    command = [*ERGON, "render", journal, "-o", "again.wav", "--bits", "float"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def sound(path: Path) -> np.ndarray:
+    frames, _ = soundfile.read(path, dtype="float32", always_2d=True)
+    return frames
+
+
+def test_a_render_plays_hands_jumps_panics_and_a_device_that_was_lost(tmp_path: Path):
+    with playing(tmp_path) as own:
+        own.run(0.3)
+        own.ok("play")
+        own.run(1.0)
+        own.ok("ada plays lean every 2 now")
+        own.ok("record remi as solo now")
+        own.run(1.0)
+        own.ok("record off now")
+        own.run(1.0)
+        own.ok("set bell.m.K x1.3 over 1bar")
+        own.ok("guide remi ada K=60N/m now")
+        own.run(2.5)
+        own.ok("play from 3|1")
+        own.run(0.7)
+        own.session.panic()
+        until(lambda: own.session.stops.panicked, "the panic")
+        own.run(0.5)
+        own.ok("release")
+        own.ok("play from 2|1")
+        own.run(1.5)
+        own.ok("stop")
+        own.run(0.2)
+        own.ok("play")
+        own.run(0.5)
+        own.ok("undo")
+        own.run(0.5)
+        lost = own.boards[1]
+        lost.ways.silent = True
+        lost.free()
+        others = own.boards[:1]
+        own.boards = others
+        engine = own.session.commits.engine
+        own.boards[0].free()
+        until(lambda: own.session.pump() or "zoe" in engine.status().away, "zoe's key is gone")
+        lost.ways.silent = False
+        until(lambda: own.session.pump() or not engine.status().away, "zoe plays again")
+        frame = engine.frame
+        until(lambda: own.session.pump() or engine.frame > frame + 44_100, "a second more")
+    done = rendered(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stderr
+    played, again = sound(tmp_path / "heard.wav"), sound(tmp_path / "again.wav")
+    # The last frames fall silent, for the session ends.
+    heard = min(len(played), len(again)) - 4 * 1024
+    assert heard > 10 * 44_100
+    differs = np.flatnonzero(np.any(played[:heard] != again[:heard], axis=1))
+    assert not len(differs), (len(differs), differs[:3], heard)
+    assert np.abs(played[:, 0]).max() > 0.01
+    assert np.abs(played[:, 1]).max() > 0.01
+    events = [json.loads(line) for line in (tmp_path / "session.jsonl").read_text().splitlines()]
+    silences = [one for one in events if one["event"] == "silence"]
+    assert [one["begins"] for one in silences] == [True, False]
+    begin, end = (one["frame"] for one in silences)
+    assert not played[begin + 221 : end].any()
+    moved = [(one["player"], one["real"]) for one in events if one["event"] == "hand"]
+    assert moved == [("zoe", False), ("zoe", True)]
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short session with hands."""
+    folder = tmp_path_factory.mktemp("short")
+    with playing(folder) as own:
+        own.ok("play")
+        own.run(0.5)
+    return folder
+
+
+def copied(short: Path, folder: Path) -> list[dict]:
+    """The files of a session, copied; its events."""
+    for name in ("score.yaml", "session.jsonl", "session.take"):
+        (folder / name).write_bytes((short / name).read_bytes())
+    text = (folder / "session.jsonl").read_text(encoding="utf-8")
+    return [json.loads(line) for line in text.splitlines()]
+
+
+def written(folder: Path, events: list[dict]) -> None:
+    text = "".join(json.dumps(one) + "\n" for one in events)
+    (folder / "session.jsonl").write_text(text, encoding="utf-8")
+
+
+def test_the_journal_names_device_key_and_frame_of_each_hand(short: Path, tmp_path: Path):
+    first = copied(short, tmp_path)[0]
+    assert first["take"] == "session.take"
+    hands = [(h["player"], h["key"], h["axis"], h["start"]) for h in first["hands"]]
+    assert hands == [("remi", "k2", 0, 0), ("zoe", "k3", 0, 0)]
+    assert len({hand["device"] for hand in first["hands"]}) == 2
+
+
+def test_a_missing_recording_is_refused_by_name(short: Path, tmp_path: Path):
+    copied(short, tmp_path)
+    (tmp_path / "session.take").unlink()
+    done = rendered(tmp_path)
+    assert done.returncode == 2
+    assert "session.take is missing" in done.stderr
+    assert "remi, zoe" in done.stderr
+    assert not (tmp_path / "again.wav").exists()
+
+
+@pytest.mark.parametrize("name", ["../session.take", "/dev/zero", "a/b.take", "score.yaml", ""])
+def test_a_recording_elsewhere_is_refused(short: Path, tmp_path: Path, name: str):
+    events = copied(short, tmp_path)
+    events[0]["take"] = name
+    written(tmp_path, events)
+    done = rendered(tmp_path)
+    assert done.returncode == 2
+    assert "beside the journal" in done.stderr
+    assert "line 1" in done.stderr
+
+
+def test_a_recording_of_other_hands_is_refused(short: Path, tmp_path: Path):
+    events = copied(short, tmp_path)
+    del events[0]["hands"][1]
+    written(tmp_path, events)
+    done = rendered(tmp_path)
+    assert done.returncode == 2
+    assert "does not record remi of this session" in done.stderr
+
+
+def test_what_was_cut_is_not_called_whole(short: Path, tmp_path: Path):
+    events = copied(short, tmp_path)
+    written(tmp_path, events[:-1])
+    take = tmp_path / "session.take"
+    take.write_bytes(take.read_bytes()[:-100])
+    done = rendered(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "session.jsonl has no end" in done.stderr
+    assert "session.take: " in done.stderr
+    whole, cut = sound(tmp_path / "again.wav"), sound(short / "heard.wav")
+    n = min(len(whole), len(cut)) - 4 * 1024
+    assert np.array_equal(whole[:n], cut[:n])
+
+
+@pytest.mark.parametrize(
+    "silences",
+    [
+        [{"frame": 5, "begins": False}],
+        [{"frame": 5, "begins": True}, {"frame": 9, "begins": True}],
+        [{"frame": 5, "begins": True}, {"frame": 4, "begins": False}],
+    ],
+)
+def test_silences_that_cannot_be_are_refused(short: Path, tmp_path: Path, silences: list[dict]):
+    events = copied(short, tmp_path)
+    events[1:1] = [{"v": 1, "event": "silence", **one} for one in silences]
+    written(tmp_path, events)
+    done = rendered(tmp_path)
+    assert done.returncode == 2
+    assert "silences neither overlap" in done.stderr

@@ -1,0 +1,82 @@
+"""Small lines that must not guess: `rest`, `tap`; and what `scope` and `meters` show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sessions import Stepped
+from tests.repl.test_repl_session import SCORE
+
+from ergon import _core
+from ergon.repl.session.captures import Capture, Captures
+from ergon.repl.session.engine import EngineStatus
+from ergon.repl.session.version import NotTakenError
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Stepped:
+    stepped = Stepped(SCORE, tmp_path)
+    stepped.ok("play")
+    return stepped
+
+
+def test_rest_names_who_may_rest(own: Stepped):
+    said = own.type("rest")
+    assert not said.taken
+    assert "rest ada, rest leo or rest all" in said.text
+
+
+def test_two_taps_set_the_tempo(own: Stepped, monkeypatch: pytest.MonkeyPatch):
+    now = iter([10.0, 10.5])
+    monkeypatch.setattr("ergon.repl.session.session_commands.time.monotonic", lambda: next(now))
+    assert own.ok("tap").text == "tap 1: one more sets the tempo"
+    own.ok("tap")
+    assert own.session.commits.head.piece.tempo_map.bpm(100.0) == 120.0
+
+
+def test_scope_draws_where_the_key_has_been(own: Stepped):
+    own.ok("ada plays knock every 1 now")
+    own.run(2.2)
+    head, *drawing = own.ok("scope ada").lines
+    assert "ada on k1" in head
+    assert "last 2.0 s" in head
+    assert len(drawing) > 5
+    own.ok("rest ada now")
+    own.run(0.5)
+    assert "ada on k1" in own.ok("scope ada").lines[0], "a key also moves where nothing plays"
+    refused = own.type("scope nobody")
+    assert not refused.taken
+
+
+def test_what_goes_wrong_is_said_once_and_stands_in_the_state(
+    own: Stepped, monkeypatch: pytest.MonkeyPatch
+):
+    own.session.messages()
+    found = ["gaps 1"]
+    status = EngineStatus(peaks=(1e-43,), troubles=found)
+    monkeypatch.setattr(own.engine, "status", lambda: status)
+    own.run(0.1)
+    own.run(0.1)
+    assert [one for one in own.session.messages() if "gaps" in one] == ["1|1 gaps 1"]
+    state = own.session.state()
+    assert state.troubles == ("gaps 1",)
+    assert state.level == float("-inf"), "what nobody hears is silence"
+    found[0] = "gaps 4"
+    own.run(1.1)
+    assert len([one for one in own.session.messages() if "gaps 4" in one]) == 1
+
+
+def test_a_take_of_nothing_is_not_written(tmp_path: Path):
+    ticks = np.arange(10, dtype=np.uint64)
+    recorded = _core.Recording(44_100.0, 44, [("remi", "k2")], "{}", ticks, np.zeros((10, 1)))
+    hands = tmp_path / "session.take"
+    hands.write_bytes(recorded.to_bytes())
+    captures = Captures(hands)
+    with pytest.raises(NotTakenError, match="nothing of it was recorded"):
+        captures.write(Capture("remi", "solo", 44 * 100, 44 * 200), tmp_path, 44)
+    assert not (tmp_path / "takes").exists()
+    cut = Capture("remi", "solo", 0, 44 * 30)
+    captures.write(cut, tmp_path, 44)
+    assert cut.n_missing == 20
