@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from benches.interrupts import CHILD
 from boards import Board, emulated
+from docs.generators import faults
 from patience import PATIENCE, until
 
 from ergon import _core
 from ergon.cli import app
 from ergon.live import fitness, ports
+from ergon.live.faults import Cell, Row
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 
@@ -241,3 +243,35 @@ def test_what_cannot_be_recorded(capsys: Capture):
     assert app.run([*record, "emul:"]) == 2
     assert app.run([*record, "emul:", "--live", "emul:", "-o", "x.take"]) == 2
     assert "is given to two players" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def faults_page() -> str:
+    return faults.page()
+
+
+def test_the_committed_table_of_faults_is_what_the_command_measures(faults_page: str):
+    committed = (Path(__file__).parents[2] / "docs/faults.md").read_text(encoding="utf-8")
+    assert committed == faults_page  # make docs
+
+
+def test_doctor_safety_tells_every_fault_on_every_device(capsys: Capture):
+    assert app.run(["doctor", "--safety", "--json"]) == 0
+    found = records(capsys)
+    assert {r["event"] for r in found} == {"fault"}
+    assert {r["device"] for r in found} == {"emul", "frame", "firefader", "haply"}
+    assert len(found) == 4 * len({r["fault"] for r in found}) == 60
+    assert not any(r["exceeds"] for r in found)
+    (nan,) = (r for r in found if r["device"] == "frame" and "NaN" in r["fault"])
+    assert nan["seconds"] == nan["bound"] == 1e-3
+
+
+def test_doctor_safety_fails_where_a_force_exceeds_its_bound(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+):
+    cell = Cell("frame", "60 ms", 0.06, 0.05, 1.0, 0.1, exceeds=True)
+    monkeypatch.setattr("ergon.live.faults.measured", lambda: [Row("the port is gone", [cell])])
+    assert app.run(["doctor", "--safety"]) == 1
+    told = capsys.readouterr()
+    assert "EXCEEDS ITS BOUND" in told.out
+    assert "the port is gone, frame" in told.err

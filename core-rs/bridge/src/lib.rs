@@ -8,6 +8,7 @@ mod chance;
 mod device;
 mod emulator;
 mod error;
+mod faults;
 mod frames;
 mod guardian;
 mod law;
@@ -42,6 +43,8 @@ mod _core {
     use super::emulator::emulate;
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError, UnsureError};
+    #[pymodule_export]
+    use super::faults::{FaultMeasurement, measure_faults};
     #[pymodule_export]
     use super::guardian::guard_haply;
     #[pymodule_export]

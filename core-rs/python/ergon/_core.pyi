@@ -1118,6 +1118,26 @@ class Device:
     def close(self) -> None:
         """Close it; forces are zero."""
 
+def measure_faults() -> list[FaultMeasurement]:
+    """Make every fault on every emulated device, in virtual time: some seconds of computing.
+
+    Raises EngineError where an emulator does not answer its own driver.
+    """
+
+@final
+class FaultMeasurement:
+    """One fault on one emulated device: how soon its force is zero, and how great the force gets."""
+
+    fault: str  # in words
+    device: str  # the kind of device, as in a URL
+    seconds: float | None  # from the fault to zero force [s]; None: it does not end, or is excluded
+    bound: float | None  # the longest that is allowed [s]; None: no bound is set
+    excluded: str | None  # why the fault is not made on this device
+    unbounded: str | None  # why no bound is set
+    force: float  # greatest from the fault on [N]
+    rise: float  # fastest growth of the force from the fault on [N/ms]
+    exceeds: bool  # time, force or growth is beyond its bound
+
 @final
 class Checkup:
     """Timings that `checkup` measured."""
