@@ -13,11 +13,11 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benches.measure import Row
-from benches.repl import LINES, hundred
+from benches.repl import LINES
 from ergon.repl.session.engine import SteppedEngine
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart
@@ -25,7 +25,41 @@ from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
 
+_SCORE = """\
+ergon: 1
+tempo: [{at: 1|1, bpm: 60}]
+keys:
+  k0: {M: 400g, K: 60N/m, Z: 1.2Ns/m, travel: -15mm..15mm}
+  k1: {like: k0}
+instruments:
+  bells:
+    modules:
+      m0: {CEL: {M: 2g, f: 220Hz, t60: 1s}}
+      m1: {CEL: {M: 2g, f: 331Hz, t60: 1s}}
+      b0: {BUT: {between: [k0, m0], K: 900N/m, gap: 1mm}}
+      b1: {BUT: {between: [k1, m1], K: 900N/m, gap: 1mm}}
+    out: {SOX: [m0, m1]}
+gestures:
+  knock: 0mm@0 smooth 6mm@1/8 smooth 0mm@1/2
+players:
+  p0: {key: k0}
+  p1: {key: k1}
+parts: {p0: [{at: 1|1, play: knock, every: 1, times: 9999}]}
+"""
 _NAMES = {"a": "p0", "b": "p1", "g": "knock", "i": "bells"}
+_STEADY = (
+    "gain {i} -3dB",
+    "{g} = 0@0 smooth 5@1/8 smooth 0@1/2",
+    "? {g}",
+    "mute {i}",
+    "set bells.b0.K 800N/m",
+    "unmute {i}",
+    "undo",
+    "{g} = 0@0 smooth 4@1/8 smooth 0@1/2",
+    "set bells.b0.K 900N/m",
+    "gain {i} 0dB",
+)
+"""Lines that leave a score as long as it is; those of `repl` write music, which a score keeps."""
 _TICK = 64  # frames
 _LOOK = 40  # ticks between two looks of the session at its engine
 _MEMORY_GROWTH = 0.05  # from the second quarter to the last
@@ -54,30 +88,36 @@ def held(process: int, journal: Path) -> Held:
     )
 
 
-def soak(lines: int = 3600) -> list[Row]:
-    """An hour of a line every second, in the time of the frames."""
-    began = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder:
-        looks = list(_stepped(Path(folder), lines))
-    what = f"a line a second for {lines:,} s, computed in {time.perf_counter() - began:.0f} s"
-    return [_row(what, looks, lines)]
+def soak(steady: int = 3600, written: int = 600) -> list[Row]:
+    """So many seconds of a line every second, in the time of the frames.
+
+    An hour of lines that change what is there, and ten minutes of lines that write music.
+    """
+    rows = []
+    kinds = (("change what is there", _STEADY, steady), ("write music", LINES, written))
+    for what, typed, seconds in kinds:
+        began = time.perf_counter()
+        with tempfile.TemporaryDirectory() as folder:
+            looks, slowest = _stepped(Path(folder), typed, seconds)
+        took = time.perf_counter() - began
+        said = f"{seconds:,} s of a line a second that {what}, computed in {took:.0f} s"
+        row = _row(said, looks, is_by_frames=True)
+        rows.append(replace(row, ours=f"{row.ours}; the slowest line took {1e3 * slowest:.0f} ms"))
+    return rows
 
 
 def soak_live(minutes: float = 10.0) -> list[Row]:
     """`ergon repl` with a line every second, by the clock, into silence."""
     with tempfile.TemporaryDirectory() as folder:
         looks, code = _typed(Path(folder), int(60 * minutes))
-    row = _row(f"`ergon repl --audio null`, a line a second for {minutes:g} min", looks, None)
-    return [Row(row.scene, f"{row.ours}; it ended with {code}", *_rest(row))]
+    what = f"`ergon repl --audio null`, a line a second for {minutes:g} min"
+    row = _row(what, looks, is_by_frames=False)
+    return [replace(row, ours=f"{row.ours}; it ended with {code}")]
 
 
-def _rest(row: Row) -> tuple[str, float | None, str]:
-    return row.reference, row.ratio, row.sense
-
-
-def _stepped(folder: Path, lines: int) -> list[Held]:
+def _stepped(folder: Path, typed: Sequence[str], seconds: int) -> tuple[list[Held], float]:
     path, journal = folder / "score.yaml", folder / "session.jsonl"
-    path.write_text(hundred(), encoding="utf-8")
+    path.write_text(_SCORE, encoding="utf-8")
     texts = Texts.read(path)
     version = Version(0, "", texts, piece_of(texts))
     written = Journal(journal)
@@ -89,13 +129,15 @@ def _stepped(folder: Path, lines: int) -> list[Held]:
         engines.append(SteppedEngine(stage, tick_frames=_TICK, highpass=None))
         return engines[0]
 
-    looks = []
+    looks, slowest = [], 0.0
     with closing(Session(version, begin, margin=0.0, journal=written)) as session:
         for line in ("play", "tempo 240 now"):
             assert session.submit(line).taken
-        for number in range(lines):
-            line = LINES[number % len(LINES)].format(**_NAMES)
+        for number in range(seconds):
+            line = typed[number % len(typed)].format(**_NAMES)
+            began = time.perf_counter()
             reply = session.submit(line)
+            slowest = max(slowest, time.perf_counter() - began)
             assert reply.taken, f"{line}: {reply.text}"
             left = int(session.commits.rate)
             while left > 0:
@@ -105,12 +147,12 @@ def _stepped(folder: Path, lines: int) -> list[Held]:
                 left -= n
             if number % 60 == 59:
                 looks.append(held(os.getpid(), journal))
-    return looks
+    return looks, slowest
 
 
 def _typed(folder: Path, seconds: int) -> tuple[list[Held], int]:
     score, journal = folder / "score.yaml", folder / "session.jsonl"
-    score.write_text(hundred(), encoding="utf-8")
+    score.write_text(_SCORE, encoding="utf-8")
     options = ["--audio", "null", "--gain", "0dB", "--plain", "--journal", str(journal)]
     command = [sys.executable, "-m", "ergon.cli", "repl", str(score), *options]
     looks = []
@@ -131,7 +173,7 @@ def _typed(folder: Path, seconds: int) -> tuple[list[Held], int]:
         for number in range(seconds):
             due += 1.0
             time.sleep(max(0.0, due - time.monotonic()))
-            type_line(LINES[number % len(LINES)].format(**_NAMES))
+            type_line(_STEADY[number % len(_STEADY)].format(**_NAMES))
             if number % 30 == 29:
                 looks.append(held(repl.pid, journal))
         type_line("quit")
@@ -140,7 +182,7 @@ def _typed(folder: Path, seconds: int) -> tuple[list[Held], int]:
     return looks, code
 
 
-def _row(what: str, looks: Sequence[Held], lines: int | None) -> Row:
+def _row(what: str, looks: Sequence[Held], *, is_by_frames: bool) -> Row:
     early, late = looks[len(looks) // 4], looks[-1]
     middle = looks[len(looks) // 2]
     grown = late.memory / early.memory - 1.0
@@ -167,4 +209,4 @@ def _row(what: str, looks: Sequence[Held], lines: int | None) -> Row:
     target = (
         f"target: memory grows by at most {100 * _MEMORY_GROWTH:.0f} %, files and threads do not"
     )
-    return Row(what, said, target, None, "in frames" if lines else "by the clock", values)
+    return Row(what, said, target, None, "by frames" if is_by_frames else "by the clock", values)

@@ -31,23 +31,26 @@ const SWING: f64 = 6e-3;
 
 /// What a scene asks for.
 #[derive(Clone, Copy)]
-enum Ask {
+pub(super) enum Ask {
+    /// A spring that holds the key at 0 [N/m].
+    #[cfg(test)]
+    Wall(f64),
     /// A spring towards a point that goes to and fro.
     Guide,
     Force(f64),
 }
 
-struct Host {
+pub(super) struct Host {
     guarded: Guarded<Defective>,
-    shared: Shared,
+    pub(super) shared: Shared,
     sample: Sample,
     /// The scene's spring [N/m].
     stiffness: f64,
-    ask: Ask,
+    pub(super) ask: Ask,
 }
 
 impl Host {
-    fn new(device: Defective, shared: Shared) -> Self {
+    pub(super) fn new(device: Defective, shared: Shared) -> Self {
         let limits = Limits::of(device.spec());
         let lockstep = device.in_lockstep();
         let guarded = Guarded::new(device, limits, PERIOD.as_secs_f64()).watched();
@@ -75,11 +78,13 @@ impl Host {
                 self.stiffness * (SWING * wave(seconds) - self.sample.position[0])
             }
             Ask::Force(force) => force,
+            #[cfg(test)]
+            Ask::Wall(stiffness) => -stiffness * self.sample.position[0],
         };
         self.guarded.send(&[force]).map(drop)
     }
 
-    fn run(&mut self, time: Duration) -> Result<(), Gone> {
+    pub(super) fn run(&mut self, time: Duration) -> Result<(), Gone> {
         let end = self.shared.world().now() + time;
         while self.shared.world().now() < end {
             self.tick()?;
@@ -286,6 +291,14 @@ fn tried_out(mut device: Defective, shared: &Shared) -> Duration {
 
 /// A device of a kind with a hand on its first axis, opened by its own driver.
 fn opened(emulator: Emulator) -> Result<(Defective, Shared), DeviceError> {
+    held(emulator, hands)
+}
+
+/// The same with other hands on its axes.
+pub(super) fn held(
+    emulator: Emulator,
+    hands: impl Fn(usize) -> Vec<Hand>,
+) -> Result<(Defective, Shared), DeviceError> {
     let refused = |error| DeviceError::Closed {
         url: emulator.name().to_owned(),
         reason: format!("its emulator cannot be made: {error}"),

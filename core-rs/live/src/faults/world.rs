@@ -24,6 +24,10 @@ pub(super) struct Trouble {
     pub(super) board_stalled: bool,
     /// Another program asks where the axes are, once in every tick of the host.
     pub(super) another_program: bool,
+    /// Every packet is late by up to so many steps of the board's time, each way.
+    pub(super) jitter: u64,
+    /// So many of a hundred packets are lost, each way.
+    pub(super) lost: u64,
 }
 
 /// Haply's guardian: its rules, without its process and its sockets.
@@ -59,6 +63,11 @@ pub(super) struct World {
     to_host: Vec<u8>,
     /// Packets that a stalled board has not read.
     unread: Vec<Vec<u8>>,
+    /// Packets under way, and when they arrive: requests, and replies.
+    requests: Vec<(Duration, Vec<u8>)>,
+    replies: Vec<(Duration, Vec<u8>)>,
+    /// Work that the motor of the first axis has done on its key, and the most it ever was [J].
+    pub(super) work: [f64; 2],
     pub(super) trouble: Trouble,
     pub(super) motor: Motor,
     /// The force at the tick before [N].
@@ -81,6 +90,9 @@ impl World {
             }),
             to_host: Vec::new(),
             unread: Vec::new(),
+            requests: Vec::new(),
+            replies: Vec::new(),
+            work: [0.0; 2],
             trouble: Trouble::default(),
             motor: Motor::default(),
             before: 0.0,
@@ -112,8 +124,17 @@ impl World {
                     self.hear(&packet);
                 }
                 let now = self.now();
+                for (_, packet) in arrived(&mut self.requests, now) {
+                    self.hear(&packet);
+                }
                 if let Some(firmware) = &mut self.firmware {
+                    let (before, force) = (firmware.keys().positions()[0], firmware.forces()[0]);
                     firmware.run_to(now);
+                    self.work[0] += force * (firmware.keys().positions()[0] - before);
+                    self.work[1] = self.work[1].max(self.work[0]);
+                }
+                for (_, reply) in arrived(&mut self.replies, now) {
+                    self.to_host.extend(reply);
                 }
             }
             self.guard();
@@ -158,6 +179,10 @@ impl World {
         };
         if self.trouble.board_stalled {
             self.unread.push(packet);
+        } else if self.trouble.jitter > 0 {
+            if let Some(at) = self.arrival() {
+                self.requests.push((at, packet));
+            }
         } else {
             self.hear(&packet);
         }
@@ -181,6 +206,11 @@ impl World {
                 reply
             };
             match &mut self.guardian {
+                None if self.trouble.jitter > 0 => {
+                    if let Some(at) = self.arrival() {
+                        self.replies.push((at, reply));
+                    }
+                }
                 None => self.to_host.extend(reply),
                 Some(guardian) => {
                     let text = String::from_utf8_lossy(&reply);
@@ -256,14 +286,29 @@ impl World {
         self.hear(&bytes[..len]);
     }
 
-    fn random_bytes(&mut self, n: usize) -> Vec<u8> {
-        let mut next = || {
-            // xorshift64
-            self.random ^= self.random << 13;
-            self.random ^= self.random >> 7;
-            self.random ^= self.random << 17;
-            (self.random >> 32) as u8
-        };
-        (0..n).map(|_| next()).collect()
+    /// When a packet that is sent now arrives, unless it is lost.
+    fn arrival(&mut self) -> Option<Duration> {
+        let is_lost = self.random() % 100 < self.trouble.lost;
+        let late = self.random() % (self.trouble.jitter + 1);
+        (!is_lost).then(|| self.now() + STEP * late as u32)
     }
+
+    fn random_bytes(&mut self, n: usize) -> Vec<u8> {
+        (0..n).map(|_| self.random() as u8).collect()
+    }
+
+    /// A number by xorshift64 (Marsaglia, 2003).
+    fn random(&mut self) -> u64 {
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        self.random >> 32
+    }
+}
+
+/// Take what has arrived by now, in the order of arrival.
+fn arrived(under_way: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
+    let mut found: Vec<_> = under_way.extract_if(.., |(at, _)| *at <= now).collect();
+    found.sort_by_key(|(at, _)| *at);
+    found
 }
