@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -102,6 +103,12 @@ def test_an_ftdi_chip_that_waits_is_seen(tmp_path: Path):
     assert ports.latency_timer("emul:", tmp_path) is None
 
 
+def port(path: str, vendor: int | None = None, name: str = "", serial: str = "") -> object:
+    """A serial port as the core lists it."""
+    usb = SimpleNamespace(vendor=vendor, product=0, name=name, serial=serial)
+    return SimpleNamespace(path=path, usb=None if vendor is None else usb)
+
+
 def test_devices_lists_sound_names_and_ports(
     folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ):
@@ -112,9 +119,9 @@ def test_devices_lists_sound_names_and_ports(
         "sign = 1\nzero = 0.0\ngain = 1.0\nrange = [-0.03, 0.03]\nforce_max = 1.5\n"
     )
     plugged = [
-        ("/dev/ttyACM0", (0x16C0, 0x0483, "USB Serial", "77")),
-        ("/dev/ttyS0", None),
-        ("/dev/ttyUSB0", (0x0403, 0x6001, "FT232R", "")),
+        port("/dev/ttyACM0", 0x16C0, "USB Serial", "77"),
+        port("/dev/ttyS0"),
+        port("/dev/ttyUSB0", 0x0403, "FT232R"),
     ]
     monkeypatch.setattr(_core, "serial_ports", lambda: plugged)
     monkeypatch.setattr(ports, "BY_ID", folder / "by-id")
@@ -139,7 +146,7 @@ def test_devices_lists_sound_names_and_ports(
 def test_devices_probes_only_when_asked(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     with emulated("frame", "--pty") as url:
         path = url.removeprefix("frame:")
-        monkeypatch.setattr(_core, "serial_ports", lambda: [(path, (0x2E8A, 10, "Pico", ""))])
+        monkeypatch.setattr(_core, "serial_ports", lambda: [port(path, 0x2E8A, "Pico")])
         assert app.run(["devices", "--json"]) == 0
         assert by(records(capsys), "port")["answers"] == {}
         assert app.run(["devices", "--json", "--probe"]) == 0
@@ -147,7 +154,8 @@ def test_devices_probes_only_when_asked(capsys: Capture, monkeypatch: pytest.Mon
 
 
 def test_the_real_list_of_ports_can_be_had():
-    assert all(path and (usb is None or len(usb) == 4) for path, usb in _core.serial_ports())
+    found = _core.serial_ports()
+    assert all(one.path and (one.usb is None or one.usb.vendor) for one in found)
 
 
 TICK = 44100 / 44

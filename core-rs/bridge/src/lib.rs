@@ -34,11 +34,15 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
-    use super::audio::{AudioOut, JackCapture, play_frames, survey_audio};
+    use super::audio::{AudioBackend, AudioEvent, AudioInfo, AudioOut, JackCapture};
+    #[pymodule_export]
+    use super::audio::{play_frames, survey_audio};
     #[pymodule_export]
     use super::chance::Chance;
     #[pymodule_export]
-    use super::device::{Checkup, Device, checkup, serial_identity, serial_ports};
+    use super::device::{Checkup, Device, SerialPort, UsbBoard};
+    #[pymodule_export]
+    use super::device::{checkup, serial_identity, serial_ports};
     #[pymodule_export]
     use super::emulator::emulate;
     #[pymodule_export]
