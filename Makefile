@@ -3,7 +3,7 @@
 #   make test       everything that must hold (random cases by a fixed seed: no luck in a landing)
 #   make check      format, lint, types, Rust documentation; warnings are errors
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
-#   make docs       pages that are made from the program: what errors mean, the fields, the verbs, licences
+#   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
 #   make charts     pictures of error against cost, and of stability (docs/charts)
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
@@ -54,6 +54,7 @@ bench: $(VENV)/dev
 docs: $(VENV)/dev
 	$(BIN)/python -m docs.generators.error_pages docs/errors
 	$(BIN)/python -m docs.generators.reference docs/reference.md
+	$(BIN)/python -m docs.generators.faults docs/faults.md
 	$(BIN)/python -m ergon.repl.language.help docs/cheat-sheet.md
 	$(BIN)/python core-rs/third_party.py LICENSE-THIRD-PARTY
 

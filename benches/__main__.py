@@ -1,6 +1,7 @@
 """`python -m benches [SCENE…]`: measure some scenes, or all and write docs/benchmarks.md.
 
-`--minutes 10`: how long the duet is; a minute otherwise. `--runs 20`: how often each stop is done.
+`--minutes 10`: how long the duet, and `soak_live`, are; a minute otherwise.
+`--runs 20`: how often each stop is done.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from benches.mesh import mesh
 from benches.native import Loops, compiler
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
+from benches.soak import soak, soak_live
 from benches.stall import stall
 from benches.stops import stops
 from benches.string import string
@@ -49,9 +51,13 @@ def main(arguments: list[str]) -> int:
         "interrupts": interrupts,
         "duet": partial(duet, loops, asked.minutes),
         "haply": haply,
+        "soak": soak,
         "stall": stall,
         "stops": partial(stops, asked.runs),
     }
+    # By the clock for minutes: only where it is named.
+    if "soak_live" in wanted:
+        scenes["soak_live"] = partial(soak_live, asked.minutes)
     if unknown := [name for name in wanted if name not in scenes]:
         print(f"no scene {unknown[0]}; there are {', '.join(scenes)}", file=sys.stderr)
         return 2

@@ -16,7 +16,7 @@ from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
 
 _LIBRARY = Path(__file__).parent.parent / "scores" / "library"
-_LINES = (
+LINES = (
     "{a} plays {g} every 1 now",
     "{g} = 0@0 smooth 5@1/8 smooth 0@1/2",
     "{b} plays {g} every 2 do scale 0.9",
@@ -35,7 +35,7 @@ _MARGIN = 0.006  # [s] as `ergon repl` has it
 def repl() -> list[Row]:
     """Enter to the answer, all checked and built: a hundred modules, and the bundled duet."""
     names = {"a": "p0", "b": "p1", "g": "knock", "i": "bells"}
-    small = _answered("100 modules, 4 players", _hundred(), names)
+    small = _answered("100 modules, 4 players", hundred(), names)
     names = {"a": "ada", "b": "ada", "g": "soft", "i": "gong"}
     duet = (_LIBRARY / "duet.yaml").read_text(encoding="utf-8")
     return [small, _answered("the bundled duet", duet, names, _LIBRARY)]
@@ -57,7 +57,7 @@ def _answered(what: str, text: str, names: dict[str, str], folder: Path | None =
                 session.submit(line)
             time.sleep(_APART)
             for _ in range(6):
-                for line in _LINES:
+                for line in LINES:
                     said = line.format(**names)
                     begin = time.perf_counter()
                     reply = session.submit(said)
@@ -78,7 +78,7 @@ def _answered(what: str, text: str, names: dict[str, str], folder: Path | None =
     )
 
 
-def _hundred() -> str:
+def hundred() -> str:
     """Fifty bells, fifty contacts, four hands."""
     cells = [f"      m{i}: {{CEL: {{M: 2g, f: {200 + 7 * i}Hz, t60: 1s}}}}" for i in range(50)]
     contacts = [

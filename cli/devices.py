@@ -42,12 +42,12 @@ def devices(console: Console, probe: bool) -> None:
 def _sound(console: Console) -> None:
     from ergon import _core
 
-    for backend, is_there, what in _core.survey_audio():
+    for system in _core.survey_audio():
         if console.json:
-            console.record("sound", audio=backend, there=is_there, said=what)
+            console.record("sound", audio=system.name, there=system.available, said=system.sentence)
         else:
-            there = "" if is_there else "not there: "
-            console.data(f"sound   {backend:12} {there}{what}\n")
+            there = "" if system.available else "not there: "
+            console.data(f"sound   {system.name:12} {there}{system.sentence}\n")
 
 
 def _named(console: Console) -> None:

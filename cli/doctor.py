@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
 from . import options
 from .console import Console
-from .outcome import DeviceMissing, Refused
+from .outcome import DeviceMissing, Findings, Refused
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,15 +24,32 @@ if TYPE_CHECKING:
 @click.option(
     "--seconds", type=click.FloatRange(0.1, 3600), default=3.0, help="To measure each; 3."
 )
+@click.option(
+    "--safety",
+    is_flag=True,
+    help="Make faults on emulated devices instead, and say how soon the force ends.",
+)
 @options.speaking
 def doctor(
-    console: Console, no_audio: bool, audio: str, devices: tuple[str, ...], seconds: float
+    console: Console,
+    no_audio: bool,
+    audio: str,
+    devices: tuple[str, ...],
+    seconds: float,
+    safety: bool,
 ) -> None:
     """Measure whether this machine is fit to play.
 
     What the physics thread is really granted, how late it wakes, where sound goes and how long it
     takes, how long devices take to answer; and what to do about each. Devices get no force.
+
+    With --safety no machine is measured and no device opened: every fault is made on every emulated
+    device, in virtual time. Exits 1 when a force lasts longer, is greater or grows faster than it
+    may.
     """
+    if safety:
+        _safety(console)
+        return
     for finding in _findings(audio, no_audio, seconds):
         _tell(console, finding)
     missing = []
@@ -42,6 +60,28 @@ def doctor(
             missing.append(error.message)
     if missing:
         raise DeviceMissing("; ".join(missing))
+
+
+def _safety(console: Console) -> None:
+    from ergon.live import faults
+
+    rows = faults.measured()
+    exceeding = []
+    for row in rows:
+        if not console.json:
+            console.data(f"{row.fault}  (bound: {faults.bound(row)})\n")
+        for cell in row.cells:
+            if cell.exceeds:
+                exceeding.append(f"{row.fault}, {cell.device}")
+            if console.json:
+                console.record("fault", fault=row.fault, **asdict(cell))
+            else:
+                mark = "  EXCEEDS ITS BOUND" if cell.exceeds else ""
+                console.data(f"    {cell.device:9}  {cell.said}{mark}\n")
+    if exceeding:
+        raise Findings(
+            f"a force lasts longer, is greater or grows faster than it may: {'; '.join(exceeding)}"
+        )
 
 
 def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:

@@ -91,7 +91,7 @@ def sound(spec: str) -> Finding:
         out.set_prefill(AHEAD)
         out.play(np.zeros((rate // 2, 2), dtype=np.float32))
         out.finish(5.0)
-        backend, device, card, block, latency, sentence = out.info
+        info = out.info
         gaps = out.underruns
         out.close()
     except _core.EngineError as error:
@@ -99,21 +99,21 @@ def sound(spec: str) -> Finding:
             "start PipeWire, PulseAudio or JACK; without one `--audio file:x.wav` keeps the sound"
         )
         return Finding("sound", str(error), todo, {"backend": None})
-    total = AHEAD / rate + latency
-    said = f"{sentence}; heard {1e3 * total:.0f} ms after it is computed"
+    total = AHEAD / rate + info.latency
+    said = f"{info.sentence}; heard {1e3 * total:.0f} ms after it is computed"
     todo = ""
-    if backend == "null":
+    if info.backend == "null":
         todo = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
     elif gaps:
         todo = "half a second of silence had gaps: ask for a larger --block, or --ahead 4096"
-    elif block > 1024:
+    elif info.block > 1024:
         todo = "the server takes large blocks: --block 256 asks for smaller ones"
     numbers: dict[str, object] = {
-        "backend": backend,
-        "device": device,
-        "rate_hz": card,
-        "block": block,
-        "latency_s": latency,
+        "backend": info.backend,
+        "device": info.device,
+        "rate_hz": info.rate,
+        "block": info.block,
+        "latency_s": info.latency,
         "total_s": total,
         "gaps": gaps,
     }

@@ -30,16 +30,15 @@ class Port:
 
 def ports() -> list[Port]:
     """All serial ports; none is opened."""
-    return [_port(path, usb) for path, usb in _core.serial_ports()]
+    return [_port(port.path, port.usb) for port in _core.serial_ports()]
 
 
-def _port(path: str, usb: tuple[int, int, str, str] | None) -> Port:
+def _port(path: str, usb: _core.UsbBoard | None) -> Port:
     if usb is None:
         return Port(path, "", ())
-    vendor, _, name, serial = usb
-    maker, kinds = _VENDORS.get(vendor, ("", ()))
-    words = [maker] if maker and maker not in name else []
-    words += [word for word in (name, serial) if word]
+    maker, kinds = _VENDORS.get(usb.vendor, ("", ()))
+    words = [maker] if maker and maker not in usb.name else []
+    words += [word for word in (usb.name, usb.serial) if word]
     where = _by_id(path)
     return Port(path, " ".join(words), tuple(f"{kind}:{where}" for kind in kinds))
 

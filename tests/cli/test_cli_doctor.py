@@ -6,16 +6,19 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from benches.interrupts import CHILD
 from boards import Board, emulated
+from docs.generators import faults
 from patience import PATIENCE, until
 
 from ergon import _core
 from ergon.cli import app
 from ergon.live import fitness, ports
+from ergon.live.faults import Cell, Row
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 
@@ -100,6 +103,12 @@ def test_an_ftdi_chip_that_waits_is_seen(tmp_path: Path):
     assert ports.latency_timer("emul:", tmp_path) is None
 
 
+def port(path: str, vendor: int | None = None, name: str = "", serial: str = "") -> object:
+    """A serial port as the core lists it."""
+    usb = SimpleNamespace(vendor=vendor, product=0, name=name, serial=serial)
+    return SimpleNamespace(path=path, usb=None if vendor is None else usb)
+
+
 def test_devices_lists_sound_names_and_ports(
     folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ):
@@ -110,9 +119,9 @@ def test_devices_lists_sound_names_and_ports(
         "sign = 1\nzero = 0.0\ngain = 1.0\nrange = [-0.03, 0.03]\nforce_max = 1.5\n"
     )
     plugged = [
-        ("/dev/ttyACM0", (0x16C0, 0x0483, "USB Serial", "77")),
-        ("/dev/ttyS0", None),
-        ("/dev/ttyUSB0", (0x0403, 0x6001, "FT232R", "")),
+        port("/dev/ttyACM0", 0x16C0, "USB Serial", "77"),
+        port("/dev/ttyS0"),
+        port("/dev/ttyUSB0", 0x0403, "FT232R"),
     ]
     monkeypatch.setattr(_core, "serial_ports", lambda: plugged)
     monkeypatch.setattr(ports, "BY_ID", folder / "by-id")
@@ -137,7 +146,7 @@ def test_devices_lists_sound_names_and_ports(
 def test_devices_probes_only_when_asked(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     with emulated("frame", "--pty") as url:
         path = url.removeprefix("frame:")
-        monkeypatch.setattr(_core, "serial_ports", lambda: [(path, (0x2E8A, 10, "Pico", ""))])
+        monkeypatch.setattr(_core, "serial_ports", lambda: [port(path, 0x2E8A, "Pico")])
         assert app.run(["devices", "--json"]) == 0
         assert by(records(capsys), "port")["answers"] == {}
         assert app.run(["devices", "--json", "--probe"]) == 0
@@ -145,7 +154,8 @@ def test_devices_probes_only_when_asked(capsys: Capture, monkeypatch: pytest.Mon
 
 
 def test_the_real_list_of_ports_can_be_had():
-    assert all(path and (usb is None or len(usb) == 4) for path, usb in _core.serial_ports())
+    found = _core.serial_ports()
+    assert all(one.path and (one.usb is None or one.usb.vendor) for one in found)
 
 
 TICK = 44100 / 44
@@ -241,3 +251,35 @@ def test_what_cannot_be_recorded(capsys: Capture):
     assert app.run([*record, "emul:"]) == 2
     assert app.run([*record, "emul:", "--live", "emul:", "-o", "x.take"]) == 2
     assert "is given to two players" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def faults_page() -> str:
+    return faults.page()
+
+
+def test_the_committed_table_of_faults_is_what_the_command_measures(faults_page: str):
+    committed = (Path(__file__).parents[2] / "docs/faults.md").read_text(encoding="utf-8")
+    assert committed == faults_page  # make docs
+
+
+def test_doctor_safety_tells_every_fault_on_every_device(capsys: Capture):
+    assert app.run(["doctor", "--safety", "--json"]) == 0
+    found = records(capsys)
+    assert {r["event"] for r in found} == {"fault"}
+    assert {r["device"] for r in found} == {"emul", "frame", "firefader", "haply"}
+    assert len(found) == 4 * len({r["fault"] for r in found}) == 60
+    assert not any(r["exceeds"] for r in found)
+    (nan,) = (r for r in found if r["device"] == "frame" and "NaN" in r["fault"])
+    assert nan["seconds"] == nan["bound"] == 1e-3
+
+
+def test_doctor_safety_fails_where_a_force_exceeds_its_bound(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+):
+    cell = Cell("frame", "60 ms", 0.06, 0.05, 1.0, 0.1, exceeds=True)
+    monkeypatch.setattr("ergon.live.faults.measured", lambda: [Row("the port is gone", [cell])])
+    assert app.run(["doctor", "--safety"]) == 1
+    told = capsys.readouterr()
+    assert "EXCEEDS ITS BOUND" in told.out
+    assert "the port is gone, frame" in told.err

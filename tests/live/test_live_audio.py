@@ -94,7 +94,7 @@ try:
     out.play(np.ones((200_000, 2), np.float32))
     assert out.finish({PATIENCE}), "the performance goes on"
     assert not out.alive
-    print(out.events[0][2])
+    print(out.events[0].sentence)
     out.close()
 except _core.EngineError as error:
     print(error)
@@ -115,7 +115,7 @@ def test_the_clock_takes_frames_by_time():
     assert out.finish(PATIENCE)
     # Not sooner than they last; how much later is the machine's affair.
     assert time.monotonic() - began >= 0.7
-    assert out.info[3] == 64
+    assert out.info.block == 64
     out.close()
     assert not out.alive
 
@@ -129,11 +129,11 @@ def test_without_a_clock_nothing_is_lost():
 
 def test_auto_says_what_it_found_and_what_it_did_not():
     out = _core.AudioOut("auto", RATE, 2)
-    backend, *_, sentence = out.info
+    backend, sentence = out.info.backend, out.info.sentence
     assert backend == "null"
     assert "no JACK server" in sentence or "no JACK library" in sentence
     assert "PulseAudio" in sentence
-    assert [name for name, *_ in _core.survey_audio()] == ["jack", "pulse", "null", "file"]
+    assert [system.name for system in _core.survey_audio()] == ["jack", "pulse", "null", "file"]
 
 
 @pytest.mark.parametrize(
@@ -178,12 +178,12 @@ def captured(sound: np.ndarray, spec: str = "jack") -> Iterator[_core.AudioOut]:
 
 def test_jack_hears_every_bit(jack: Jack):
     with captured(noise(RATE, jack.channels)) as out:
-        backend, device, rate, block, latency, sentence = out.info
-        assert (backend, rate, block) == ("jack", RATE, jack.block)
-        assert "ergon" in device
-        assert "system:playback_1" in device
-        assert latency > 0
-        assert "24 channels at 48000 Hz" in sentence
+        info = out.info
+        assert (info.backend, info.rate, info.block) == ("jack", RATE, jack.block)
+        assert "ergon" in info.device
+        assert "system:playback_1" in info.device
+        assert info.latency > 0
+        assert "24 channels at 48000 Hz" in info.sentence
         assert out.alive
 
 
@@ -226,24 +226,24 @@ def test_an_underrun_is_counted_and_fades(jack: Jack):
 
 def test_jack_at_another_rate_converts_and_says_so(jack: Jack):
     out = _core.AudioOut("jack", 44100, 2)
-    assert out.info[2] == RATE
-    assert "converted from 44100 Hz" in out.info[5]
+    assert out.info.rate == RATE
+    assert "converted from 44100 Hz" in out.info.sentence
     out.play(np.zeros((22050, 2), np.float32))
     assert out.finish(PATIENCE)
     assert out.played == 22050
 
 
 def test_jack_connects_only_where_it_may(jack: Jack, monkeypatch: pytest.MonkeyPatch):
-    assert "not connected" in _core.AudioOut("jack:none", RATE, 2).info[1]
-    assert "system:playback_3" in _core.AudioOut("jack:playback_[34]$", RATE, 2).info[1]
-    assert "first 24 channels" in _core.AudioOut("jack", RATE, 30).info[5]
+    assert "not connected" in _core.AudioOut("jack:none", RATE, 2).info.device
+    assert "system:playback_3" in _core.AudioOut("jack:playback_[34]$", RATE, 2).info.device
+    assert "first 24 channels" in _core.AudioOut("jack", RATE, 30).info.sentence
     monkeypatch.setenv("JACK_NO_AUTOCONNECT", "1")
-    assert "not connected" in _core.AudioOut("jack", RATE, 2).info[1]
+    assert "not connected" in _core.AudioOut("jack", RATE, 2).info.device
 
 
 def test_auto_finds_jack(jack: Jack):
-    assert _core.AudioOut("auto", RATE, 2).info[0] == "jack"
-    assert _core.survey_audio()[0][2].startswith("a server at 48000 Hz")
+    assert _core.AudioOut("auto", RATE, 2).info.backend == "jack"
+    assert _core.survey_audio()[0].sentence.startswith("a server at 48000 Hz")
 
 
 def playing_until(out: _core.AudioOut, true, what: str) -> None:
@@ -271,7 +271,8 @@ def test_a_jack_server_that_dies_is_found_again(name: str):
         playing_until(out, lambda: out.alive, "the return")
         back = out.played
         playing_until(out, lambda: out.played > back + RATE // 10, "sound again")
-        (_, _, first), (_, frame, second) = out.events
+        one, two = out.events
+        first, frame, second = one.sentence, two.frame, two.sentence
         assert "lost" in first
         assert "back" in second
         assert lost <= frame <= out.played
@@ -288,7 +289,8 @@ def test_pulse_hears_every_bit(tmp_path: Path):
     with server.run():
         with server.recording(path):
             out = _core.AudioOut("pulse:dome", RATE, server.channels, capacity=16384)
-            assert out.info[:3] == ("pulse", "Null Output", RATE)
+            info = out.info
+            assert (info.backend, info.device, info.rate) == ("pulse", "Null Output", RATE)
             out.play(sound)
             assert out.finish(PATIENCE)
             time.sleep(0.5)  # parec hands on what it has
@@ -303,11 +305,11 @@ def test_pulse_hears_every_bit(tmp_path: Path):
 def test_pulse_converts_to_the_rate_of_its_sink(tmp_path: Path):
     with Pulse(tmp_path, rate=44100, channels=2).run():
         out = _core.AudioOut("pulse", RATE, 2)
-        assert out.info[2] == 44100
-        assert "converted from 48000 Hz" in out.info[5]
+        assert out.info.rate == 44100
+        assert "converted from 48000 Hz" in out.info.sentence
         with pytest.raises(_core.EngineError, match="no sink nowhere"):
             _core.AudioOut("pulse:nowhere", RATE, 2)
-        assert "dome (2 channels, 44100 Hz, default)" in _core.survey_audio()[1][2]
+        assert "dome (2 channels, 44100 Hz, default)" in _core.survey_audio()[1].sentence
 
 
 def test_a_pulse_server_that_dies_is_found_again(tmp_path: Path):
@@ -319,5 +321,5 @@ def test_a_pulse_server_that_dies_is_found_again(tmp_path: Path):
     playing_until(out, lambda: not out.alive, "the loss")
     with server.run():
         playing_until(out, lambda: out.alive, "the return")
-        assert ["lost" in said for *_, said in out.events] == [True, False]
+        assert ["lost" in event.sentence for event in out.events] == [True, False]
         out.close()

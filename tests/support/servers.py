@@ -72,7 +72,7 @@ def _is_there(name: str) -> bool:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("JACK_DEFAULT_SERVER", name)
-        return _core.survey_audio()[0][2] != "no JACK server runs"
+        return _core.survey_audio()[0].sentence != "no JACK server runs"
 
 
 class Jack:
@@ -90,7 +90,7 @@ class Jack:
         driver = ["-d", "dummy", "-r", self.rate, "-p", self.block, "-C", 2, "-P", self.channels]
         environment = os.environ | {"JACK_NO_AUDIO_RESERVATION": "1"}
         with running([*server, *map(str, driver)], env=environment) as process:
-            until(lambda: _core.survey_audio()[0][1], "a JACK server")
+            until(lambda: _core.survey_audio()[0].available, "a JACK server")
             yield process
 
 
@@ -119,7 +119,7 @@ class Pulse:
             *("--resample-method=copy", "-L", sink, "-L", door),
         ]
         with running(command, env=os.environ | own) as process:
-            until(lambda: _core.survey_audio()[1][1], "a PulseAudio server")
+            until(lambda: _core.survey_audio()[1].available, "a PulseAudio server")
             yield process
 
     @contextlib.contextmanager

@@ -117,9 +117,9 @@ impl AudioOut {
         self.output.shared().release();
     }
 
-    /// (backend, device, rate [Hz], block [frames], latency [s], the whole as a sentence).
+    /// Where the frames go.
     #[getter]
-    fn info(&self) -> (String, String, u32, u32, f64, String) {
+    fn info(&self) -> AudioInfo {
         let Info {
             backend,
             device,
@@ -129,15 +129,26 @@ impl AudioOut {
             sentence,
             ..
         } = self.output.info();
-        (backend, device, rate, block, latency_s, sentence)
+        AudioInfo {
+            backend,
+            device,
+            rate,
+            block,
+            latency: latency_s,
+            sentence,
+        }
     }
 
-    /// What happened: (when [s], frame, sentence) each.
+    /// What happened.
     #[getter]
-    fn events(&self) -> Vec<(f64, u64, String)> {
+    fn events(&self) -> Vec<AudioEvent> {
         let events = self.output.events().into_iter();
         events
-            .map(|event| (event.at, event.frame, event.sentence))
+            .map(|event| AudioEvent {
+                at: event.at,
+                frame: event.frame,
+                sentence: event.sentence,
+            })
             .collect()
     }
 
@@ -228,14 +239,52 @@ pub(crate) fn play_frames(
     }
 }
 
-/// What there is to play on: (backend, whether it is there, what it is or why not) each. Starts no server.
+/// Where the frames of an output go.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct AudioInfo {
+    backend: String,
+    device: String,
+    /// [Hz]
+    rate: u32,
+    /// [frames]
+    block: u32,
+    /// [s]
+    latency: f64,
+    /// All of it.
+    sentence: String,
+}
+
+/// Something that happened to an output.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct AudioEvent {
+    /// Since it was opened [s].
+    at: f64,
+    frame: u64,
+    sentence: String,
+}
+
+/// A sound system, whether it is there or not.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct AudioBackend {
+    name: String,
+    available: bool,
+    /// What it is, or why it is not there.
+    sentence: String,
+}
+
+/// What there is to play on. Starts no server.
 #[pyfunction]
-pub(crate) fn survey_audio(py: Python<'_>) -> Vec<(String, bool, String)> {
+pub(crate) fn survey_audio(py: Python<'_>) -> Vec<AudioBackend> {
     let found = py.detach(audio::survey).into_iter();
     found
-        .map(|(backend, found)| match found {
-            Ok(what) => (backend, true, what),
-            Err(why) => (backend, false, why),
+        .map(|(name, found)| {
+            let available = found.is_ok();
+            let (Ok(sentence) | Err(sentence)) = found;
+            AudioBackend {
+                name,
+                available,
+                sentence,
+            }
         })
         .collect()
 }

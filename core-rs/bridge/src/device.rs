@@ -88,16 +88,36 @@ fn ticks(seconds: f64, period: f64) -> PyResult<usize> {
 /// Serial ports: (path, (vendor, product, name, serial number) of what came by USB) each.
 #[pyfunction]
 #[allow(clippy::type_complexity)]
-pub(crate) fn serial_ports(py: Python<'_>) -> Vec<(String, Option<(u16, u16, String, String)>)> {
+pub(crate) fn serial_ports(py: Python<'_>) -> Vec<SerialPort> {
     let found = py.detach(ports::serial_ports).into_iter();
     found
-        .map(|port| {
-            let usb = port
-                .usb
-                .map(|usb| (usb.vendor, usb.product, usb.name, usb.serial));
-            (port.path, usb)
+        .map(|port| SerialPort {
+            path: port.path,
+            usb: port.usb.map(|usb| UsbBoard {
+                vendor: usb.vendor,
+                product: usb.product,
+                name: usb.name,
+                serial: usb.serial,
+            }),
         })
         .collect()
+}
+
+/// A serial port of this machine.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct SerialPort {
+    path: String,
+    usb: Option<UsbBoard>,
+}
+
+/// What a board on USB says of itself.
+#[pyclass(frozen, get_all, from_py_object, module = "ergon._core")]
+#[derive(Clone)]
+pub(crate) struct UsbBoard {
+    vendor: u16,
+    product: u16,
+    name: String,
+    serial: String,
 }
 
 /// What the board on a serial port is called wherever it is plugged in; None where that is not certain.

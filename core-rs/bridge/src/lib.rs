@@ -8,6 +8,7 @@ mod chance;
 mod device;
 mod emulator;
 mod error;
+mod faults;
 mod frames;
 mod guardian;
 mod law;
@@ -33,15 +34,21 @@ use pyo3::prelude::*;
 #[pymodule(gil_used = false)]
 mod _core {
     #[pymodule_export]
-    use super::audio::{AudioOut, JackCapture, play_frames, survey_audio};
+    use super::audio::{AudioBackend, AudioEvent, AudioInfo, AudioOut, JackCapture};
+    #[pymodule_export]
+    use super::audio::{play_frames, survey_audio};
     #[pymodule_export]
     use super::chance::Chance;
     #[pymodule_export]
-    use super::device::{Checkup, Device, checkup, serial_identity, serial_ports};
+    use super::device::{Checkup, Device, SerialPort, UsbBoard};
+    #[pymodule_export]
+    use super::device::{checkup, serial_identity, serial_ports};
     #[pymodule_export]
     use super::emulator::emulate;
     #[pymodule_export]
     use super::error::{DivergedError, EngineError, LawError, UnstableError, UnsureError};
+    #[pymodule_export]
+    use super::faults::{FaultMeasurement, measure_faults};
     #[pymodule_export]
     use super::guardian::guard_haply;
     #[pymodule_export]

@@ -6,7 +6,7 @@ pub mod calibrate;
 mod emulated;
 mod firefader;
 mod frame;
-mod haply;
+pub(crate) mod haply;
 #[cfg(unix)]
 mod lock;
 mod port;
@@ -17,6 +17,7 @@ pub use crate::safety::contract::{Device, Gone, Histogram, LastResort, Sample, S
 pub use crate::wire::MAX_AXES;
 pub use emulated::Emulated;
 pub use haply::guardian;
+pub(crate) use port::InProcess;
 pub use url::{Kind, Url, UrlError};
 
 use std::time::Duration;
@@ -76,4 +77,37 @@ pub fn open(url: &Url) -> Result<Box<dyn Device>, DeviceError> {
         return Err(url.cannot(NO_AXIS));
     }
     Ok(device)
+}
+
+/// The driver of a kind of device whose wire ends in this process.
+///
+/// # Errors
+/// [`DeviceError`] where nobody answers there, or the kind has no such wire.
+pub(crate) fn open_in_process(
+    kind: Kind,
+    board: Box<dyn InProcess>,
+) -> Result<Box<dyn Device>, DeviceError> {
+    let url = Url::in_process(kind);
+    let port = port::Port::InProcess(board);
+    Ok(match kind {
+        Kind::Frame => Box::new(frame::Frame::over(port, &url)?),
+        Kind::FireFader => Box::new(firefader::FireFader::over(port, &url)?),
+        _ => return Err(url.cannot("this kind of device has no wire in the process")),
+    })
+}
+
+/// Whether a second program that opens a board in datagrams is refused, as far as this system lets it be: the lock of
+/// an address that no board has is taken twice.
+#[cfg(unix)]
+pub(crate) fn second_opening_is_refused() -> bool {
+    let nobody = std::net::SocketAddr::from(([127, 0, 0, 1], 1));
+    // Where somebody else tries the same now, the first is refused as well.
+    let _first = lock::DeviceLock::take(nobody);
+    lock::DeviceLock::take(nobody).is_err()
+}
+
+/// This system has no such lock.
+#[cfg(not(unix))]
+pub(crate) fn second_opening_is_refused() -> bool {
+    false
 }

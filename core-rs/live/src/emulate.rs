@@ -9,6 +9,7 @@ mod key;
 mod line;
 mod serve;
 
+pub(crate) use firmware::HAPLY_ID;
 pub use firmware::{Board, Firmware, Protocol};
 pub use hand::Hand;
 pub use key::{Key, Keys};

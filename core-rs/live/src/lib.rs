@@ -7,6 +7,7 @@ pub mod audio;
 pub mod device;
 pub mod doctor;
 pub mod emulate;
+pub mod faults;
 #[cfg(test)]
 #[path = "tests/fuzz.rs"]
 mod fuzz;

@@ -22,6 +22,8 @@ pub use force::SafeForce;
 pub use limits::Limits;
 pub use plausibility::Trip;
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::time::{Duration, Instant};
 
 use crate::safety::contract::{Device, Gone, Sample, Spec};
@@ -113,6 +115,13 @@ impl<D: Device> Guarded<D> {
         self
     }
 
+    /// The same, and ages are judged by a clock that is set from elsewhere [ns].
+    #[must_use]
+    pub(crate) fn by_clock(mut self, nanoseconds: Arc<AtomicU64>) -> Self {
+        self.clock = Clock::Set(nanoseconds);
+        self
+    }
+
     /// What the device is.
     pub fn spec(&self) -> &Spec {
         self.device.spec()
@@ -121,6 +130,11 @@ impl<D: Device> Guarded<D> {
     /// The device itself, to look at.
     pub fn device(&self) -> &D {
         &self.device
+    }
+
+    /// The device itself, to make a fault on.
+    pub(crate) fn device_mut(&mut self) -> &mut D {
+        &mut self.device
     }
 
     /// Whether the device's time is the host's.

@@ -81,7 +81,8 @@ fn the_sketch_is_a_device() {
     assert!((spec.force_max_peak - 1.5).abs() < 1e-6 && (spec.pos_range[1] - 0.05).abs() < 1e-6);
     let go = AtomicBool::new(false);
     let mut tries = (0..TRIES).map(|_| direction(&mut device, 0, Pulse::of(&spec), 1e-3, &go));
-    let found = tries.find(|found| *found != Err(Unsure::Still));
+    // A pulse that was held up moves the key too little, or to one side alone.
+    let found = tries.find(|found| !matches!(found, Err(Unsure::Still | Unsure::OneWay)));
     assert_eq!(found, Some(Ok(1.0)));
     let limits = Limits {
         ramp: 0.0,

@@ -836,10 +836,8 @@ class AudioOut:
         """Silence within 5 ms, until `release`."""
     def release(self) -> None:
         """Sound again, faded in."""
-    info: tuple[str, str, int, int, float, str]
-    """(backend, device, rate [Hz], block [frames], latency [s], all of it as a sentence)."""
-    events: list[tuple[float, int, str]]
-    """All events so far: (time since it was opened [s], frame, sentence)."""
+    info: AudioInfo
+    events: list[AudioEvent]  # all so far
     alive: bool  # a card or server takes frames
     freewheeling: bool  # a JACK server that runs as fast as it can
     underruns: int
@@ -847,6 +845,33 @@ class AudioOut:
     played: int  # frames of the score that went to the card
     discarded: int  # frames that a panic threw away
     xruns: int  # late cycles that the server told of
+
+@final
+class AudioInfo:
+    """Where the frames of an output go."""
+
+    backend: str
+    device: str
+    rate: int  # of the card or file [Hz]
+    block: int  # [frames]
+    latency: float  # [s]
+    sentence: str  # all of it
+
+@final
+class AudioEvent:
+    """Something that happened to an output: an underrun, a server that died."""
+
+    at: float  # since the output was opened [s]
+    frame: int
+    sentence: str
+
+@final
+class AudioBackend:
+    """A sound system, whether it is there or not."""
+
+    name: str
+    available: bool
+    sentence: str  # what it is, or why it is not there
 
 @final
 class JackCapture:
@@ -867,8 +892,8 @@ def play_frames(frames: NDArray[np.float32], rate: int, spec: str = "auto") -> s
     Raises EngineError.
     """
 
-def survey_audio() -> list[tuple[str, bool, str]]:
-    """(backend, whether it is available, what it is or why not) of each backend; starts no server."""
+def survey_audio() -> list[AudioBackend]:
+    """Every sound system that ergon knows; starts no server."""
 
 # --- live ---------------------------------------------------------------------------------------
 
@@ -1098,8 +1123,24 @@ def guard_haply() -> None:
     silent or stopped. Raises EngineError where the standard input is not a host.
     """
 
-def serial_ports() -> list[tuple[str, tuple[int, int, str, str] | None]]:
-    """(path, (vendor, product, name, serial number) or None unless USB) of each serial port."""
+@final
+class UsbBoard:
+    """What a board on USB says of itself."""
+
+    vendor: int
+    product: int
+    name: str
+    serial: str
+
+@final
+class SerialPort:
+    """A serial port of this machine."""
+
+    path: str
+    usb: UsbBoard | None  # None: not on USB
+
+def serial_ports() -> list[SerialPort]:
+    """Every serial port of this machine."""
 
 def serial_identity(path: str) -> str | None:
     """A name of the board on a serial port that does not depend on the port; None where unknown."""
@@ -1130,6 +1171,26 @@ class Device:
         """Send zero forces every `period` [s] for `seconds` [s], and time the replies."""
     def close(self) -> None:
         """Close it; forces are zero."""
+
+def measure_faults() -> list[FaultMeasurement]:
+    """Make every fault on every emulated device, in virtual time: some seconds of computing.
+
+    Raises EngineError where an emulator does not answer its own driver.
+    """
+
+@final
+class FaultMeasurement:
+    """One fault on one emulated device: how soon its force is zero, and how great the force gets."""
+
+    fault: str  # in words
+    device: str  # the kind of device, as in a URL
+    seconds: float | None  # from the fault to zero force [s]; None: it does not end, or is excluded
+    bound: float | None  # the longest that is allowed [s]; None: no bound is set
+    excluded: str | None  # why the fault is not made on this device
+    unbounded: str | None  # why no bound is set
+    force: float  # greatest from the fault on [N]
+    rise: float  # fastest growth of the force from the fault on [N/ms]
+    exceeds: bool  # time, force or growth is beyond its bound
 
 @final
 class Checkup:

@@ -56,8 +56,13 @@ impl FireFader {
             return Err(url.cannot("the option wide is only for the open frame"));
         }
         let baud = url.number("baud", f64::from(BAUD))? as u32;
+        Self::over(Port::serial(url, baud)?, url)
+    }
+
+    /// The device at the other end of a port.
+    pub(super) fn over(port: Port, url: &Url) -> Result<Self, DeviceError> {
         let mut this = Self {
-            port: Port::serial(url, baud)?,
+            port,
             spec: spec(),
             lockstep: url.lockstep,
             inbox: Inbox::new(),

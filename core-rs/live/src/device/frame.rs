@@ -62,10 +62,15 @@ fn spec(who: &wire::DeviceInfo) -> Option<Spec> {
 
 impl Frame {
     pub(super) fn open(url: &Url) -> Result<Self, DeviceError> {
-        let mut port = match url.kind {
+        let port = match url.kind {
             Kind::FrameUdp => Port::udp(url)?,
             _ => Port::serial(url, url.number("baud", f64::from(BAUD))? as u32)?,
         };
+        Self::over(port, url)
+    }
+
+    /// The device at the other end of a port.
+    pub(super) fn over(mut port: Port, url: &Url) -> Result<Self, DeviceError> {
         let who = ask(&mut port).map_err(|gone| url.closed(gone))?;
         let who = who.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&who).ok_or_else(|| {

@@ -19,7 +19,9 @@ use super::{
 use crate::safety::SafeForce;
 use crate::safety::contract::Sent;
 use guardian::{HostRequest, Reply};
-use line::{ForceCommand, GuardianReply, Line, put_text, take_text};
+pub(crate) use line::ForceCommand;
+use line::{GuardianReply, Line, put_text, take_text};
+pub(crate) use rules::{Action, Rules};
 
 /// How long a guardian may take to start, on a busy machine.
 const START: Duration = Duration::from_secs(10);
@@ -43,7 +45,7 @@ pub(super) struct Haply {
 }
 
 /// Of an Inverse3, as a community driver lists it; its mass and friction are for metrology to find.
-fn spec() -> Spec {
+pub(crate) fn spec() -> Spec {
     Spec {
         dof: 3,
         unit: Unit::Metre,

@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use super::{DeviceError, Gone, Url};
 
 /// Where packets go.
-#[derive(Debug)]
 pub(super) enum Port {
     /// A serial line: bytes, in pieces of any size.
     #[cfg(unix)]
@@ -18,6 +17,23 @@ pub(super) enum Port {
     Udp(UdpSocket, #[expect(dead_code)] super::lock::DeviceLock),
     #[cfg(not(unix))]
     Udp(UdpSocket, ()),
+    /// A board in this process.
+    InProcess(Box<dyn InProcess>),
+}
+
+/// The other end of a wire that does not leave this process.
+pub(crate) trait InProcess: Send {
+    /// A packet goes to the board.
+    ///
+    /// # Errors
+    /// [`Gone`] when there is no board.
+    fn write(&mut self, packet: &[u8]) -> Result<(), Gone>;
+
+    /// Take what has come from the board, without waiting; returns how many bytes.
+    ///
+    /// # Errors
+    /// [`Gone`] when there is no board.
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone>;
 }
 
 impl Port {
@@ -76,6 +92,7 @@ impl Port {
             #[cfg(not(unix))]
             Self::Serial(port) => std::io::Write::write_all(port, packet).or_else(forgiven),
             Self::Udp(socket, _) => socket.send(packet).map(drop).or_else(forgiven),
+            Self::InProcess(board) => board.write(packet),
         }
     }
 
@@ -83,6 +100,8 @@ impl Port {
     pub(super) fn read(&mut self, into: &mut [u8], deadline: Instant) -> Result<usize, Gone> {
         loop {
             let got = match self {
+                // Nothing comes while this waits.
+                Self::InProcess(board) => return board.read(into),
                 #[cfg(unix)]
                 Self::Serial(fd) => unix::read(fd, into)?,
                 #[cfg(not(unix))]
@@ -116,6 +135,7 @@ impl Port {
         match self {
             Self::Serial(fd) => fd.as_raw_fd(),
             Self::Udp(socket, _) => socket.as_raw_fd(),
+            Self::InProcess(_) => -1,
         }
     }
 

@@ -127,6 +127,19 @@ impl Url {
         Ok(url)
     }
 
+    /// A device of a kind whose other end is in this process.
+    pub(super) fn in_process(kind: Kind) -> Self {
+        Self {
+            kind,
+            target: String::new(),
+            lockstep: false,
+            wide: false,
+            axis: None,
+            values: Vec::new(),
+            text: "a board in this process".to_owned(),
+        }
+    }
+
     /// An option's text.
     pub(crate) fn text(&self, key: &str) -> Option<&str> {
         let found = self.values.iter().find(|(known, _)| known == key);

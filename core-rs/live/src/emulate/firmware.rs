@@ -19,7 +19,7 @@ pub enum Protocol {
 }
 
 /// The emulated Haply device's name.
-const HAPLY_ID: &str = "EMUL";
+pub(crate) const HAPLY_ID: &str = "EMUL";
 /// The finger that FireFader's sensor sees.
 const FINGER: u8 = 100;
 

@@ -387,8 +387,12 @@ fn a_tick_does_not_allocate() {
         for tick in 0..TICKS {
             assert!(player.tick());
             match tick {
-                // The key is looked for by a thread that waits; ticks here do not.
-                2_000 => std::thread::sleep(Duration::from_millis(700)),
+                // The key is looked for by a thread that waits; ticks here do not, until it is found.
+                2_000 => {
+                    while !player.slots[1].is_there() && player.links.commands.is_empty() {
+                        std::thread::yield_now();
+                    }
+                }
                 3_000 => assert!(this.gain(0.5)),
                 4_000 => this.panic(),
                 4_500 => this.release(),

@@ -1,5 +1,7 @@
 //! The time by which the stages judge ages.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// A device in lockstep waits for its host, so its time is counted in ticks and every run repeats. Any other device
@@ -10,9 +12,8 @@ pub(super) enum Clock {
     Ticks { period: Duration, ticks: u32 },
     /// The wall clock.
     Wall,
-    /// A clock that a test sets [ns].
-    #[cfg(test)]
-    Set(std::sync::Arc<std::sync::atomic::AtomicU64>),
+    /// A clock that is set from elsewhere [ns]: virtual time.
+    Set(Arc<AtomicU64>),
 }
 
 impl Clock {
@@ -39,8 +40,7 @@ impl Clock {
         match self {
             Self::Ticks { period, ticks } => period.saturating_mul(*ticks),
             Self::Wall => wall(),
-            #[cfg(test)]
-            Self::Set(ns) => Duration::from_nanos(ns.load(std::sync::atomic::Ordering::Relaxed)),
+            Self::Set(ns) => Duration::from_nanos(ns.load(Ordering::Relaxed)),
         }
     }
 }

@@ -24,9 +24,9 @@ pub(super) type Bytes = [u8; LEN];
 
 /// To the guardian: the force of all axes [N].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct ForceCommand {
-    pub(super) number: u16,
-    pub(super) force: [f64; 3],
+pub(crate) struct ForceCommand {
+    pub(crate) number: u16,
+    pub(crate) force: [f64; 3],
 }
 
 /// From the guardian.

@@ -18,7 +18,7 @@ const SERVICE_GONE: Duration = LOCKSTEP_PATIENCE;
 
 /// What is to be done now.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Action {
+pub(crate) enum Action {
     Nothing,
     /// Send this force.
     Send([f64; 3]),
@@ -26,7 +26,7 @@ pub(super) enum Action {
     Gone,
 }
 
-pub(super) struct Rules {
+pub(crate) struct Rules {
     lockstep: bool,
     /// When the host was last heard.
     heard: Instant,
@@ -47,7 +47,7 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    pub(super) fn new(lockstep: bool, now: Instant) -> Self {
+    pub(crate) fn new(lockstep: bool, now: Instant) -> Self {
         Self {
             lockstep,
             heard: now,
@@ -63,7 +63,7 @@ impl Rules {
     }
 
     /// The host orders a force.
-    pub(super) fn order(&mut self, order: ForceCommand, now: Instant) {
+    pub(crate) fn order(&mut self, order: ForceCommand, now: Instant) {
         self.heard = now;
         if !self.lockstep {
             self.orders.clear();
@@ -72,7 +72,7 @@ impl Rules {
     }
 
     /// The service tells a state: the number of the order that it answers, and whether the guardian let go.
-    pub(super) fn state(&mut self, now: Instant) -> (u16, bool) {
+    pub(crate) fn state(&mut self, now: Instant) -> (u16, bool) {
         if self.lockstep {
             // Every command has its own state.
             let number = self.unanswered.pop_front();
@@ -85,7 +85,7 @@ impl Rules {
     }
 
     /// What is to be done now; to be asked again until it is nothing.
-    pub(super) fn due(&mut self, now: Instant) -> Action {
+    pub(crate) fn due(&mut self, now: Instant) -> Action {
         if self.lockstep {
             // Time is the host's, and nobody is late.
             return match self.orders.pop_front() {

@@ -84,6 +84,8 @@ impl Drift {
     }
 }
 
+/// A reply to one of so many latest requests is late, not another's.
+const LATE: u16 = 8192;
 /// So many replies to another are no leftovers of a session before.
 const SHARED: u32 = 32;
 
@@ -121,6 +123,10 @@ impl Sent {
     /// The reply to a request has come; says whether it is one of the latest and not one again.
     pub(crate) fn answered(&mut self, number: u16, now: Instant, stats: &mut Stats) -> bool {
         let age = self.next.wrapping_sub(number);
+        if age > 256 && age <= LATE && u64::from(age) <= stats.sent {
+            // A board that was held up answers what nobody waits for any more.
+            return false;
+        }
         if age == 0 || age > 256 {
             self.strange = self.strange.map(|strange| strange.saturating_add(2));
             return false;
@@ -183,6 +189,21 @@ mod tests {
             assert!(sent.answered(number, now, &mut stats));
         }
         assert!(sent.is_shared());
+    }
+
+    #[test]
+    fn replies_of_a_board_that_was_held_up_are_ours() {
+        let (mut sent, mut stats) = (Sent::default(), Stats::default());
+        let now = Instant::now();
+        assert_eq!(sent.number(now, &mut stats), 0);
+        assert!(sent.answered(0, now, &mut stats));
+        for _ in 0..1000 {
+            sent.number(now, &mut stats);
+        }
+        for number in 1..=1000 {
+            assert_eq!(sent.answered(number, now, &mut stats), number > 744);
+        }
+        assert!(!sent.is_shared());
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub(in crate::safety) struct Ages {
     seen: Option<Duration>,
     here: Option<Duration>,
     fade: Fade,
+    /// The next force is zero whatever else holds: the slew limit begins there, not at what was sent before the stall.
+    owes_zero: bool,
 }
 
 impl Ages {
@@ -27,6 +29,7 @@ impl Ages {
             seen: None,
             here: None,
             fade: Fade::WHOLE,
+            owes_zero: false,
         }
     }
 
@@ -54,6 +57,7 @@ impl Ages {
         if self.was_stopped(now) {
             counts.stalls += 1;
             self.restart();
+            self.owes_zero = true;
         }
         self.here = Some(now);
     }
@@ -65,8 +69,9 @@ impl Ages {
         [period, fade]: [f64; 2],
         counts: &mut Counts,
     ) -> bool {
-        let is_stale = self.seen.is_none() || self.is_old(self.seen, now) || self.was_stopped(now);
         self.look(now, counts);
+        let owes_zero = std::mem::take(&mut self.owes_zero);
+        let is_stale = owes_zero || self.seen.is_none() || self.is_old(self.seen, now);
         if is_stale {
             self.restart();
         } else {
@@ -86,6 +91,7 @@ impl Ages {
         if let_go {
             counts.let_go += 1;
             self.restart();
+            self.owes_zero = true;
         }
         let before = self.seen.replace(now);
         before.map(|before| now.saturating_sub(before).as_secs_f64())

@@ -94,8 +94,7 @@ impl Host {
     fn new(board: Board, force: f64) -> Self {
         let time = Arc::clone(&board.time);
         let limits = limits(&board);
-        let mut guarded = Guarded::new(board, limits, PERIOD);
-        guarded.clock = Clock::Set(Arc::clone(&time));
+        let guarded = Guarded::new(board, limits, PERIOD).by_clock(Arc::clone(&time));
         let mut this = Self {
             guarded,
             time,
@@ -149,7 +148,8 @@ impl Host {
 }
 
 const STOPS: [f64; 5] = [0.03, 0.06, 0.3, 2.0, 10.0];
-const FORCES: [f64; 2] = [2.03, -4.0];
+/// The last one is more than the slew limit takes away in a tick.
+const FORCES: [f64; 3] = [2.03, -4.0, 10.0];
 
 #[test]
 fn a_host_that_was_stopped_between_ticks_fades_in() {
@@ -177,6 +177,7 @@ fn a_host_that_was_stopped_before_the_reply_fades_in() {
             host.look();
             let from = host.felt().len();
             host.fades_in(from, force);
+            assert_eq!(host.felt()[from], 0.0);
             assert_eq!(host.guarded.counts().stalls, 1);
         }
     }
@@ -227,15 +228,18 @@ fn a_position_grows_old_by_the_clock() {
 /// A board lets go for reasons of its own too: its host was never late.
 #[test]
 fn a_board_that_let_go_is_faded_in() {
-    let mut host = Host::new(Board::new(), 4.0);
-    host.wait(PERIOD);
-    host.put(4.0);
-    host.guarded.device.sample.let_go = true;
-    host.look();
-    let from = host.felt().len();
-    host.fades_in(from, 4.0);
-    let counts = host.guarded.counts();
-    assert_eq!((counts.let_go, counts.stalls), (1, 0));
+    for force in FORCES {
+        let mut host = Host::new(Board::new(), force);
+        host.wait(PERIOD);
+        host.put(force);
+        host.guarded.device.sample.let_go = true;
+        host.look();
+        let from = host.felt().len();
+        host.fades_in(from, force);
+        assert_eq!(host.felt()[from], 0.0);
+        let counts = host.guarded.counts();
+        assert_eq!((counts.let_go, counts.stalls), (1, 0));
+    }
 }
 
 #[test]

@@ -1,0 +1,258 @@
+//! How soon a force ends when something goes wrong: each fault is made on an emulated device, in virtual time.
+//!
+//! [`measure`] drives the real drivers, the real wire bytes, the emulators' firmware and every stage of `safety`. Nothing
+//! waits for a clock: host, board and guardian are told the time, so the same figures come out on every machine.
+
+mod experiment;
+mod line;
+mod world;
+
+use std::time::Duration;
+
+use crate::device::{DeviceError, Kind};
+use crate::emulate::Protocol;
+
+/// A tick of the host.
+const PERIOD: Duration = Duration::from_millis(1);
+/// How long the host is stopped, where that is the fault.
+const HOST_STALL: Duration = Duration::from_secs(2);
+/// How long the board is stopped, where that is the fault.
+const BOARD_STALL: Duration = Duration::from_millis(100);
+
+/// A fault that is made on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The scene asks for a force that is no number.
+    NotANumber,
+    /// The scene asks for an infinite force.
+    Infinite,
+    /// The scene asks for 1e300 N for half a second, then for nothing.
+    Huge,
+    /// The board hears, and none of its replies arrive.
+    NoReplies,
+    /// The host does nothing for two seconds: it is stopped, or killed.
+    HostStalled,
+    /// The host goes on after two seconds.
+    HostResumed,
+    /// The board does nothing for a tenth of a second, and keeps the force that it gives.
+    BoardStalled,
+    /// The motor begins to push against what it is told.
+    WrongWay,
+    /// The sensor begins to show the same place for ever.
+    Frozen,
+    /// The motor pushes the wrong way, and nobody has calibrated the device: it is asked before the first note.
+    Uncalibrated,
+    /// A second program opens the device.
+    OpenedTwice,
+    /// Another program sends requests on the same line.
+    SharedLine,
+    /// The port is gone.
+    Unplugged,
+    /// The bytes that come from the board are random.
+    GarbageReplies,
+    /// The bytes that go to the board are random.
+    GarbageRequests,
+}
+
+/// An emulated device that faults are made on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Emulator {
+    /// A key in the program itself.
+    InProcess,
+    /// A board that speaks a protocol.
+    Board(Protocol),
+}
+
+/// What became of the force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// It was zero so long after the fault [s].
+    Zero(f64),
+    /// It did not end while the fault lasted.
+    Persists,
+    /// The fault cannot happen to this device, or is measured elsewhere; why.
+    Excluded(&'static str),
+}
+
+/// One fault on one device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// The fault.
+    pub fault: Fault,
+    /// The device.
+    pub emulator: Emulator,
+    /// What became of the force.
+    pub outcome: Outcome,
+    /// The force has to be zero after so long [s]; none where no such promise is made, for the reason beside it.
+    pub bound: Result<f64, &'static str>,
+    /// Greatest force that the motor gave from the fault on, and the greatest that it may give [N].
+    pub greatest: [f64; 2],
+    /// Fastest growth of the force from the fault on, and the fastest that is allowed [N/ms].
+    pub rise: [f64; 2],
+}
+
+impl Fault {
+    /// All faults, in the order of the table.
+    pub const ALL: [Self; 15] = [
+        Self::NotANumber,
+        Self::Infinite,
+        Self::Huge,
+        Self::NoReplies,
+        Self::HostStalled,
+        Self::HostResumed,
+        Self::BoardStalled,
+        Self::WrongWay,
+        Self::Frozen,
+        Self::Uncalibrated,
+        Self::OpenedTwice,
+        Self::SharedLine,
+        Self::Unplugged,
+        Self::GarbageReplies,
+        Self::GarbageRequests,
+    ];
+
+    /// The fault in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NotANumber => "the scene asks for NaN",
+            Self::Infinite => "the scene asks for an infinite force",
+            Self::Huge => "the scene asks for 1e300 N, until it asks for nothing",
+            Self::NoReplies => "no reply arrives: positions are stale",
+            Self::HostStalled => "the host stalls for 2 s, or is killed: the watchdog",
+            Self::HostResumed => "the host goes on after 2 s",
+            Self::BoardStalled => "the board stalls for 100 ms",
+            Self::WrongWay => "the motor turns round",
+            Self::Frozen => "the sensor freezes",
+            Self::Uncalibrated => "wired the wrong way, never calibrated",
+            Self::OpenedTwice => "a second program opens the device",
+            Self::SharedLine => "another program sends on the same line",
+            Self::Unplugged => "the port is gone",
+            Self::GarbageReplies => "garbage comes from the board",
+            Self::GarbageRequests => "garbage goes to the board",
+        }
+    }
+
+    /// Whether the force is to stay zero until the look is over; else its first zero counts.
+    fn persists(self) -> bool {
+        !matches!(self, Self::HostStalled | Self::BoardStalled)
+    }
+
+    /// After how long the force has to be zero [s].
+    fn bound(self, emulator: Emulator) -> Result<f64, &'static str> {
+        let is_firefader = emulator == Emulator::Board(Protocol::FireFader);
+        Ok(match self {
+            Self::NotANumber | Self::Infinite => 1e-3,
+            // Five ticks of the slew limit, behind a probe of eight that may be under way.
+            Self::Huge => 14e-3,
+            Self::GarbageReplies | Self::GarbageRequests if is_firefader => {
+                return Err("its packets have no checksum");
+            }
+            // 20 ms, and the ticks in which they begin and end.
+            Self::NoReplies | Self::GarbageReplies => 22e-3,
+            Self::HostStalled | Self::Unplugged | Self::GarbageRequests => 51e-3,
+            Self::HostResumed => 0.0,
+            Self::BoardStalled => 101e-3,
+            Self::WrongWay | Self::Frozen if is_firefader => {
+                return Err("a sensor this coarse is not judged");
+            }
+            // No promise is made of these; what is seen here is not to grow.
+            Self::WrongWay => 0.35,
+            Self::Frozen => 0.2,
+            // Two pulses of 125 ms, and a rest before each of a second at its longest.
+            Self::Uncalibrated => 2.25,
+            Self::OpenedTwice => 0.0,
+            // 32 replies that nobody here asked for.
+            Self::SharedLine => 0.04,
+        })
+    }
+
+    /// Why a fault is not made on a device, if it is not.
+    fn excluded(self, emulator: Emulator) -> Option<&'static str> {
+        use Emulator::{Board, InProcess};
+        const NO_WIRE: &str = "there is no wire";
+        match (self, emulator) {
+            (Self::HostStalled | Self::HostResumed | Self::BoardStalled, InProcess) => {
+                Some("its time is the host's")
+            }
+            (
+                Self::OpenedTwice
+                | Self::SharedLine
+                | Self::Unplugged
+                | Self::GarbageReplies
+                | Self::GarbageRequests,
+                InProcess,
+            ) => Some(NO_WIRE),
+            (Self::OpenedTwice, Board(Protocol::FireFader)) => {
+                Some("the system locks a serial port")
+            }
+            (Self::OpenedTwice | Self::SharedLine, Board(Protocol::Haply)) => {
+                Some("its service serves several programs")
+            }
+            (Self::Unplugged | Self::GarbageRequests, Board(Protocol::Haply)) => {
+                Some("its service and a WebSocket stand between: python -m benches haply")
+            }
+            (Self::SharedLine, Board(Protocol::FireFader)) => {
+                Some("the protocol has no numbers that would tell")
+            }
+            _ => None,
+        }
+    }
+}
+
+impl Emulator {
+    /// All emulated devices.
+    pub const ALL: [Self; 4] = [
+        Self::InProcess,
+        Self::Board(Protocol::Frame),
+        Self::Board(Protocol::FireFader),
+        Self::Board(Protocol::Haply),
+    ];
+
+    /// Its name in a URL.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::InProcess => "emul",
+            Self::Board(Protocol::Frame) => "frame",
+            Self::Board(Protocol::FireFader) => "firefader",
+            Self::Board(Protocol::Haply) => "haply",
+        }
+    }
+
+    fn kind(self) -> Kind {
+        match self {
+            Self::InProcess => Kind::Emul,
+            Self::Board(Protocol::Frame) => Kind::Frame,
+            Self::Board(Protocol::FireFader) => Kind::FireFader,
+            Self::Board(Protocol::Haply) => Kind::Haply,
+        }
+    }
+}
+
+impl Measurement {
+    /// Whether a promise is broken: the force lasted longer, was greater or grew faster than it may.
+    pub fn exceeds(&self) -> bool {
+        let late = match (self.outcome, self.bound) {
+            (Outcome::Excluded(_), _) | (_, Err(_)) => return false,
+            (Outcome::Zero(after), Ok(bound)) => after > bound + 1e-9,
+            (Outcome::Persists, Ok(_)) => true,
+        };
+        let above = |[found, most]: [f64; 2]| found > most * (1.0 + 1e-12);
+        late || above(self.greatest) || above(self.rise)
+    }
+}
+
+/// Make every fault on every emulated device, one after the other: some seconds of computing.
+///
+/// # Errors
+/// [`DeviceError`] where an emulator does not answer its own driver.
+pub fn measure() -> Result<Vec<Measurement>, DeviceError> {
+    let pairs = Fault::ALL
+        .into_iter()
+        .flat_map(|fault| Emulator::ALL.map(|emulator| (fault, emulator)));
+    pairs
+        .map(|(fault, emulator)| experiment::measured(fault, emulator))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

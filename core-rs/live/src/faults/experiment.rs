@@ -1,0 +1,352 @@
+//! One fault on one device: a hand holds a key, a scene guides it, the fault begins, the motor is watched.
+
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use super::line::{Defect, Defective, HaplyHost, Shared};
+use super::world::{Trouble, World};
+use super::{BOARD_STALL, Emulator, Fault, HOST_STALL, Measurement, Outcome, PERIOD};
+use crate::device::calibrate::{Pulse, direction};
+use crate::device::{self, Device, DeviceError, Emulated, Gone, Sample, Spec};
+use crate::emulate::{Board, Firmware, Hand, Key, Keys, Protocol};
+use crate::safety::{Guarded, Limits};
+use crate::wire::firefader;
+
+/// Periods of a board in a second.
+const RATE: f64 = 8000.0;
+/// When the fault begins: forces have risen, and the scene pulls its hardest.
+const ONSET: Duration = Duration::from_millis(3250);
+/// How long the motor is watched from then on.
+const LOOK: Duration = Duration::from_secs(2);
+/// How long the scene asks for 1e300 N.
+const HUGE_LASTS: Duration = Duration::from_millis(500);
+/// The board's own watchdog.
+const WATCHDOG: Duration = Duration::from_millis(50);
+/// A time that is never over: Haply's service is not known to have a watchdog, so none is emulated.
+const NEVER: Duration = Duration::from_secs(3600);
+/// The hand that holds the key [N/m, N·s/m].
+const HAND: [f64; 2] = [400.0, 4.0];
+/// The scene leads the key so far to and fro, once a second [m].
+const SWING: f64 = 6e-3;
+
+/// What a scene asks for.
+#[derive(Clone, Copy)]
+pub(super) enum Ask {
+    /// A spring that holds the key at 0 [N/m].
+    #[cfg(test)]
+    Wall(f64),
+    /// A spring towards a point that goes to and fro.
+    Guide,
+    Force(f64),
+}
+
+pub(super) struct Host {
+    guarded: Guarded<Defective>,
+    pub(super) shared: Shared,
+    sample: Sample,
+    /// The scene's spring [N/m].
+    stiffness: f64,
+    pub(super) ask: Ask,
+}
+
+impl Host {
+    pub(super) fn new(device: Defective, shared: Shared) -> Self {
+        let limits = Limits::of(device.spec());
+        let lockstep = device.in_lockstep();
+        let guarded = Guarded::new(device, limits, PERIOD.as_secs_f64()).watched();
+        let guarded = if lockstep {
+            guarded
+        } else {
+            guarded.by_clock(shared.world().clock())
+        };
+        let weak = guarded.spec().force_max_peak < 5.0;
+        Self {
+            guarded,
+            shared,
+            sample: Sample::default(),
+            stiffness: if weak { 150.0 } else { 500.0 },
+            ask: Ask::Guide,
+        }
+    }
+
+    fn tick(&mut self) -> Result<(), Gone> {
+        self.shared.world().advance(PERIOD);
+        self.guarded.receive(&mut self.sample, Instant::now())?;
+        let force = match self.ask {
+            Ask::Guide => {
+                let seconds = self.shared.world().now().as_secs_f64();
+                self.stiffness * (SWING * wave(seconds) - self.sample.position[0])
+            }
+            Ask::Force(force) => force,
+            #[cfg(test)]
+            Ask::Wall(stiffness) => -stiffness * self.sample.position[0],
+        };
+        self.guarded.send(&[force]).map(drop)
+    }
+
+    pub(super) fn run(&mut self, time: Duration) -> Result<(), Gone> {
+        let end = self.shared.world().now() + time;
+        while self.shared.world().now() < end {
+            self.tick()?;
+        }
+        Ok(())
+    }
+}
+
+/// To and fro between 1 and -1 once a second, by two parabolas.
+fn wave(seconds: f64) -> f64 {
+    let phase = 2.0 * (seconds - seconds.floor()) - 1.0;
+    -4.0 * phase * (1.0 - phase.abs())
+}
+
+/// Make a fault on a device, and measure.
+pub(super) fn measured(fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
+    let found = |outcome, greatest, rise| Measurement {
+        fault,
+        emulator,
+        outcome,
+        bound: fault.bound(emulator),
+        greatest,
+        rise,
+    };
+    if let Some(why) = fault.excluded(emulator) {
+        return Ok(found(Outcome::Excluded(why), [0.0; 2], [0.0; 2]));
+    }
+    let (device, shared) = opened(emulator)?;
+    let spec = device.spec().clone();
+    let most = spec.force_max_peak;
+    let allowed = |spec: &Spec| Limits::of(spec).slew + 2.0 * spec.force_lsb;
+    if fault == Fault::OpenedTwice {
+        let outcome = if device::second_opening_is_refused() {
+            Outcome::Zero(0.0)
+        } else {
+            Outcome::Persists
+        };
+        return Ok(found(outcome, [0.0, most], [0.0, allowed(&spec)]));
+    }
+    let since = if fault == Fault::Uncalibrated {
+        tried_out(device, &shared)
+    } else {
+        performed(fault, device, &shared)
+    };
+    let motor = shared.world().motor;
+    let ended = if fault.persists() {
+        motor.last_push.or(Some(since))
+    } else {
+        motor.first_zero
+    };
+    let over = shared.world().now();
+    let outcome = match ended {
+        Some(end) if end < over || fault == Fault::HostResumed => {
+            Outcome::Zero(end.saturating_sub(since).as_secs_f64())
+        }
+        _ => Outcome::Persists,
+    };
+    let part = match fault {
+        // The direction is found by a fifth of the force at most.
+        Fault::Uncalibrated => 0.2,
+        // Its first packet is zero.
+        Fault::HostResumed => 0.0,
+        _ => 1.0,
+    };
+    let most = part * (most + spec.force_lsb);
+    Ok(found(
+        outcome,
+        [motor.greatest, most],
+        [motor.rise, allowed(&spec)],
+    ))
+}
+
+/// Plays until the fault begins, and watches; returns when it began.
+fn performed(fault: Fault, device: Defective, shared: &Shared) -> Duration {
+    let mut host = Host::new(device, shared.clone());
+    let _ = host.run(ONSET);
+    let since = {
+        let mut world = shared.world();
+        world.begin_record();
+        world.now()
+    };
+    let device_is_here = host.guarded.in_lockstep();
+    let line = |host: &mut Host, trouble: Trouble| host.shared.world().trouble = trouble;
+    let defect = |host: &mut Host, defect: Defect| host.guarded.device_mut().defect = defect;
+    let usual = Trouble::default();
+    match fault {
+        Fault::NotANumber => host.ask = Ask::Force(f64::NAN),
+        Fault::Infinite => host.ask = Ask::Force(f64::INFINITY),
+        Fault::Huge => return let_go_of_a_huge_force(host),
+        Fault::NoReplies if device_is_here => defect(
+            &mut host,
+            Defect {
+                blind: true,
+                ..Defect::default()
+            },
+        ),
+        Fault::NoReplies => line(
+            &mut host,
+            Trouble {
+                replies_lost: true,
+                ..usual
+            },
+        ),
+        Fault::HostStalled => {
+            shared.world().advance(HOST_STALL);
+            return since;
+        }
+        Fault::HostResumed => {
+            shared.world().advance(HOST_STALL);
+            let since = shared.world().now();
+            shared.world().begin_record();
+            let _ = host.tick();
+            // Until the packet after it.
+            shared.world().advance(PERIOD);
+            return since;
+        }
+        Fault::BoardStalled => {
+            line(
+                &mut host,
+                Trouble {
+                    board_stalled: true,
+                    ..usual
+                },
+            );
+            let _ = host.run(BOARD_STALL);
+            line(&mut host, usual);
+        }
+        Fault::WrongWay => defect(
+            &mut host,
+            Defect {
+                wrong_way: true,
+                ..Defect::default()
+            },
+        ),
+        Fault::Frozen => defect(
+            &mut host,
+            Defect {
+                frozen: true,
+                ..Defect::default()
+            },
+        ),
+        Fault::SharedLine => line(
+            &mut host,
+            Trouble {
+                another_program: true,
+                ..usual
+            },
+        ),
+        Fault::Unplugged => line(
+            &mut host,
+            Trouble {
+                unplugged: true,
+                ..usual
+            },
+        ),
+        Fault::GarbageReplies => line(
+            &mut host,
+            Trouble {
+                replies_random: true,
+                ..usual
+            },
+        ),
+        Fault::GarbageRequests => line(
+            &mut host,
+            Trouble {
+                requests_random: true,
+                ..usual
+            },
+        ),
+        Fault::Uncalibrated | Fault::OpenedTwice => unreachable!("made without a performance"),
+    }
+    if host.run(LOOK).is_err() {
+        // The device is lost: it is let go of, as a performance does.
+        drop(host);
+        shared.world().advance(LOOK);
+    }
+    since
+}
+
+/// The scene asks for more than any motor gives, then for nothing; returns when it asked for nothing.
+fn let_go_of_a_huge_force(mut host: Host) -> Duration {
+    host.ask = Ask::Force(1e300);
+    let _ = host.run(HUGE_LASTS);
+    host.ask = Ask::Force(0.0);
+    let since = host.shared.world().now();
+    let _ = host.run(LOOK);
+    since
+}
+
+/// The direction of the motor is found out before the first note, by a hand that lets the key go; returns when that
+/// began.
+fn tried_out(mut device: Defective, shared: &Shared) -> Duration {
+    device.defect.wrong_way = true;
+    device.ticks = Some(shared.clone());
+    let pulse = Pulse::of(device.spec());
+    let since = shared.world().now();
+    shared.world().begin_record();
+    let go = AtomicBool::new(false);
+    let _ = direction(&mut device, 0, pulse, PERIOD.as_secs_f64(), &go);
+    device.ticks = None;
+    shared.world().advance(PERIOD);
+    since
+}
+
+/// A device of a kind with a hand on its first axis, opened by its own driver.
+fn opened(emulator: Emulator) -> Result<(Defective, Shared), DeviceError> {
+    held(emulator, hands)
+}
+
+/// The same with other hands on its axes.
+pub(super) fn held(
+    emulator: Emulator,
+    hands: impl Fn(usize) -> Vec<Hand>,
+) -> Result<(Defective, Shared), DeviceError> {
+    let refused = |error| DeviceError::Closed {
+        url: emulator.name().to_owned(),
+        reason: format!("its emulator cannot be made: {error}"),
+    };
+    let (protocol, axes, force_max) = match emulator {
+        Emulator::InProcess => {
+            let keys = Keys::new(1, Key::default(), 1.0 / PERIOD.as_secs_f64(), hands(1));
+            let device = Emulated::new(keys.map_err(refused)?, Key::default());
+            let shared = Shared::new(World::new(None, false));
+            return Ok((
+                Defective::new(Box::new(device), Some(shared.clone())),
+                shared,
+            ));
+        }
+        Emulator::Board(Protocol::Frame) => (Protocol::Frame, 1, 20.0),
+        Emulator::Board(Protocol::FireFader) => (Protocol::FireFader, 2, firefader::FORCE_MAX),
+        Emulator::Board(Protocol::Haply) => (Protocol::Haply, 3, 10.0),
+    };
+    let key = Key::default();
+    let keys = Keys::new(axes, key, RATE, hands(axes)).map_err(refused)?;
+    let is_haply = protocol == Protocol::Haply;
+    let board = Board {
+        protocol,
+        lockstep: false,
+        touch_gate: false,
+        force_max,
+        resolution: if is_haply { 1e-5 } else { 0.0 },
+        watchdog: if is_haply { NEVER } else { WATCHDOG },
+        known: [key.mass, key.damping],
+        range: key.range,
+    };
+    let shared = Shared::new(World::new(Some(Firmware::new(board, keys)), is_haply));
+    let device: Box<dyn Device> = if is_haply {
+        Box::new(HaplyHost::new(shared.clone()))
+    } else {
+        device::open_in_process(emulator.kind(), Box::new(shared.clone()))?
+    };
+    Ok((Defective::new(device, None), shared))
+}
+
+/// A hand holds the first key at 0 by its own spring; the others rest.
+fn hands(axes: usize) -> Vec<Hand> {
+    let [stiffness, damping] = HAND;
+    let mut hands = vec![Hand::Resting; axes];
+    hands[0] = Hand::Going {
+        path: vec![0.0; 10 * RATE as usize],
+        stiffness,
+        damping,
+    };
+    hands
+}

@@ -1,0 +1,174 @@
+//! What the host holds: the driver of a device whose wire ends in a [`World`].
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use super::world::World;
+use crate::device::haply::{self, ForceCommand};
+use crate::device::{Device, Gone, InProcess, MAX_AXES, Sample, Spec};
+use crate::safety::SafeForce;
+
+/// The world, reached by the host and by the wire of its driver.
+#[derive(Clone)]
+pub(super) struct Shared(Arc<Mutex<World>>);
+
+impl Shared {
+    pub(super) fn new(world: World) -> Self {
+        Self(Arc::new(Mutex::new(world)))
+    }
+
+    pub(super) fn world(&self) -> MutexGuard<'_, World> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl InProcess for Shared {
+    fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
+        self.world().write(packet)
+    }
+
+    fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
+        self.world().read(into)
+    }
+}
+
+/// What is wrong with the device itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Defect {
+    pub(super) wrong_way: bool,
+    pub(super) frozen: bool,
+    /// No position arrives.
+    pub(super) blind: bool,
+}
+
+/// A device with its defects.
+pub(super) struct Defective {
+    pub(super) device: Box<dyn Device>,
+    pub(super) defect: Defect,
+    /// The device is in this process, and its motor gives what it is sent.
+    pub(super) direct: Option<Shared>,
+    /// Every force sent is a tick of the host: for what is found out before a performance, which paces itself.
+    pub(super) ticks: Option<Shared>,
+    frozen_at: Option<[f64; MAX_AXES]>,
+}
+
+impl Defective {
+    pub(super) fn new(device: Box<dyn Device>, direct: Option<Shared>) -> Self {
+        Self {
+            device,
+            defect: Defect::default(),
+            direct,
+            ticks: None,
+            frozen_at: None,
+        }
+    }
+
+    fn noted(&mut self, force: f64) {
+        if let Some(shared) = &self.direct {
+            shared.world().motor.force = force;
+        }
+        if let Some(shared) = &self.ticks {
+            shared.world().advance(super::PERIOD);
+        }
+    }
+}
+
+impl Device for Defective {
+    fn spec(&self) -> &Spec {
+        self.device.spec()
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        let gain = if self.defect.wrong_way { -1.0 } else { 1.0 };
+        let force = force.turned(&[gain; MAX_AXES]);
+        self.device.send(&force)?;
+        self.noted(force.newtons()[0]);
+        Ok(())
+    }
+
+    fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
+        if self.defect.blind {
+            into.fresh = false;
+            return Ok(false);
+        }
+        let fresh = self.device.receive(into, deadline)?;
+        if self.defect.frozen {
+            into.position = *self.frozen_at.get_or_insert(into.position);
+        }
+        Ok(fresh)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        self.device.in_lockstep() || self.ticks.is_some()
+    }
+
+    fn zero(&mut self) {
+        self.device.zero();
+        self.noted(0.0);
+    }
+}
+
+/// Haply's host side without its socket: orders go to the guardian of a world, states come back.
+pub(super) struct HaplyHost {
+    shared: Shared,
+    spec: Spec,
+    number: u16,
+    sample: Sample,
+    new: bool,
+}
+
+impl HaplyHost {
+    pub(super) fn new(shared: Shared) -> Self {
+        Self {
+            shared,
+            spec: haply::spec(),
+            number: u16::MAX,
+            sample: Sample {
+                touch: [true; MAX_AXES],
+                force_enabled: [true; MAX_AXES],
+                ..Sample::default()
+            },
+            new: true,
+        }
+    }
+
+    fn order(&mut self, force: [f64; 3]) {
+        self.number = self.number.wrapping_add(1);
+        let number = self.number;
+        self.shared.world().order(ForceCommand { number, force });
+    }
+}
+
+impl Device for HaplyHost {
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
+        let of = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
+        self.order([of(0), of(1), of(2)]);
+        Ok(())
+    }
+
+    fn receive(&mut self, into: &mut Sample, _: Instant) -> Result<bool, Gone> {
+        let state = self.shared.world().state()?;
+        let fresh = state.is_some() || std::mem::take(&mut self.new);
+        if let Some((number, position, let_go)) = state {
+            self.sample.position[..3].copy_from_slice(&position);
+            (self.sample.seq, self.sample.let_go) = (u32::from(number), let_go);
+        }
+        *into = Sample {
+            fresh,
+            ..self.sample
+        };
+        Ok(fresh)
+    }
+
+    fn in_lockstep(&self) -> bool {
+        false
+    }
+
+    fn zero(&mut self) {
+        self.order([0.0; 3]);
+    }
+}

@@ -1,0 +1,71 @@
+use super::experiment::{Ask, Host, held};
+use super::world::Trouble;
+use super::*;
+use crate::emulate::Hand;
+
+#[test]
+fn no_fault_exceeds_its_bound() {
+    let found = measure().unwrap();
+    assert_eq!(found.len(), Fault::ALL.len() * Emulator::ALL.len());
+    let broken: Vec<_> = found.iter().filter(|one| one.exceeds()).collect();
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+#[test]
+fn the_same_figures_come_out_again() {
+    assert_eq!(measure().unwrap(), measure().unwrap());
+}
+
+/// The most work that a spring of so many N/m, which is relaxed at first, ever has done on a hand by then [J], while
+/// packets are late by up to 5 ms and a fifth of them is lost, each way.
+fn work(stiffness: f64, hand: [f64; 2], seconds: u64) -> f64 {
+    const RATE: f64 = 8000.0;
+    let swing = |period: u64| {
+        let phase = (2.0 * period as f64 / RATE).fract() * 2.0 - 1.0;
+        -4.0 * 5e-3 * phase * (1.0 - phase.abs())
+    };
+    let path: Vec<f64> = (0..(seconds + 1) * RATE as u64).map(swing).collect();
+    let [stiff, damping] = hand;
+    let hands = move |_: usize| {
+        vec![Hand::Going {
+            path: path.clone(),
+            stiffness: stiff,
+            damping,
+        }]
+    };
+    let (device, shared) = held(Emulator::Board(Protocol::Frame), hands).unwrap();
+    let mut host = Host::new(device, shared.clone());
+    shared.world().trouble = Trouble {
+        jitter: 40,
+        lost: 20,
+        ..Trouble::default()
+    };
+    host.ask = Ask::Wall(stiffness);
+    host.run(Duration::from_secs(seconds)).unwrap();
+    let [_, most] = shared.world().work;
+    most
+}
+
+/// Hands that move 5 mm to and fro twice a second: firm, soft, and hardly there [N/m, N·s/m].
+const HANDS: [[f64; 2]; 3] = [[400.0, 4.0], [100.0, 1.0], [10.0, 0.1]];
+const SPRINGS: [f64; 6] = [50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0];
+
+/// The stage allows 1 J at once and 0.5 W for long; it foresees delays of four ticks, and here they are of ten. So a
+/// quarter more is seen, and no more than that.
+#[test]
+fn work_through_jitter_and_loss_stays_near_the_allowance() {
+    for hand in HANDS {
+        let most = work(2000.0, hand, 4);
+        assert!(most <= 1.25 * (1.0 + 0.5 * 4.0), "{hand:?}: {most} J");
+    }
+}
+
+#[test]
+#[ignore = "prints a table: docs/safety.md"]
+#[allow(clippy::print_stdout)]
+fn work_of_a_spring_through_jitter_and_loss() {
+    for hand in HANDS {
+        let most = SPRINGS.map(|stiffness| 1e3 * work(stiffness, hand, 10));
+        println!("{hand:?}: {most:.1?} mJ for {SPRINGS:?} N/m");
+    }
+}

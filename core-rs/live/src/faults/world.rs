@@ -1,0 +1,314 @@
+//! A board, the guardian where there is one, and the bytes between them and the host, at times that they are told.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::device::Gone;
+use crate::device::haply::{Action, ForceCommand, Rules};
+use crate::emulate::Firmware;
+use crate::wire::{frame, haply};
+
+/// How finely the board's time goes.
+const STEP: Duration = Duration::from_micros(125);
+/// A number that the host's own requests are far from.
+const STRANGE: u16 = 40_000;
+
+/// What is wrong with the line or the board.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Trouble {
+    pub(super) unplugged: bool,
+    pub(super) replies_lost: bool,
+    pub(super) replies_random: bool,
+    pub(super) requests_random: bool,
+    pub(super) board_stalled: bool,
+    /// Another program asks where the axes are, once in every tick of the host.
+    pub(super) another_program: bool,
+    /// Every packet is late by up to so many steps of the board's time, each way.
+    pub(super) jitter: u64,
+    /// So many of a hundred packets are lost, each way.
+    pub(super) lost: u64,
+}
+
+/// Haply's guardian: its rules, without its process and its sockets.
+pub(super) struct Guardian {
+    rules: Rules,
+    /// Number of the command that was answered, position [m], whether the guardian let go.
+    newest: Option<(u16, [f64; 3], bool)>,
+    gone: Option<Gone>,
+}
+
+/// What the motor of the first axis did.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Motor {
+    /// Now [N].
+    pub(super) force: f64,
+    /// When it first was zero, and when it was last not, since the record began.
+    pub(super) first_zero: Option<Duration>,
+    pub(super) last_push: Option<Duration>,
+    /// Greatest force [N], and fastest growth [N in a tick of the host].
+    pub(super) greatest: f64,
+    pub(super) rise: f64,
+}
+
+/// All that is not the host.
+pub(super) struct World {
+    /// [ns]
+    clock: Arc<AtomicU64>,
+    /// The instant that stands for the beginning of time, for rules that are told instants.
+    epoch: Instant,
+    /// None: the device is a key in the host's process.
+    firmware: Option<Firmware>,
+    guardian: Option<Guardian>,
+    to_host: Vec<u8>,
+    /// Packets that a stalled board has not read.
+    unread: Vec<Vec<u8>>,
+    /// Packets under way, and when they arrive: requests, and replies.
+    requests: Vec<(Duration, Vec<u8>)>,
+    replies: Vec<(Duration, Vec<u8>)>,
+    /// Work that the motor of the first axis has done on its key, and the most it ever was [J].
+    pub(super) work: [f64; 2],
+    pub(super) trouble: Trouble,
+    pub(super) motor: Motor,
+    /// The force at the tick before [N].
+    before: f64,
+    random: u64,
+    strangers: u16,
+}
+
+impl World {
+    pub(super) fn new(firmware: Option<Firmware>, guarded: bool) -> Self {
+        let epoch = Instant::now();
+        Self {
+            clock: Arc::default(),
+            epoch,
+            firmware,
+            guardian: guarded.then(|| Guardian {
+                rules: Rules::new(false, epoch),
+                newest: None,
+                gone: None,
+            }),
+            to_host: Vec::new(),
+            unread: Vec::new(),
+            requests: Vec::new(),
+            replies: Vec::new(),
+            work: [0.0; 2],
+            trouble: Trouble::default(),
+            motor: Motor::default(),
+            before: 0.0,
+            random: 0x9e37_79b9_7f4a_7c15,
+            strangers: 0,
+        }
+    }
+
+    pub(super) fn clock(&self) -> Arc<AtomicU64> {
+        Arc::clone(&self.clock)
+    }
+
+    pub(super) fn now(&self) -> Duration {
+        Duration::from_nanos(self.clock.load(Ordering::Relaxed))
+    }
+
+    /// Time goes on; the host does nothing meanwhile.
+    pub(super) fn advance(&mut self, time: Duration) {
+        if self.trouble.another_program {
+            self.stranger();
+        }
+        let end = self.now() + time;
+        while self.now() < end {
+            self.record();
+            self.clock
+                .fetch_add(STEP.as_nanos() as u64, Ordering::Relaxed);
+            if !self.trouble.board_stalled {
+                for packet in std::mem::take(&mut self.unread) {
+                    self.hear(&packet);
+                }
+                let now = self.now();
+                for (_, packet) in arrived(&mut self.requests, now) {
+                    self.hear(&packet);
+                }
+                if let Some(firmware) = &mut self.firmware {
+                    let (before, force) = (firmware.keys().positions()[0], firmware.forces()[0]);
+                    firmware.run_to(now);
+                    self.work[0] += force * (firmware.keys().positions()[0] - before);
+                    self.work[1] = self.work[1].max(self.work[0]);
+                }
+                for (_, reply) in arrived(&mut self.replies, now) {
+                    self.to_host.extend(reply);
+                }
+            }
+            self.guard();
+        }
+        let grown = self.motor.force.abs() - self.before.abs();
+        self.motor.rise = self.motor.rise.max(grown);
+        self.before = self.motor.force;
+    }
+
+    /// The record of the motor begins anew.
+    pub(super) fn begin_record(&mut self) {
+        self.motor = Motor {
+            force: self.motor.force,
+            ..Motor::default()
+        };
+    }
+
+    /// What the motor gives in the step that begins now.
+    fn record(&mut self) {
+        if let Some(firmware) = &self.firmware {
+            self.motor.force = firmware.forces()[0];
+        }
+        let now = self.now();
+        let motor = &mut self.motor;
+        motor.greatest = motor.greatest.max(motor.force.abs());
+        if motor.force == 0.0 {
+            motor.first_zero = motor.first_zero.or(Some(now));
+        } else {
+            motor.last_push = Some(now + STEP);
+        }
+    }
+
+    /// A packet of the host, or of its guardian, arrives at the board.
+    pub(super) fn write(&mut self, packet: &[u8]) -> Result<(), Gone> {
+        if self.trouble.unplugged {
+            return Err(Gone::Closed);
+        }
+        let packet = if self.trouble.requests_random {
+            self.random_bytes(packet.len())
+        } else {
+            packet.to_vec()
+        };
+        if self.trouble.board_stalled {
+            self.unread.push(packet);
+        } else if self.trouble.jitter > 0 {
+            if let Some(at) = self.arrival() {
+                self.requests.push((at, packet));
+            }
+        } else {
+            self.hear(&packet);
+        }
+        Ok(())
+    }
+
+    fn hear(&mut self, packet: &[u8]) {
+        let now = self.now();
+        let Some(firmware) = &mut self.firmware else {
+            return;
+        };
+        let mut replies: Vec<Vec<u8>> = Vec::new();
+        firmware.hear(packet, now, &mut |bytes| replies.push(bytes.to_vec()));
+        for reply in replies {
+            if self.trouble.replies_lost {
+                continue;
+            }
+            let reply = if self.trouble.replies_random {
+                self.random_bytes(reply.len())
+            } else {
+                reply
+            };
+            match &mut self.guardian {
+                None if self.trouble.jitter > 0 => {
+                    if let Some(at) = self.arrival() {
+                        self.replies.push((at, reply));
+                    }
+                }
+                None => self.to_host.extend(reply),
+                Some(guardian) => {
+                    let text = String::from_utf8_lossy(&reply);
+                    if let Some(state) = haply::parse_state(&text, None) {
+                        let (number, let_go) = guardian.rules.state(self.epoch + now);
+                        guardian.newest = Some((number, state.position, let_go));
+                    }
+                }
+            }
+        }
+    }
+
+    /// The host takes what has come.
+    pub(super) fn read(&mut self, into: &mut [u8]) -> Result<usize, Gone> {
+        if self.trouble.unplugged {
+            return Err(Gone::Closed);
+        }
+        let n = into.len().min(self.to_host.len());
+        into[..n].copy_from_slice(&self.to_host[..n]);
+        self.to_host.drain(..n);
+        Ok(n)
+    }
+
+    /// The host orders a force of its guardian.
+    pub(super) fn order(&mut self, command: ForceCommand) {
+        let at = self.epoch + self.now();
+        if let Some(guardian) = &mut self.guardian {
+            guardian.rules.order(command, at);
+        }
+        self.guard();
+    }
+
+    /// The newest state that the guardian has told, once; whether it has lost the service.
+    pub(super) fn state(&mut self) -> Result<Option<(u16, [f64; 3], bool)>, Gone> {
+        let Some(guardian) = &mut self.guardian else {
+            return Ok(None);
+        };
+        match guardian.gone {
+            Some(gone) => Err(gone),
+            None => Ok(guardian.newest.take()),
+        }
+    }
+
+    /// The guardian does what is due.
+    fn guard(&mut self) {
+        let at = self.epoch + self.now();
+        while let Some(guardian) = &mut self.guardian {
+            match guardian.rules.due(at) {
+                Action::Nothing => return,
+                Action::Send(force) => {
+                    let text = haply::command(crate::emulate::HAPLY_ID, force);
+                    let _ = self.write(text.as_bytes());
+                }
+                Action::Gone => {
+                    guardian.gone = Some(Gone::Silent);
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Another program asks where the axes are.
+    fn stranger(&mut self) {
+        self.strangers = self.strangers.wrapping_add(1);
+        let request = frame::Request {
+            seq: STRANGE.wrapping_add(self.strangers),
+            n: 1,
+            flags: frame::flag::ASK,
+            ..frame::Request::default()
+        };
+        let mut bytes = [0; frame::LONGEST];
+        let len = request.write(1.0, &mut bytes);
+        self.hear(&bytes[..len]);
+    }
+
+    /// When a packet that is sent now arrives, unless it is lost.
+    fn arrival(&mut self) -> Option<Duration> {
+        let is_lost = self.random() % 100 < self.trouble.lost;
+        let late = self.random() % (self.trouble.jitter + 1);
+        (!is_lost).then(|| self.now() + STEP * late as u32)
+    }
+
+    fn random_bytes(&mut self, n: usize) -> Vec<u8> {
+        (0..n).map(|_| self.random() as u8).collect()
+    }
+
+    /// A number by xorshift64 (Marsaglia, 2003).
+    fn random(&mut self) -> u64 {
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        self.random >> 32
+    }
+}
+
+/// Take what has arrived by now, in the order of arrival.
+fn arrived(under_way: &mut Vec<(Duration, Vec<u8>)>, now: Duration) -> Vec<(Duration, Vec<u8>)> {
+    let mut found: Vec<_> = under_way.extract_if(.., |(at, _)| *at <= now).collect();
+    found.sort_by_key(|(at, _)| *at);
+    found
+}

@@ -1,0 +1,57 @@
+"""The page of faults and of how soon the force then ends, made by `ergon doctor --safety`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from ergon.live import faults
+
+_HEAD = """\
+# Faults, and how soon a force ends
+
+Made by `make docs` from `ergon doctor --safety`, which prints the same table and exits with 1
+when a force exceeds its bound.
+
+Each fault is made on each emulated device while a scene pulls a key by a spring and a hand of 400
+N/m and 4 N·s/m holds it: a key in the program itself (`emul`), a board of the open frame
+(`frame`, 20 N), a FireFader (1.56 N) and Haply's service with its guardian (10 N). Time is
+virtual. The host ticks once a millisecond, and a board's time goes in steps of 0.125 ms; no clock
+is read, so that every machine shows the same figures. The drivers, the bytes, the boards'
+programs, the guardian's rules and every stage a force passes ([playing
+live](live.md#what-a-force-passes)) are those that play; serial ports, sockets, WebSockets and
+processes are left out. What those add is measured by the clock ([safety](safety.md)). No real
+board has been measured yet.
+
+A figure is the time from the fault, which begins right after a packet went out, until the motor
+gives no force.
+
+"""
+_TAIL = """
+Besides, from the fault on no force is greater than the device's greatest, and none grows faster
+than the slew limit (a fifth of the greatest force in a millisecond); a board whose line carries
+no checksum may read any force from garbage. A motor that turns round reaches the greatest force
+before it is found out, where the scene's spring is stronger than the hand. The direction of a
+device that was never calibrated is tried by a fifth of the greatest force at most.
+"""
+
+
+def page() -> str:
+    """The page, as Markdown."""
+    lines = [
+        f"| fault | bound | {' | '.join(f'`{device}`' for device in faults.DEVICES)} |",
+        f"|---|---|{'---|' * len(faults.DEVICES)}",
+    ]
+    for row in faults.measured():
+        cells = [cell.said for cell in row.cells]
+        lines.append(f"| {row.fault} | {faults.bound(row)} | {' | '.join(cells)} |")
+    return _HEAD + "\n".join(lines) + "\n" + _TAIL
+
+
+def main() -> None:
+    """Write the page to the path that is given."""
+    Path(sys.argv[1]).write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
