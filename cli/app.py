@@ -52,7 +52,11 @@ COMMANDS: Table = {
     ),
     "devices": ("devices", "devices", "List loudspeakers and keys, and the URL of each."),
     "doctor": ("doctor", "doctor", "Measure whether this machine is fit to play."),
-    "emulate": ("emulate", "emulate", "Be a force-feedback device that is not there."),
+    "emulate": (
+        "emulate",
+        "emulate",
+        "Emulate a force-feedback device, for trying scores and drivers.",
+    ),
     "export": ("export", "export", "Write tempo map, marks and stems for other programs."),
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),

@@ -21,14 +21,39 @@ if TYPE_CHECKING:
 
 @click.command()
 @options.score
-@click.option("-o", "--output", metavar="NAME", help="NAME.svg, .png and .csv; SCORE-chart here.")
-@click.option("--seconds", type=click.FloatRange(0.05, 60), default=2.0, help="From the start.")
 @click.option(
-    "--metric", type=click.Choice(tuple(METRICS)), default="waveform", help="What is drawn."
+    "-o",
+    "--output",
+    metavar="NAME",
+    help="Write NAME.svg, NAME.png and NAME.csv; without this option SCORE-chart here.",
 )
-@click.option("--methods", metavar="NAMES", help=f"Only these, of {','.join(METHODS)}.")
-@click.option("--upto", type=click.IntRange(2, 64), default=8, help="Most oversampling.")
-@click.option("--error", metavar="DB", help="Also what the planner takes for it, e.g. -60dB.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.05, 60),
+    default=2.0,
+    show_default=True,
+    help="Seconds of the piece that are computed, from its start.",
+)
+@click.option(
+    "--metric",
+    type=click.Choice(tuple(METRICS)),
+    default="waveform",
+    show_default=True,
+    help="Measure of error that is drawn; the table holds all.",
+)
+@click.option("--methods", metavar="NAMES", help=f"Only these methods, of {','.join(METHODS)}.")
+@click.option(
+    "--upto",
+    type=click.IntRange(2, 64),
+    default=8,
+    show_default=True,
+    help="Largest oversampling factor.",
+)
+@click.option(
+    "--error",
+    metavar="DB",
+    help="Also draw the plan that the planner makes for this error, such as -60dB.",
+)
 @options.force
 @options.trust
 @options.speaking

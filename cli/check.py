@@ -26,7 +26,11 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scores", metavar="SCORE...", nargs=-1, required=True)
-@click.option("--simulate", is_flag=True, help="Run the gestures and say how they were followed.")
+@click.option(
+    "--simulate",
+    is_flag=True,
+    help="Also play the gestures, and say how closely their keys follow them.",
+)
 @click.option(
     "--format",
     "form",

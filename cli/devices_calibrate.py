@@ -30,11 +30,28 @@ def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) ->
 
 @click.command()
 @click.argument("device", metavar="URL|NAME")
-@click.option("--axis", type=click.IntRange(0, 15), help="Which, where it is not in the URL; 0.")
-@click.option("--seconds", type=click.FloatRange(0, 600), default=5.0, help="To find its ends; 5.")
-@click.option("--travel", callback=_travel, metavar="LENGTH", help="From end to end, by a ruler.")
-@click.option("--turned", is_flag=True, help="What the device calls down is up.")
-@click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on it [N].")
+@click.option(
+    "--axis",
+    type=click.IntRange(0, 15),
+    help="Number of the axis, where the URL does not say it (as #1 does); otherwise 0.",
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0, 600),
+    default=5.0,
+    show_default=True,
+    help="Seconds in which you move the key from end to end.",
+)
+@click.option(
+    "--travel",
+    callback=_travel,
+    metavar="LENGTH",
+    help="Length from end to end, measured with a ruler, such as 60mm.",
+)
+@click.option("--turned", is_flag=True, help="Swap up and down of the axis.")
+@click.option(
+    "--force-max", type=click.FloatRange(0, 200), help="Largest force that this axis may get [N]."
+)
 @options.speaking
 def calibrate(
     console: Console,

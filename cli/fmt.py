@@ -17,7 +17,12 @@ from .outcome import Findings, Refused
 
 @click.command()
 @click.argument("scores", metavar="SCORE...", nargs=-1, required=True)
-@click.option("--check", "only_check", is_flag=True, help="Change nothing; exit 1 if it would.")
+@click.option(
+    "--check",
+    "only_check",
+    is_flag=True,
+    help="Change nothing; exit with code 1 where a score would change.",
+)
 @click.option("--diff", is_flag=True, help="Print what would change; change nothing.")
 @options.speaking
 def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool) -> None:

@@ -34,8 +34,12 @@ _HEAD = ("part", "modules", "computed", "error", "cost", "stable", "left out")
 
 @click.command()
 @options.score
-@options.target("Also write the plan, for `ergon render --plan`; - is stdout.")
-@click.option("--why", metavar="MODULE", help="Tell of one part or module (bell, gong.12) alone.")
+@options.target("Also write the plan to this file, for `ergon render --plan`; - is stdout.")
+@click.option(
+    "--why",
+    metavar="MODULE",
+    help="Explain the plan of one part or module, such as bell or gong.12.",
+)
 @options.accuracy
 @options.seed
 @options.force

@@ -21,8 +21,8 @@ _FORMS = (".csv", ".npz", ".wav")
 
 @click.command()
 @click.argument("file", metavar="FILE")
-@options.target("x.csv, x.npz or x.wav; its ending says the form, - is CSV on stdout.")
-@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.target("The file to write: .csv, .npz or .wav, by its ending; - writes CSV to stdout.")
+@options.dry_run
 @options.force
 @options.speaking
 def export(console: Console, file: str, output: str | None, dry: bool, force: bool) -> None:

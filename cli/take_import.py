@@ -19,18 +19,28 @@ from .outcome import Refused
     "channels",
     multiple=True,
     metavar="NAME",
-    help="Which column; again for more axes. Without it the only one.",
+    help="Column that becomes an axis; repeatable. Not needed where there is one column.",
 )
-@click.option("--rate", metavar="RATE", help="Samples a second of a file without a column t [s].")
-@click.option("--audio", metavar="RATE", default="44100Hz", help="Audio rate; 44100Hz.")
+@click.option(
+    "--rate",
+    metavar="RATE",
+    help="Samples a second, for a file without a column t [s], such as 1kHz.",
+)
+@click.option(
+    "--audio",
+    metavar="RATE",
+    default="44100Hz",
+    show_default=True,
+    help="Audio rate of the recording.",
+)
 @click.option(
     "--tick",
     "frames",
     type=click.IntRange(1, 2_000_000),
     metavar="FRAMES",
-    help="Audio frames a tick; the number nearest to a millisecond.",
+    help="Audio frames of a tick. Default: the number nearest to a millisecond.",
 )
-@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.dry_run
 @options.force
 @options.speaking
 def import_take(

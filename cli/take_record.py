@@ -28,9 +28,15 @@ _HAND = "hand"
     help="A hand on a device, such as remi=firefader:/dev/ttyACM0#1; again for more.",
 )
 @options.target("The new recording, a .take file.")
-@click.option("--seconds", type=click.FloatRange(0, 86400, min_open=True), help="End by itself.")
 @click.option(
-    "--tick", type=click.FloatRange(10, 44100), default=1000.0, help="So often a second; 1000."
+    "--seconds", type=click.FloatRange(0, 86400, min_open=True), help="End after this many seconds."
+)
+@click.option(
+    "--tick",
+    type=click.FloatRange(10, 44100),
+    default=1000.0,
+    show_default=True,
+    help="Positions recorded a second.",
 )
 @options.speaking
 def record(

@@ -17,7 +17,7 @@ from .outcome import Refused
 @click.argument("start", metavar="FROM")
 @click.argument("stop", metavar="TO")
 @options.target("The new recording, a .take file.")
-@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.dry_run
 @options.force
 @options.speaking
 def trim(
