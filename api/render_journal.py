@@ -52,7 +52,7 @@ def render_journal(
         with scores.staging(replay.opening.texts.load, report):
             again = ReplayedSession(replay)
     if not again.n_frames:
-        raise ErgonError(f"{path}: nothing was played")
+        raise ErgonError(f"{path}: the session played nothing")
     opening, running = replay.opening, again.running
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(

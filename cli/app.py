@@ -41,14 +41,14 @@ COMMANDS: Table = {
     "plan": (
         "plan",
         "plan",
-        "Say what will be computed, how, at what cost and error, and why the rest is not.",
+        "Say how each part is computed, at what cost and error, and what is left out.",
     ),
-    "plot": ("plot", "plot", "Draw a gesture, asked and done, in the terminal or as SVG."),
-    "chart": ("chart", "chart", "Draw error against cost of every way of computing a score."),
+    "plot": ("plot", "plot", "Draw a gesture as written and as played, in the terminal or as SVG."),
+    "chart": ("chart", "chart", "Draw the error of every method against its cost, for a score."),
     "stability": (
         "stability",
         "stability",
-        "Draw where a method fails, as predicted and as it is.",
+        "Draw where a method fails, as predicted and as measured.",
     ),
     "devices": ("devices", "devices", "List loudspeakers and keys, and the URL of each."),
     "doctor": ("doctor", "doctor", "Measure whether this machine is fit to play."),
@@ -61,7 +61,7 @@ COMMANDS: Table = {
     "take": ("take", "take", "List, cut and exchange recordings of live hands."),
     "info": ("info", "info", "Say what a render, a take or a score contains."),
     "schema": ("schema", "schema", "Print the JSON Schema of scores, for editors."),
-    "fmt": ("fmt", "fmt", "Lay out scores the common way, comments kept."),
+    "fmt": ("fmt", "fmt", "Put the layout of scores in order; comments stay."),
     "demo": ("demo", "demo", "Render a score that ships with ergon, and play it."),
     "completion": ("completion", "completion", "Print a completion script for bash, zsh or fish."),
 }

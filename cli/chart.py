@@ -69,11 +69,11 @@ def chart(
     force: bool,
     trust: bool,
 ) -> None:
-    """Draw error against cost of every way of computing a score.
+    """Draw the error of every method against its cost, for a score.
 
-    The beginning of the piece is computed by each method, 1, 2, 4 … times oversampled, in each
-    precision, and as the planner would by ear; all are compared with the best method taken further.
-    The table (NAME.csv) holds every measure, and the reason of what failed.
+    Each method computes the beginning of the piece, 1, 2, 4 … times oversampled, in each
+    precision; so does the planner, as it chooses. All are compared with the best method,
+    oversampled further. The table (NAME.csv) holds every measure, and why a run failed.
     """
     from ergon.lab import chart_table
     from ergon.lab.chart import SilentPieceError, measure, planned, settings, work

@@ -106,9 +106,9 @@ def _report(console: Console, piece: Piece, found: list[GestureFidelity]) -> Non
         times = f" ×{one.times}" if one.times > 1 else ""
         words = f"{one.player} {one.name}{times} on {one.key}: "
         if one.is_layer:
-            words += "a layer, added to what runs"
+            words += "a layer, added to the gesture that runs"
         elif one.n_ergons == 0:
-            words += "cut before it began"
+            words += "ended by the next gesture before its first ergon"
         elif at is None:
             words += "followed exactly"
         else:

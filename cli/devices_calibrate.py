@@ -62,10 +62,11 @@ def calibrate(
     turned: bool,
     force_max: float | None,
 ) -> None:
-    """Find out which way an axis goes, where it ends, and remember it.
+    """Find the direction and the ends of an axis, and keep them.
 
-    First let go: a small pulse finds which way a force moves it. Then move it by hand from end to
-    end; its zero is in the middle. --seconds 0 leaves its ends as the device says they are.
+    First let go of the key: a small pulse finds in which direction a force moves it. Then move the
+    key by hand from end to end; zero is in the middle. --seconds 0 takes the ends that the device
+    states.
     """
     from ergon import _core
     from ergon.live.boards import BoardError, names, resolve
@@ -86,7 +87,7 @@ def calibrate(
         if seconds > 0:
             found = _ended(console, own, found, number, seconds, travel)
         elif travel is not None:
-            raise Refused("--travel needs the ends, which --seconds 0 does not look for")
+            raise Refused("--travel needs the ends of the axis, which --seconds 0 does not measure")
     except _core.EngineError as error:
         raise Refused(f"{key(url, number)}: {error}") from None
     finally:
@@ -109,8 +110,8 @@ def _ended(
     least, most = own.range
     if high - low < _LEAST * (most - least):
         raise Refused(
-            f"it moved {high - low:.2g} {own.unit} in {seconds:g} s, and its ends are not known by "
-            "that; --seconds 0 leaves them as the device says they are"
+            f"the key moved {high - low:.2g} {own.unit} in {seconds:g} s, too little to find "
+            "its ends; --seconds 0 takes the ends that the device states"
         )
     return between(axis, low, high, high - low if travel is None else travel)
 
@@ -140,7 +141,7 @@ def _say(console: Console, name: str, axis: Axis, unit: str, path: str) -> None:
         )
         return
     low, high = axis.range
-    which = "as it should" if axis.sign > 0 else "the other way round, which is put right"
+    which = "as it should" if axis.sign > 0 else "the other way round, which is corrected"
     console.say(
         f"{name}: a force moves it {which}; {low:.4g} to {high:.4g} {unit}, "
         f"{axis.force_max:g} N at most; kept in {path}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import click
@@ -48,7 +49,9 @@ class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is no
             self.fail(error.message, param, ctx)
 
 
-def _quantity(name: str, dimension: str, default: float | None, shown: str, text: str) -> Any:
+def _quantity(
+    name: str, dimension: str, default: float | None, shown: str, text: str
+) -> Callable[[options.F], options.F]:
     return click.option(
         name, type=Quantity(dimension), default=default, show_default=shown, help=text
     )
@@ -144,7 +147,9 @@ def emulate(
     if axes is not None and axes != usual_axes and device != "frame":
         raise Refused(f"a {device} has {usual_axes} axes")
     if force_max is not None and device != "frame":
-        raise Refused(f"--force-max is for a frame; the motors of a {device} are given")
+        raise Refused(
+            f"--force-max is for a frame alone; the motors of a {device} have a fixed limit"
+        )
     axes = axes or usual_axes
     if len(gestures) > axes:
         raise Refused(f"{len(gestures)} gestures are given for {axes} keys")
@@ -164,7 +169,12 @@ def emulate(
         elif console.json:
             console.record(event)
         else:
-            console.say({"let-go": "no host: force -> 0", "host-gone": "the host has gone"}[event])
+            console.say(
+                {
+                    "let-go": "no packet in time: the force is zero",
+                    "host-gone": "the host has disconnected",
+                }[event]
+            )
 
     _core.emulate(
         cast("Literal['firefader', 'frame', 'haply']", device),

@@ -1,4 +1,4 @@
-"""`ergon plan`: what will be computed, how, at what cost and error, and why the rest is not."""
+"""`ergon plan`: how each part is computed, at what cost and error, and what is left out."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def plan(
     force: bool,
     trust: bool,
 ) -> None:
-    """Say what will be computed, how, at what cost and error, and why the rest is not.
+    """Say how each part is computed, at what cost and error, and what is left out.
 
     A plan is a function of the score and of how exact it is to be, the same on every machine: costs
     are counted by a table that ships with ergon, 1.0 being one core at real time.
@@ -174,7 +174,7 @@ def _summary(made: Plan) -> str:
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
     planned = f"planned in {made.seconds:.2g} s"
     if made.is_kept:
-        planned += " (kept from before)"
+        planned += " (from the cache)"
     return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {made.hash[:12]}\n"
 
 
@@ -196,7 +196,7 @@ def _why(row: PlanRow) -> list[str]:
         kept, of = row.modes
         said.append(f"  It is linear: {plural(kept, 'mode')} of {of:,} are computed, each exactly.")
         if row.left_out_db is not None:
-            said.append(f"  The others would be {row.left_out_db:.0f} dB below the rest together.")
+            said.append(f"  The others together would be {-row.left_out_db:.0f} dB below the rest.")
     elif row.every is not None:
         said.append(
             f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
@@ -210,9 +210,9 @@ def _why(row: PlanRow) -> list[str]:
     else:
         said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row.times)}.")
     if row.because is not None:
-        said.append(f"  It does not go by modes: {row.because}.")
+        said.append(f"  It is not computed by modes: {row.because}.")
     if row.stays is not None:
-        said.append(f"  A rate of its own is not used for {row.stays}.")
+        said.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.steps > 1:
         said.append(f"  Contacts are computed {row.steps} times a step while they may be closed.")
     if row.error_db is not None and row.error_s is not None:

@@ -52,7 +52,7 @@ def plot(
     force: bool,
     trust: bool,
 ) -> None:
-    """Draw a gesture, asked and done, in the terminal or as SVG.
+    """Draw a gesture as written and as played, in the terminal or as SVG.
 
     NAME is a gesture, a take or a player of the score: what is drawn is its first time in the
     piece, or for a player the whole part. SCORE may also be a rendered WAV file, without NAME: then

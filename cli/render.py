@@ -156,6 +156,6 @@ def _watch(console: Console, path: str, output: str | None, asked: FileOptions) 
             if isinstance(outcome, Refused) and first:  # wrong usage does not get better by waiting
                 raise
             console.outcome(outcome)
-            console.say(f"{path}: the last good render stays")
+            console.say(f"{path}: the render before is kept")
         first = False
         console.say(f"watching {path}; Ctrl-C ends")

@@ -87,9 +87,9 @@ def repl(
         _prompt(remote, unwatched, plain=plain, strict=strict)
 
 
-def _prompt(face: SessionProtocol, watch: Watch, *, plain: bool, strict: bool) -> None:
+def _prompt(session: SessionProtocol, watch: Watch, *, plain: bool, strict: bool) -> None:
     """Read lines until somebody leaves."""
     from ergon.repl.prompt.run import history_of_user, run
 
-    if run(face, plain=plain, strict=strict, history=history_of_user(), watch=watch):
+    if run(session, plain=plain, strict=strict, history=history_of_user(), watch=watch):
         raise Findings

@@ -70,18 +70,19 @@ def stability(
     force: bool,
     trust: bool,
 ) -> None:
-    """Draw where a method fails, as predicted and as it is.
+    """Draw where a method fails, as predicted and as measured.
 
-    Without SCORE the maps are of small scenes of ergon's own: a cell, a contact, a hard stroke, the
-    rate of a string, a joint; by e4 a slow key that pulls a string. With SCORE its springs and its
-    rate are multiplied. Every spot is really run, also where ergon would refuse to.
+    Without SCORE the maps show small scenes of ergon's own: a cell, a contact, a hard stroke, the
+    rate of a string, a coupling; with --method e4 a slow key that pulls a string. With SCORE the
+    map multiplies its springs and its rate. Every point of a map is computed, also where ergon
+    would refuse the score.
     """
     from ergon.lab import map_table
     from ergon.lab.draw_maps import draw
     from ergon.lab.maps import survey_all
 
     if score_path is not None and method == SLOW:
-        raise Refused(f"--method {SLOW} maps a scene of ergon's own: without SCORE")
+        raise Refused(f"--method {SLOW} maps scenes of ergon's own, and takes no SCORE")
     loaded = (
         None if score_path is None else score.read(score_path, ReadOptions(trust=trust), console)
     )

@@ -36,7 +36,7 @@ def export(console: Console, file: str, output: str | None, dry: bool, force: bo
     from ergon.exchange.safe import check_target, writing
 
     if output is None:
-        raise Refused("no file is named; -o x.csv, x.npz or x.wav does")
+        raise Refused("name the file to write, by -o x.csv, x.npz or x.wav")
     form = ".csv" if output == "-" else Path(output).suffix.lower()
     if form not in _FORMS:
         raise Refused(f"{output}: a recording is exported as {', '.join(_FORMS)}")

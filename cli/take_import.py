@@ -56,15 +56,15 @@ def import_take(
 ) -> None:
     """Make a recording of a movement in a CSV, npz or WAV file.
 
-    Its columns say their units (`t [s],x [mm]`). Between its samples runs the spline that a score
-    would play. A score plays such files as they are; a recording is for hands that were there.
+    The names of its columns have units (`t [s],x [mm]`). Positions between the samples are those of
+    the spline that a score would play. A score can play such files as they are, too.
     """
     from ergon.exchange.recording import NotRecordingError, recorded
     from ergon.scores.gesture.take_file import TakeError
     from ergon.scores.gesture.takes import read
 
     if output is None:
-        raise Refused("no file is named; -o NEW.take does")
+        raise Refused("name the file to write, by -o NEW.take")
     path = Path(file)
     if path.suffix.lower() == ".gms":
         raise Refused(

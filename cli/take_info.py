@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 def info(console: Console, file: str) -> None:
     """Say what a take holds, and whether it is whole.
 
-    A .take is a recording: its hands, how long, how far, how strong, what was lost. A CSV or npz
-    file has channels.
+    Of a recording (.take) it says the hands, the duration, the range of positions and forces, and
+    what was lost. Of a CSV or npz file it says the channels.
     """
     path = Path(file)
     if path.suffix.lower() not in (SUFFIX, ".csv", ".npz"):
@@ -92,7 +92,7 @@ def _recording(console: Console, path: Path) -> None:
         if words := [word for word in each if isinstance(word, str)]:
             lines.append(f"  {name}: {', '.join(words)}")
     if found.dropped:
-        lines.append(f"  {plural(found.dropped, 'row')} or events found no room while recording")
+        lines.append(f"  {plural(found.dropped, 'row')} or events were lost for want of room")
     lines.append(f"  {found.damage or 'whole'}")
     console.data("\n".join(printable(line[:NAMES_MAX]) for line in lines) + "\n")
 

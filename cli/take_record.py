@@ -51,12 +51,12 @@ def record(
     from ergon.live.capture import capture
 
     if output is None:
-        raise Refused("no file is named; -o NEW.take does")
+        raise Refused("name the file to write, by -o NEW.take")
     path = Path(output)
     if path.suffix.lower() != recording.SUFFIX:
         raise Refused(f"{output}: the name of a recording ends in {recording.SUFFIX}")
     if path.exists():
-        raise Refused(f"{path} exists, and a recording overwrites nothing")
+        raise Refused(f"{path} exists, and a recording overwrites no file")
     boards = _boards(live)
     try:
         performance = capture(boards, path, tick=tick, seconds=seconds)
@@ -71,7 +71,7 @@ def record(
         try:
             performance.close(0.1)
         except _core.EngineError as error:
-            raise Refused(f"{path}: {error}; what is there is kept") from None
+            raise Refused(f"{path}: {error}; the recording up to there is kept") from None
         recording.say(console, path, recording.read(console, path), dry=False)
 
 

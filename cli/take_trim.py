@@ -32,11 +32,11 @@ def trim(
     """Write a part of a recording as a recording of its own.
 
     FROM and TO are seconds from its beginning, such as 0.4s 12.5s; `end` is its end. Rows keep
-    their place in the piece, and events between them are kept. What is written is whole, also
-    where FILE is damaged.
+    their place in the piece, and events between them are kept. The new
+    file is whole, also where FILE is damaged.
     """
     if output is None:
-        raise Refused("no file is named; -o NEW.take does")
+        raise Refused("name the file to write, by -o NEW.take")
     path = Path(file)
     begin, end = _seconds(start, "FROM"), _seconds(stop, "TO")
     if not begin < end:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from benches.interrupts import CHILD
 from boards import Board, emulated
+from commands import records
 from patience import PATIENCE, until
 
 from ergon import _core
@@ -29,10 +30,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("NO_COLOR", "1")
     return tmp_path
-
-
-def records(capsys: Capture) -> list[dict]:
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
 def by(found: list[dict], event: str) -> dict:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from commands import records
 
 from ergon.cli import app
 from ergon.exchange.wave import hash_samples, read_info
@@ -51,7 +52,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def rows(capsys: Capture, *options: str) -> dict[str, dict]:
     """The rows of a plan by their first part; those of islands by what is in them."""
     assert app.run(["plan", "all.yaml", "--json", *options]) == 0
-    found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    found = records(capsys)
     assert [row["event"] for row in found][-1] == "plan"
     return {"+".join(row["parts"]): row for row in found if row["event"] == "plan_row"}
 

@@ -1,11 +1,11 @@
 """A key behind a lever: what is said of it and of its ergons is said in the key's own terms."""
 
 import csv
-import json
 import re
 from pathlib import Path
 
 import pytest
+from commands import records
 
 from ergon.cli import app
 
@@ -37,10 +37,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             if reach == "1":
                 text = text.replace("m: {CEL: {M: 400g", "m: {CEL: {M: 40kg")
             (tmp_path / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
-
-
-def records(capsys: Capture) -> list[dict]:
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
 def test_how_it_was_followed_is_in_millimetres_of_the_key(capsys: Capture) -> None:

@@ -4,14 +4,14 @@ import json
 import socket
 import struct
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from commands import ERGON
 from emulators import crc
 
-COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
+COMMAND = [*ERGON, "emulate"]
 
 
 @contextmanager

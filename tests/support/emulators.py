@@ -5,14 +5,14 @@ import signal
 import socket
 import struct
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from commands import ERGON
 from patience import PATIENCE
 
-COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
+COMMAND = [*ERGON, "emulate"]
 
 
 @dataclass
