@@ -40,24 +40,26 @@ def ready(board: Board, unchecked: bool, report: Report) -> Board:
     from ergon.live.calibration import certain, known
 
     try:
-        found = known(board.url)
+        calibrations = known(board.url)
         sure = certain(board.url)
         for number, player in board.axes:
             if board.has_motor and not unchecked and number not in sure:
-                _try(board, number, player, found, report)
+                _try(board, number, player, calibrations, report)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     except _core.EngineError as error:
         raise DeviceError(str(error)) from None
-    return replace(board, known=found)
+    return replace(board, known=calibrations)
 
 
-def _try(board: Board, number: int, player: str, found: dict[int, Axis], report: Report) -> None:
-    """Push an axis a little, and put its direction into `found`."""
+def _try(
+    board: Board, number: int, player: str, calibrations: dict[int, Axis], report: Report
+) -> None:
+    """Push an axis a little, and put its direction into `calibrations`."""
     from ergon import _core
     from ergon.live.calibration import key, remember, tried
 
-    before = found.get(number)
+    before = calibrations.get(number)
     sign = 1 if before is None else before.sign
     report.say(
         f"{player}: let go of the key: a small pulse of force finds the direction of its motor"
@@ -87,7 +89,7 @@ def _try(board: Board, number: int, player: str, found: dict[int, Axis], report:
             f"{player}: {key(board.url, number)} moves against the direction of its calibration, "
             "so it is taken for another board, whose ends are not known"
         )
-    found[number] = axis
+    calibrations[number] = axis
     remember(board.url, number, axis)
 
 

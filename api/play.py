@@ -122,8 +122,8 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
 def _named(error: Exception, stage: Stage) -> str:
     """What the core refuses, with the player in the place of a hand's number."""
 
-    def player(found: re.Match[str]) -> str:
-        hand = stage.live[int(found[1])]
+    def player(match: re.Match[str]) -> str:
+        hand = stage.live[int(match[1])]
         return f"{hand.player} on {hand.key}:"
 
     return re.sub(r"^hand (\d+):", player, str(error))

@@ -179,8 +179,8 @@ def _command(options: SessionOptions) -> str:
     return f"ergon repl --socket {options.socket}".rstrip()
 
 
-def _pass_on(said: bytes) -> None:
-    sys.stderr.write(clean(said.decode(errors="replace")))
+def _pass_on(text: bytes) -> None:
+    sys.stderr.write(clean(text.decode(errors="replace")))
     sys.stderr.flush()
 
 

@@ -132,9 +132,9 @@ def staging(loaded: Callable[[], Loaded], report: Report | None = None) -> Itera
     try:
         yield
     except StageError as error:
-        found = loaded()
-        show(report, found, error.diagnostics)
-        raise ScoreError(error.diagnostics, found.files) from error
+        read_score = loaded()
+        show(report, read_score, error.diagnostics)
+        raise ScoreError(error.diagnostics, read_score.files) from error
 
 
 def instant(piece: Piece, text: str, option: str) -> float:

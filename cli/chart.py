@@ -90,14 +90,14 @@ def chart(
     total = work(wanted, round(seconds * piece.rate))
     try:
         with console.progress(f"charting {score_path}", total, piece.rate) as progress:
-            found = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
+            result = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()
-    _report(console, found)
-    table = chart_table.csv(found, title, where)
-    laboratory.write(console, stem, table, lambda: draw(found, title, where), force)
-    if found.reference is None:
+    _report(console, result)
+    table = chart_table.csv(result, title, where)
+    laboratory.write(console, stem, table, lambda: draw(result, title, where), force)
+    if result.reference is None:
         raise Findings("no method ran at two rates, so nothing can be compared; the table says why")
 
 
@@ -117,14 +117,14 @@ def _budget(text: str | None) -> float | None:
     return db
 
 
-def _report(console: Console, found: Chart) -> None:
+def _report(console: Console, result: Chart) -> None:
     from ergon.lab import chart_table
 
-    for doubt in found.doubts:
+    for doubt in result.doubts:
         console.warn(doubt)
     if console.json:
-        for point in found.points:
+        for point in result.points:
             console.record("point", **chart_table.fields(point))
-        console.record("reference", metric=found.metric, **chart_table.reference(found))
+        console.record("reference", metric=result.metric, **chart_table.reference(result))
     else:
-        console.data(chart_table.lines(found))
+        console.data(chart_table.lines(result))

@@ -81,8 +81,8 @@ def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
     return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"
 
 
-def _report(console: Console, piece: Piece, found: list[GestureFidelity]) -> None:
-    for one in found:
+def _report(console: Console, piece: Piece, fidelities: list[GestureFidelity]) -> None:
+    for one in fidelities:
         at = None if isnan(one.worst_at) else score.where(piece, one.worst_at)
         if console.json:
             console.record(

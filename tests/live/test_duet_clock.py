@@ -190,7 +190,7 @@ def test_who_ends_it_leaves_no_force_behind(score: Path, tmp_path: Path, number:
         (["--live", "remi=emul:#99"], 3, "no such axis"),
         (["--live", "remi=falcon:usb"], 3, "not a kind of device"),
         (["--live", "remi=emul:", "--record", "there.take"], 2, "overwrites no file"),
-        (["--record", "new.take"], 2, "no hand is live here"),
+        (["--record", "new.take"], 2, "records live hands, and this score has none"),
         (["--guide", "remi"], 2, "remi has no device; --live remi=DEVICE gives one"),
         (["--live", "remi=emul:", "--guide", "remi=200kg"], 2, "--guide remi=200kg"),
         (["--standin", "remi=nothing"], 2, "no take or gesture is called 'nothing'"),
