@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -50,13 +50,8 @@ def plan(
     score_path: str,
     output: str | None,
     why: str | None,
-    method: str | None,
-    error: str | None,
-    cents: float | None,
-    plan: str | None,
-    seed: int | None,
     force: bool,
-    trust: bool,
+    **given: Any,
 ) -> None:
     """Say how each part is computed, at what cost and error, and what is left out.
 
@@ -65,13 +60,10 @@ def plan(
     """
     if output == "-" and console.json:
         raise Refused("--json and -o - both write to stdout; give one")
-    asked = AccuracyOptions(
-        method=method, error=error, cents=cents, plan=plan, seed=seed, trust=trust
-    )
-    made = make_plan(score_path, asked, report=console)
+    made = make_plan(score_path, AccuracyOptions(**given), report=console)
     rows = list(made.rows)
     if why is not None:
-        rows = _of(rows, why)
+        rows = _rows_of(rows, why)
     if output is not None:
         made.write(output, force=force)
     if console.json:
@@ -90,7 +82,7 @@ def plan(
         console.data(_table(rows) + _summary(made))
 
 
-def _of(rows: list[PlanRow], module: str) -> list[PlanRow]:
+def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
     """The rows of a part, or of the part of a module."""
     part = module.partition(".")[0]
     found = [row for row in rows if part in row.parts]
