@@ -28,11 +28,10 @@ render: {tail: 1s}
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bell.yaml").write_text(SCORE)
-    (tmp_path / "hard.yaml").write_text(HARD)
-    return tmp_path
+def here(own_folder: Path) -> Path:
+    (own_folder / "bell.yaml").write_text(SCORE)
+    (own_folder / "hard.yaml").write_text(HARD)
+    return own_folder
 
 
 def rows(path: Path) -> list[dict[str, str]]:

@@ -42,11 +42,9 @@ render: {tail: 0.5s, bits: float}
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "all.yaml").write_text(SCORE)
-    return tmp_path
+def folder(own_folder: Path) -> Path:
+    (own_folder / "all.yaml").write_text(SCORE)
+    return own_folder
 
 
 def rows(capsys: Capture, *options: str) -> dict[str, dict]:

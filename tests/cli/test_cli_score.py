@@ -19,11 +19,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "bell.yaml").write_text(SCORE)
-    return tmp_path
+def folder(own_folder: Path) -> Path:
+    (own_folder / "bell.yaml").write_text(SCORE)
+    return own_folder
 
 
 # --- check --------------------------------------------------------------------------------------

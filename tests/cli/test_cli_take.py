@@ -33,11 +33,9 @@ def data(first: int = 1000, n: int = 2000) -> bytes:
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "hand.take").write_bytes(data())
-    return tmp_path
+def folder(own_folder: Path) -> Path:
+    (own_folder / "hand.take").write_bytes(data())
+    return own_folder
 
 
 @pytest.mark.parametrize("command", [["info"], ["take", "info"]])

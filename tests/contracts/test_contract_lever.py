@@ -29,14 +29,13 @@ SAME = {"1": "100", "10": "1"}
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def folder(own_folder: Path) -> None:
     for reach, stiffness in SAME.items():
         for touch in ("open", "tracked"):
             text = SCORE % (reach, stiffness, touch)
             if reach == "1":
                 text = text.replace("m: {CEL: {M: 400g", "m: {CEL: {M: 40kg")
-            (tmp_path / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
+            (own_folder / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
 
 
 def test_how_it_was_followed_is_in_millimetres_of_the_key(capsys: Capture) -> None:

@@ -121,7 +121,5 @@ def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
+def folder(own_folder: Path) -> None:
     Path("s.yaml").write_text(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST)

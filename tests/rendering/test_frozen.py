@@ -71,11 +71,9 @@ def piece(old: str = "", new: str = "") -> Piece:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "s.yaml").write_text(SCORE)
-    return tmp_path
+def folder(own_folder: Path) -> Path:
+    (own_folder / "s.yaml").write_text(SCORE)
+    return own_folder
 
 
 def frozen(parts: str = "gong", *more: str) -> dict:
