@@ -20,27 +20,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What was found in a score, in the order of its files: at most 20 errors, warnings and notes
-    each. `left_out` counts the others by severity."""
+    """The diagnostics of a score, in the order of its files.
+
+    There are at most 20 each of errors, warnings and notes; `left_out` counts the others by
+    severity.
+    """
 
     diagnostics: tuple[Diagnostic, ...]
     left_out: dict[str, int]
 
     @property
     def is_playable(self) -> bool:
-        """Whether there is no error; warnings and notes are none."""
+        """Whether the score has no error; it may have warnings and notes."""
         return not self.errors
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
-        """The errors alone."""
+        """The diagnostics that are errors."""
         return tuple(one for one in self.diagnostics if one.severity == "error")
 
 
 def check(
     score: str | Path, options: ReadOptions | None = None, *, report: Report | None = None
 ) -> Checked:
-    """Check a score, and that the engine can play it; a mistake of the score raises nothing."""
+    """Check a score, and whether the engine can play it.
+
+    A mistake in the score is a diagnostic, and raises nothing.
+    """
     loaded = scores.read(score, options, report)
     _, staging = try_stage(loaded, report)
     found = (*loaded.diagnostics, *staging)
@@ -48,7 +54,7 @@ def check(
 
 
 def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list[Diagnostic]]:
-    """The staged score, None where it has errors, and what the engine found in it."""
+    """The staged score (None where it has errors), and the diagnostics of the engine."""
     if loaded.piece is None:
         return None, []
     from ergon.scores.staging.stage import StageError
@@ -64,7 +70,7 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
 
 
 def _staged(piece: Piece) -> Stage:
-    """Stage as written; by a plan, which takes time, where it is asked for or needed."""
+    """Stage as written; by a plan, which takes time, where the score asks for one or needs one."""
     from ergon.scores.reading.piece import Accuracy
     from ergon.scores.staging.stage import StageError, stage
 

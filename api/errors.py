@@ -43,30 +43,30 @@ class ScoreError(ErgonError):
 
 
 class DivergedError(ScoreError):
-    """A part of the score went non-finite while it was computed; its diagnostic says which."""
+    """A part of the score reached a value that is not finite; its diagnostic names the part."""
 
 
 class OptionError(ErgonError):
     """An option has a value that it cannot have, or one that another option excludes.
 
-    `option` is its name in the options (`"gain"`), `reason` the sentence without it, `value` the
-    value where the name alone does not say which.
+    `option` is the name of the option (`"gain"`), `reason` the sentence without that name, `value`
+    the text of the value where one option has several.
     """
 
     def __init__(self, option: str, reason: str, *, value: str | None = None) -> None:
-        """What is wrong with which option."""
+        """`reason` says what is wrong with `option`."""
         self.option, self.reason, self.value = option, reason, value
         super().__init__(f"{option}{'' if value is None else f'={value!r}'}: {reason}")
 
     @property
     def on_command_line(self) -> str:
-        """The same as the command line writes it: `--gain: …`."""
+        """The message with the option as the command line writes it: `--gain: …`."""
         name = self.option.strip("_").replace("_", "-")
         return f"--{name}{'' if self.value is None else f' {self.value}'}: {self.reason}"
 
 
 class EngineExitError(ErgonError):
-    """The process of a session ended before it answered; `exit_code` is its own."""
+    """The process of a session ended before it answered, with the code `exit_code`."""
 
     def __init__(self, exit_code: int) -> None:
         """`exit_code` is the code of the process, whose messages stand on stderr."""

@@ -22,11 +22,11 @@ def render_to_file(
     *,
     report: Report | None = None,
 ) -> RenderedFiles:
-    """The sound of a score, or of a session's journal (`.jsonl`), as a WAV file, and its stems.
+    """Render a score, or the journal of a session (`.jsonl`), into a WAV file and its stems.
 
-    Without `out`: the file that the score names, else SCORE.wav here; "-" is stdout. All files are
-    written or none. Raises ScoreError, DivergedError, OptionError, and FileRefusedError where a
-    file may not be written.
+    `out` is the file to write; "-" is stdout; without it the file is the one that the score names,
+    or SCORE.wav in the current folder. All files are written, or none. Raises ScoreError,
+    DivergedError, OptionError, and FileRefusedError where a file may not be written.
     """
     options, report = options or FileOptions(), report or Report()
     if Path(score).suffix == JOURNAL:

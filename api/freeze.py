@@ -26,8 +26,11 @@ _LONGER = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreezeOptions(AccuracyOptions):
-    """How parts are frozen: at another `rate` [Hz] than the score's; with `force` over files that
-    ergon did not write. `threads` change no sample."""
+    """How parts are frozen.
+
+    `rate` [Hz] takes the place of the score's. `threads` is the number of threads, and changes no
+    sample. With `force` files are overwritten that ergon did not write.
+    """
 
     rate: float | None = None
     threads: int = THREADS
@@ -36,7 +39,7 @@ class FreezeOptions(AccuracyOptions):
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """Parts that are ready to be frozen: `taps` are the outputs of each."""
+    """A staged score whose parts can be frozen; `taps` has the outputs of each part."""
 
     folder: Path
     taps: Mapping[str, Sequence[int]]
@@ -53,7 +56,7 @@ def freeze(
     *,
     report: Report | None = None,
 ) -> Frozen:
-    """Compute instruments of a score into the folder `out`, else SCORE.frozen beside the score.
+    """Compute instruments of a score into the folder `out`, or SCORE.frozen beside the score.
 
     Raises ScoreError, DivergedError, OptionError, and FileRefusedError where a file may not be
     written.
@@ -69,7 +72,7 @@ def prepare(
     options: FreezeOptions,
     report: Report,
 ) -> Prepared:
-    """Stage a score with these parts alone heard."""
+    """Stage a score of which only these parts are heard."""
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
     _are_there(piece, parts)
@@ -116,7 +119,7 @@ def write(prepared: Prepared, options: FreezeOptions, report: Report) -> Frozen:
 
 def _folder(path: str) -> Path:
     if path == scores.STDIN:
-        raise OptionError("output", "a score from stdin has no name that a folder could get")
+        raise OptionError("output", "a score from stdin has no name for the folder; name one")
     return Path(path).with_suffix(".frozen")
 
 
@@ -134,7 +137,9 @@ def _are_there(piece: Piece, parts: Iterable[str]) -> None:
         if part in heard:
             continue
         if part in piece.instruments:
-            raise OptionError("freeze", "no route brings it to a loudspeaker", value=part)
+            raise OptionError(
+                "freeze", "no route of the mix leads from this instrument to a channel", value=part
+            )
         close = nearest(part, heard)
         asked = f"; did you mean '{close}'?" if close else f"; there are {', '.join(heard)}"
         raise OptionError("freeze", f"the score has no instrument '{part}'{asked}")
@@ -167,7 +172,7 @@ def _source(loaded: Loaded, stage: Stage) -> Source:
 
 
 def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen:
-    """The manifest of a folder. Raises OptionError where it is not of this piece."""
+    """The manifest of a folder of frozen parts. Raises OptionError if it is of another piece."""
     from ergon import _core
     from ergon.exchange.frozen import NotFrozenError
     from ergon.exchange.frozen import read as read_manifest
@@ -184,18 +189,23 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
         return OptionError("frozen", reason, value=str(folder))
 
     if source.score != piece.digest():
-        raise refused(f"the score has changed since; {again} freezes it anew")
+        raise refused(
+            f"the score has changed since its parts were frozen; `{again}` freezes them again"
+        )
     if source.seed != seed:
         raise refused(
-            f"it is of seed {source.seed}, this is {seed}; "
-            f"--seed {source.seed} plays it, or {again} --seed {seed}"
+            f"the parts were frozen with seed {source.seed}, and this performance has seed {seed}; "
+            f"--seed {source.seed} plays them, `{again} --seed {seed}` freezes them again"
         )
     if source.rate != piece.rate:
         raise refused(
-            f"it is at {source.rate:g} Hz, the score at {piece.rate:g} Hz; {again} freezes it anew"
+            f"the parts were frozen at {source.rate:g} Hz, and the score has {piece.rate:g} Hz; "
+            f"`{again}` freezes them again"
         )
     if source.version != _core.__version__:
-        report.warn(f"{folder} was frozen by ergon {source.version}: it may sound differently")
+        report.warn(
+            f"{folder} was frozen by ergon {source.version}: this version may compute other sound"
+        )
     return frozen
 
 
@@ -214,5 +224,5 @@ def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:
         return check(frozen, taps, stage.n_frames)
     except NotFrozenError as error:
         parts = ",".join(frozen.parts)
-        again = f"ergon render SCORE --freeze {parts} -o {folder} freezes it anew"
+        again = f"`ergon render SCORE --freeze {parts} -o {folder}` freezes the parts again"
         raise OptionError("frozen", f"{error}; {again}", value=str(folder)) from None

@@ -45,7 +45,9 @@ def gain_of(
     with report.progress("listening beforehand", length(stage), stage.rate) as progress:
         target = target or _core.decibels(NORMALISE_DB)
         found = level(stage, HIGHPASS, target, frozen, progress.at)
-    heard = "" if found.seconds is None else f" (of the first {found.seconds:.0f} s)"
+    heard = "the piece" if found.seconds is None else f"its first {found.seconds:.0f} s"
     gained = f"{20 * log10(found.gain):+.1f} dB"
-    report.say(f"gain {gained}, found by a preflight{heard}; --gain sets another")
+    report.say(
+        f"gain {gained}, from a preflight that computed {heard} unheard; --gain sets another"
+    )
     return found.gain

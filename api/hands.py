@@ -31,7 +31,7 @@ def boards_of(piece: Piece, live: Sequence[str]) -> list[Board]:
 
 
 def ready(board: Board, unchecked: bool, report: Report) -> Board:
-    """The device with what is known of its axes; an axis of unknown direction is tried.
+    """The device with the calibration of its axes; a motor of unknown direction is tried.
 
     The classic accident is a motor wired the other way round: it drives away what it should hold.
     """
@@ -40,33 +40,37 @@ def ready(board: Board, unchecked: bool, report: Report) -> Board:
     from ergon.live.calibration import certain, known
 
     try:
-        found = known(board.url)
+        calibrations = known(board.url)
         sure = certain(board.url)
         for number, player in board.axes:
             if board.has_motor and not unchecked and number not in sure:
-                _try(board, number, player, found, report)
+                _try(board, number, player, calibrations, report)
     except BoardError as error:
         raise OptionError("live", str(error)) from None
     except _core.EngineError as error:
         raise DeviceError(str(error)) from None
-    return replace(board, known=found)
+    return replace(board, known=calibrations)
 
 
-def _try(board: Board, number: int, player: str, found: dict[int, Axis], report: Report) -> None:
-    """Push an axis a little; `found` then has it as it is."""
+def _try(
+    board: Board, number: int, player: str, calibrations: dict[int, Axis], report: Report
+) -> None:
+    """Push an axis a little, and put its direction into `calibrations`."""
     from ergon import _core
     from ergon.live.calibration import key, remember, tried
 
-    before = found.get(number)
+    before = calibrations.get(number)
     sign = 1 if before is None else before.sign
-    report.say(f"{player}: let go of the key; a small pulse finds out which way it goes")
+    report.say(
+        f"{player}: let go of the key: a small pulse of force finds the direction of its motor"
+    )
     try:
         axis = tried(board.url, number, before)
         if board.emulated and axis.sign != sign:  # or a hand that moves it went along
             axis = tried(board.url, number, before)
     except _core.UnsureError as error:
         if board.emulated:
-            report.warn(f"{player}: {error}; the key is emulated, so the trial is left out")
+            report.warn(f"{player}: {error}; the key is emulated, so it plays all the same")
             return
         raise OptionError(
             "live", f"{error} (--unchecked plays without a trial)", value=player
@@ -75,17 +79,17 @@ def _try(board: Board, number: int, player: str, found: dict[int, Axis], report:
         raise OptionError(
             "live",
             f"the motor pushes the wrong way; `ergon devices calibrate {board.url} "
-            f"--axis {number}` puts it right (--unchecked plays without a trial)",
+            f"--axis {number}` corrects that (--unchecked plays without a trial)",
             value=player,
         )
     if axis is before or board.emulated:
         return
     if before is not None:
         report.warn(
-            f"{player}: {key(board.url, number)} goes the other way than was found before; it is "
-            "taken for another board, and what was found of its ends is left out"
+            f"{player}: {key(board.url, number)} moves against the direction of its calibration, "
+            "so it is taken for another board, whose ends are not known"
         )
-    found[number] = axis
+    calibrations[number] = axis
     remember(board.url, number, axis)
 
 

@@ -39,7 +39,7 @@ _SWITCH = 0.0005  # [s]
 
 
 def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
-    """A session that sounds; whoever has it closes it.
+    """Open a session on the sound card; the caller closes it.
 
     Raises ScoreError, OptionError and DeviceError.
     """

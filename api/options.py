@@ -16,8 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions:
-    """`text` is the score itself, whose path then only names it and its folder. With `trust` a
-    score may name files outside its folder."""
+    """How a score is read.
+
+    `text` is the text of the score; its path then gives only its name and folder. With `trust` a
+    score may name files outside its folder.
+    """
 
     text: str | None = None
     trust: bool = False
@@ -25,11 +28,12 @@ class ReadOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccuracyOptions(ReadOptions):
-    """How exact the samples are to be, and their seed; what is None is as the score says.
+    """How exactly a score is computed; None leaves a value to the score.
 
-    At most one of `method` ("ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"), `error` of the
-    waveform (-60.0 [dB] or "-60dB") and `cents`, the error of a pitch. `plan` is the file of an
-    earlier plan that is followed.
+    At most one of three is given: `method` ("ca", "modal", "ca2p", "bm4", "ieq", "trapezoid"),
+    `error`, the largest error of the waveform (-60.0 [dB] or "-60dB"), and `cents`, the largest
+    error of a pitch. `plan` is the file of an earlier plan, which is followed. `seed` is the seed
+    of every chance operation.
     """
 
     method: str | None = None
@@ -68,7 +72,7 @@ class AccuracyOptions(ReadOptions):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files that are read beside the score's."""
+        """Files that are read in addition to the score's."""
         return () if self.plan is None else (Path(self.plan),)
 
     def pins(self) -> Pins | None:
@@ -85,12 +89,13 @@ class AccuracyOptions(ReadOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class PerformanceOptions:
-    """How a score meets hardware.
+    """How a score is played on hardware.
 
-    `live` has PLAYER=DEVICE; with `unchecked` no axis is tried for its direction; no force is over
-    `force_max` [N]. `audio` says where the sound goes (jack[:PORTS], pulse[:SINK], file:PATH, null,
-    auto), by `block` frames, with `ahead` frames kept ready. `gain` ("-12dB") takes the place of
-    what a preflight finds.
+    `live` lists PLAYER=DEVICE, the devices under the players' keys. With `unchecked` the direction
+    of no motor is tried before. `force_max` [N] is the largest force on a hand. `audio` says where
+    the sound goes: "jack[:PORTS]", "pulse[:SINK]", "file:PATH", "null" or "auto". The sound card
+    takes `block` frames at a time, and `ahead` frames are computed before it asks for them. `gain`
+    ("-12dB") is the gain of the sound; without it one is measured by computing the piece unheard.
     """
 
     live: Sequence[str] = ()
@@ -111,9 +116,10 @@ class PerformanceOptions:
 class SessionOptions(PerformanceOptions):
     """How a session is opened.
 
-    Lines go into the file `journal`; `resume` is a journal that goes on where it ends; with `watch`
-    the score is read again whenever it is saved. With a `socket` (a path, "" for the usual one) the
-    engine is a process of its own. With `trust` a score may name files outside its folder.
+    `journal` is the file that keeps every line. `resume` is an earlier journal, whose session
+    continues where it ends. With `watch` the score is read again whenever it is saved. With a
+    `socket` (a path; "" is the default path) the engine is a process of its own. With `trust` a
+    score may name files outside its folder.
     """
 
     journal: Path | str = Path("session.jsonl")

@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How a score is computed: a row for each part of it, and the decisions behind them.
+    """How a score is computed.
 
-    `hash` is of the decisions (64 hex digits); `is_kept`: whether it was found in the cache of
-    plans; `seconds`: how long it took to read, plan and stage the score. `inputs` are the files
-    that it was made from.
+    `rows` has a row for each part; `choices` are the decisions behind the rows, and `hash` their
+    sha256 (64 hex digits). `is_kept` says whether the plan was found in the cache of plans,
+    `seconds` how long reading, planning and staging took. `inputs` are the files that the plan was
+    made from.
     """
 
     rows: tuple[PlanRow, ...]
@@ -38,7 +39,7 @@ class Plan:
         return sum(row.cost for row in self.rows)
 
     def write(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the plan as a file that `plan=` of a render follows; "-" is stdout.
+        """Write the plan into a file for the option `plan` of a later call; "-" is stdout.
 
         With `force` a file is overwritten that ergon did not write. Raises FileRefusedError.
         """

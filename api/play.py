@@ -33,9 +33,14 @@ _NOT_HERE = ("N401",)  # that a live hand is not there: here it is, or its absen
 
 @dataclass(frozen=True, kw_only=True)
 class PlayOptions(AccuracyOptions, PerformanceOptions):
-    """How a score is played: from position `from_`, in a `loop`, with OSC heard at `osc` and told
-    to `osc_to`; `record` is the file for what live hands do, `frozen` the folder of frozen parts.
-    `guide` has PLAYER[=STIFFNESS], `standin` PLAYER=GESTURE."""
+    """How a score is played.
+
+    `from_` is the position to begin at; with `loop` the piece begins again at its end. OSC requests
+    are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT). `guide` lists
+    PLAYER[=STIFFNESS], real keys that are pulled along a written part; `standin` lists
+    PLAYER=GESTURE, played where a player has no device. `record` is the new file of what live
+    hands do, `frozen` the folder of frozen parts.
+    """
 
     from_: str | None = None
     loop: bool = False
@@ -58,7 +63,7 @@ class Prepared:
 
 
 def prepare(path: str | Path, options: PlayOptions, report: Report) -> Prepared:
-    """Stage a score, try its devices and find its gain.
+    """Stage a score, open its devices and find its gain.
 
     Raises ScoreError, OptionError and DeviceError.
     """
@@ -117,8 +122,8 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
 def _named(error: Exception, stage: Stage) -> str:
     """What the core refuses, with the player in the place of a hand's number."""
 
-    def player(found: re.Match[str]) -> str:
-        hand = stage.live[int(found[1])]
+    def player(match: re.Match[str]) -> str:
+        hand = stage.live[int(match[1])]
         return f"{hand.player} on {hand.key}:"
 
     return re.sub(r"^hand (\d+):", player, str(error))
@@ -154,7 +159,9 @@ def _standing_in(piece: Piece, pairs: Sequence[str]) -> Piece:
         if what not in piece.takes and what not in piece.gestures:
             raise OptionError("standin", f"no take or gesture is called '{what}'", value=pair)
         if any(play.player == name for play in piece.parts):
-            raise OptionError("standin", f"{name} has a part, which stands in", value=pair)
+            raise OptionError(
+                "standin", f"{name} has a written part, which is the stand-in", value=pair
+            )
         players[name] = replace(players[name], standin=what)
     return replace(piece, players=players)
 
@@ -225,8 +232,8 @@ def _about(
 
 def _recording(path: str, stage: Stage) -> Path:
     if not stage.live:
-        raise OptionError("record", "keeps what live hands do; no hand is live here")
+        raise OptionError("record", "records live hands, and this score has none")
     target = Path(path)
     if target.exists():
-        raise OptionError("record", f"{path} exists, and a recording overwrites nothing")
+        raise OptionError("record", f"{path} exists, and a recording overwrites no file")
     return target

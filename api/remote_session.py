@@ -30,7 +30,7 @@ _OURS = ("socket", "journal")
 
 
 def serve(path: str | None, options: SessionOptions, report: Report) -> None:
-    """Be the process of the engine, until the session ends."""
+    """Run the engine in this process, until the session ends."""
     with _refused():
         _serve(path, options, _place(options), report)
 
@@ -46,7 +46,7 @@ def join(path: str | None, options: SessionOptions, report: Report) -> Remote:
 
 @contextlib.contextmanager
 def _refused() -> Iterator[None]:
-    """What a socket will not do is refused usage."""
+    """Turn what a socket refuses into an OptionError."""
     if not hasattr(socket, "AF_UNIX"):
         raise OptionError("socket", "this system has no local sockets")
     from ergon.repl.wire.local_socket import SocketError
@@ -104,7 +104,9 @@ def _join(path: str | None, options: SessionOptions, here: Path, report: Report)
         remote = Remote(here, _command(options))
     except NoSessionError as error:
         if path is None and options.resume is None:
-            raise OptionError("socket", f"{error}; ergon repl SCORE --socket begins one") from None
+            raise OptionError(
+                "socket", f"{error}; `ergon repl SCORE --socket` begins one"
+            ) from None
         return _start(path, options, here, report)
     except ProtocolError as error:
         raise ErgonError(f"{here}: {error}") from None
@@ -112,8 +114,8 @@ def _join(path: str | None, options: SessionOptions, here: Path, report: Report)
     if options.resume is not None or (path is not None and os.path.abspath(path) != score):
         remote.close()
         raise ErgonError(
-            f"{score} is played at {here} already; "
-            f"`{_command(options)}` joins it, --socket with another path begins another"
+            f"a session at {here} plays {score} already; "
+            f"`{_command(options)}` joins it, --socket with another path begins another session"
         )
     report.say(f"joined the session that plays {score}")
     return remote
@@ -177,8 +179,8 @@ def _command(options: SessionOptions) -> str:
     return f"ergon repl --socket {options.socket}".rstrip()
 
 
-def _pass_on(said: bytes) -> None:
-    sys.stderr.write(clean(said.decode(errors="replace")))
+def _pass_on(text: bytes) -> None:
+    sys.stderr.write(clean(text.decode(errors="replace")))
     sys.stderr.flush()
 
 

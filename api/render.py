@@ -32,11 +32,13 @@ THREADS = min(2, os.cpu_count() or 1)  # one simulates, one mixes and writes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderOptions(AccuracyOptions):
-    """What is rendered; what is None is as the score says.
+    """What is rendered of a score; None leaves a value to the score.
 
-    From position `from_` to `to` ("3|1", "B+2", "12.5s"), in `channels`, at `rate` [Hz]. `bits`
-    (16, 24 or "float") decide the level: "float" is neither normalised nor high-passed. `hands` is
-    a recording of live hands. `threads` and `block`, the frames computed at once, change no sample.
+    `from_` and `to` are the first position and the position after the last ("3|1", "B+2",
+    "12.5s"); `channels` is the number of channels, `rate` [Hz] the frames a second. `bits` (16, 24
+    or "float") decide the level too: "float" is neither normalised nor high-passed. `hands` is the
+    file of a recording of live hands. `threads` is the number of threads and `block` the number of
+    frames computed at once; both change no sample.
     """
 
     from_: str | None = None
@@ -50,7 +52,7 @@ class RenderOptions(AccuracyOptions):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Files that are read beside the score's."""
+        """Files that are read in addition to the score's."""
         hands = () if self.hands is None else (Path(self.hands),)
         plan = () if self.plan is None else (Path(self.plan),)
         return *plan, *hands
@@ -58,8 +60,11 @@ class RenderOptions(AccuracyOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions(RenderOptions):
-    """The same into files: `stems` is a folder for one more file for each instrument; with
-    `force` files are overwritten that ergon did not write."""
+    """What is rendered of a score into files.
+
+    `stems` is a folder, which gets one more file for each instrument. With `force` files are
+    overwritten that ergon did not write.
+    """
 
     stems: Path | str | None = None
     force: bool = False
@@ -67,10 +72,11 @@ class FileOptions(RenderOptions):
 
 @dataclass(frozen=True, slots=True)
 class Render:
-    """Samples in memory: `frames` is (n_frames, n_channels), 1.0 at full scale, at `rate` [Hz].
+    """The sound of a score in memory.
 
-    `peak` is the largest sample, `loudness` integrated [LUFS], `gain` the ratio by which the mix
-    was brought to its level.
+    `frames` (n_frames, n_channels) are the samples, 1.0 at full scale, at `rate` [Hz]. `peak` is
+    the largest absolute sample, `loudness` the integrated loudness [LUFS], `gain` the ratio by
+    which the mix was multiplied.
     """
 
     frames: NDArray[np.float64]
@@ -186,7 +192,7 @@ def target(score: str | Path, loaded: Loaded, out: str | Path | None) -> str:
         folder = Path() if is_stdin else Path(score).parent
         return str(folder / piece.render.file)
     if is_stdin:
-        raise OptionError("output", "a score from stdin has no name that a file could get")
+        raise OptionError("output", "a score from stdin has no name for the WAV file; name one")
     return Path(score).with_suffix(".wav").name
 
 

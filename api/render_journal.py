@@ -54,7 +54,7 @@ def render_journal(
     for warning in again.warnings:
         report.warn(warning)
     if not again.n_frames:
-        raise ErgonError(f"{path}: nothing was played")
+        raise ErgonError(f"{path}: the session played nothing")
     opening, running = replay.opening, again.running
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(

@@ -45,7 +45,7 @@ def read(
     *,
     leave_out: Sequence[str] = (),
 ) -> Loaded:
-    """Load a score and report its diagnostics, but for some codes; `-` is stdin."""
+    """Load a score and report its diagnostics, without the codes in `leave_out`; `-` is stdin."""
     from ergon.scores.reading.load import load
 
     options, path = options or ReadOptions(), str(path)
@@ -59,7 +59,7 @@ def read(
 
 
 def bounds(path: str, trust: bool) -> Bounds:
-    """Where the files of a score may lie."""
+    """The bounds of the files that a score may name."""
     from ergon.notation.text.bounds import Bounds
 
     return Bounds.around(Path(path).parent, trust=trust)
@@ -85,7 +85,7 @@ def stage_piece(
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
 ) -> Staged:
-    """Put the piece on its stage, and report what the engine has to say of it.
+    """Stage a piece, and report the diagnostics of the engine.
 
     It is planned as `options` say; without them every module is stepped as it is written, by
     `seed`. Raises ScoreError and OptionError.
@@ -126,15 +126,15 @@ def show(report: Report | None, loaded: Loaded, found: Sequence[Diagnostic]) -> 
 
 @contextmanager
 def staging(loaded: Callable[[], Loaded], report: Report | None = None) -> Iterator[None]:
-    """What the engine refuses is reported in its place, and is a ScoreError."""
+    """Report what the engine refuses, with its place, and raise a ScoreError."""
     from ergon.scores.staging.stage import StageError
 
     try:
         yield
     except StageError as error:
-        found = loaded()
-        show(report, found, error.diagnostics)
-        raise ScoreError(error.diagnostics, found.files) from error
+        read_score = loaded()
+        show(report, read_score, error.diagnostics)
+        raise ScoreError(error.diagnostics, read_score.files) from error
 
 
 def instant(piece: Piece, text: str, option: str) -> float:
@@ -164,7 +164,7 @@ def marks_of(piece: Piece) -> list[tuple[str, float]]:
 
 
 def level_of(piece: Piece, bits: Bits) -> Level:
-    """What happens between the mix and a file of `bits`."""
+    """The gain, high-pass and limiter between the mix and a file of `bits`."""
     master = piece.mix.master
     if master is None:
         return Level.unsaid(bits)
@@ -184,4 +184,4 @@ def _stdin() -> str:
     try:
         return sys.stdin.buffer.read().decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ErgonError("stdin holds no text in UTF-8") from None
+        raise ErgonError("stdin is not text in UTF-8") from None

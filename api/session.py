@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 
 class Session(SessionProxy):
-    """A score that is played while calls change it. `open_session` opens one."""
+    """A score that plays while calls change it; `open_session` opens one."""
 
-    def __init__(self, face: SessionProtocol) -> None:
-        """Over an open session, which ends with this process at the latest."""
-        super().__init__(face)
+    def __init__(self, session: SessionProtocol) -> None:
+        """`session` is open already; it ends with this process at the latest."""
+        super().__init__(session)
         atexit.register(self.close)
 
     def close(self) -> None:
-        """End it; one in a process of its own goes on."""
+        """End the session; the engine of one with a socket goes on."""
         atexit.unregister(self.close)
         super().close()
 
@@ -39,8 +39,8 @@ def open_session(
 ) -> Session:
     """Open a score as a session, or resume a journal.
 
-    With `socket` in the options the engine is a process of its own: it is joined, or begun where
-    none is. `report` hears what a person has to know and do; without one that is printed on
+    With `socket` in the options the engine is a process of its own: the call joins it, or begins it
+    where none runs. `report` gets the messages for a person; without one they are printed on
     stderr. Raises ScoreError, OptionError, DeviceError, EngineExitError and FileRefusedError.
     """
     options, report = options or SessionOptions(), report or PrintedReport()

@@ -21,14 +21,39 @@ if TYPE_CHECKING:
 
 @click.command()
 @options.score
-@click.option("-o", "--output", metavar="NAME", help="NAME.svg, .png and .csv; SCORE-chart here.")
-@click.option("--seconds", type=click.FloatRange(0.05, 60), default=2.0, help="From the start.")
 @click.option(
-    "--metric", type=click.Choice(tuple(METRICS)), default="waveform", help="What is drawn."
+    "-o",
+    "--output",
+    metavar="NAME",
+    help="Write NAME.svg, NAME.png and NAME.csv; without this option SCORE-chart here.",
 )
-@click.option("--methods", metavar="NAMES", help=f"Only these, of {','.join(METHODS)}.")
-@click.option("--upto", type=click.IntRange(2, 64), default=8, help="Most oversampling.")
-@click.option("--error", metavar="DB", help="Also what the planner takes for it, e.g. -60dB.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.05, 60),
+    default=2.0,
+    show_default=True,
+    help="Seconds of the piece that are computed, from its start.",
+)
+@click.option(
+    "--metric",
+    type=click.Choice(tuple(METRICS)),
+    default="waveform",
+    show_default=True,
+    help="Measure of error that is drawn; the table holds all.",
+)
+@click.option("--methods", metavar="NAMES", help=f"Only these methods, of {','.join(METHODS)}.")
+@click.option(
+    "--upto",
+    type=click.IntRange(2, 64),
+    default=8,
+    show_default=True,
+    help="Largest oversampling factor.",
+)
+@click.option(
+    "--error",
+    metavar="DB",
+    help="Also draw the plan that the planner makes for this error, such as -60dB.",
+)
 @options.force
 @options.trust
 @options.speaking
@@ -44,11 +69,11 @@ def chart(
     force: bool,
     trust: bool,
 ) -> None:
-    """Draw error against cost of every way of computing a score.
+    """Draw the error of every method against its cost, for a score.
 
-    The beginning of the piece is computed by each method, 1, 2, 4 … times oversampled, in each
-    precision, and as the planner would by ear; all are compared with the best method taken further.
-    The table (NAME.csv) holds every measure, and the reason of what failed.
+    Each method computes the beginning of the piece, 1, 2, 4 … times oversampled, in each
+    precision; so does the planner, as it chooses. All are compared with the best method,
+    oversampled further. The table (NAME.csv) holds every measure, and why a run failed.
     """
     from ergon.lab import chart_table
     from ergon.lab.chart import SilentPieceError, measure, planned, settings, work
@@ -65,14 +90,14 @@ def chart(
     total = work(wanted, round(seconds * piece.rate))
     try:
         with console.progress(f"charting {score_path}", total, piece.rate) as progress:
-            found = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
+            result = measure(Score(piece), wanted, seconds, cast("Metric", metric), progress.at)
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
     title, where = piece.title or stem.name, machine()
-    _report(console, found)
-    table = chart_table.csv(found, title, where)
-    laboratory.write(console, stem, table, lambda: draw(found, title, where), force)
-    if found.reference is None:
+    _report(console, result)
+    table = chart_table.csv(result, title, where)
+    laboratory.write(console, stem, table, lambda: draw(result, title, where), force)
+    if result.reference is None:
         raise Findings("no method ran at two rates, so nothing can be compared; the table says why")
 
 
@@ -92,14 +117,14 @@ def _budget(text: str | None) -> float | None:
     return db
 
 
-def _report(console: Console, found: Chart) -> None:
+def _report(console: Console, result: Chart) -> None:
     from ergon.lab import chart_table
 
-    for doubt in found.doubts:
+    for doubt in result.doubts:
         console.warn(doubt)
     if console.json:
-        for point in found.points:
+        for point in result.points:
             console.record("point", **chart_table.fields(point))
-        console.record("reference", metric=found.metric, **chart_table.reference(found))
+        console.record("reference", metric=result.metric, **chart_table.reference(result))
     else:
-        console.data(chart_table.lines(found))
+        console.data(chart_table.lines(result))

@@ -26,7 +26,11 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scores", metavar="SCORE...", nargs=-1, required=True)
-@click.option("--simulate", is_flag=True, help="Run the gestures and say how they were followed.")
+@click.option(
+    "--simulate",
+    is_flag=True,
+    help="Also play the gestures, and say how closely their keys follow them.",
+)
 @click.option(
     "--format",
     "form",
@@ -77,8 +81,8 @@ def _tally(loaded: Loaded, more: Sequence[Diagnostic] = ()) -> str:
     return ", ".join(plural(n, kind) for kind, n in counts.items() if n) or "no mistakes"
 
 
-def _report(console: Console, piece: Piece, found: list[GestureFidelity]) -> None:
-    for one in found:
+def _report(console: Console, piece: Piece, fidelities: list[GestureFidelity]) -> None:
+    for one in fidelities:
         at = None if isnan(one.worst_at) else score.where(piece, one.worst_at)
         if console.json:
             console.record(
@@ -102,9 +106,9 @@ def _report(console: Console, piece: Piece, found: list[GestureFidelity]) -> Non
         times = f" ×{one.times}" if one.times > 1 else ""
         words = f"{one.player} {one.name}{times} on {one.key}: "
         if one.is_layer:
-            words += "a layer, added to what runs"
+            words += "a layer, added to the gesture that runs"
         elif one.n_ergons == 0:
-            words += "cut before it began"
+            words += "ended by the next gesture before its first ergon"
         elif at is None:
             words += "followed exactly"
         else:

@@ -13,7 +13,7 @@ from .console import Console
 
 @click.command("compile")
 @options.score
-@options.target("Where to; stdout without it, or with -.")
+@options.target("The file to write. Default: stdout, as with -.")
 @options.seed
 @options.force
 @options.trust

@@ -122,13 +122,13 @@ def line(event: str, **fields: Any) -> str:
     return _sayable(json_text({"v": VERSION, "event": event, **fields}))
 
 
-def _sayable(said: str) -> str:
+def _sayable(text: str) -> str:
     try:
-        said.encode(sys.stdout.encoding or "utf-8")
+        text.encode(sys.stdout.encoding or "utf-8")
     except UnicodeEncodeError:
-        escaped: str = json.dumps(json.loads(said))
+        escaped: str = json.dumps(json.loads(text))
         return escaped
-    return said
+    return text
 
 
 def _finite(value: Any) -> Any:

@@ -19,7 +19,7 @@ _PLAYERS = ("pw-play", "paplay", "aplay")  # PipeWire, PulseAudio, bare ALSA: th
 @click.command()
 @click.argument("name", required=False)
 @click.option("--list", "list_", is_flag=True, help="List the scores that ship with ergon.")
-@options.target("The WAV file; NAME.wav here without it.")
+@options.target("The WAV file to write. Default: NAME.wav here.")
 @click.option("--no-audio", is_flag=True, help="Write the WAV file, play nothing.")
 @options.force
 @options.speaking
@@ -34,7 +34,7 @@ def demo(
     """Render a score that ships with ergon, and play it.
 
     The sound is written as a WAV file and played by pw-play, paplay or aplay, where one of them
-    works. `ergon demo --list` says what there is.
+    works. `ergon demo --list` lists the scores.
     """
     scores = bundled()
     if list_:

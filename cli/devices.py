@@ -18,7 +18,7 @@ COMMANDS: Table = {
     "calibrate": (
         "devices_calibrate",
         "calibrate",
-        "Find out which way an axis goes, where it ends, and remember it.",
+        "Find the direction and the ends of an axis, and keep them.",
     ),
 }
 _SERVICE = "haply:ws://127.0.0.1:10001"
@@ -68,7 +68,7 @@ def _named(console: Console) -> None:
     except BoardError as error:
         raise Refused(str(error)) from None
     if not table and not console.json:
-        console.data(f"device  none has a name; {config_path()} may hold them\n")
+        console.data(f"device  none has a name; names stand in {config_path()}\n")
 
 
 def _ports(console: Console, probe: bool) -> None:
@@ -81,7 +81,7 @@ def _ports(console: Console, probe: bool) -> None:
                 "port", path=port.path, name=port.name, urls=list(port.urls), answers=answers
             )
             continue
-        console.data(f"port    {port.path:12} {port.name or 'nothing known'}\n")
+        console.data(f"port    {port.path:12} {port.name or 'unknown'}\n")
         for url in port.urls:
             said = f": {answers[url]}" if url in answers else ""
             console.data(f"{'':20} {url}{said}\n")

@@ -30,11 +30,28 @@ def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) ->
 
 @click.command()
 @click.argument("device", metavar="URL|NAME")
-@click.option("--axis", type=click.IntRange(0, 15), help="Which, where it is not in the URL; 0.")
-@click.option("--seconds", type=click.FloatRange(0, 600), default=5.0, help="To find its ends; 5.")
-@click.option("--travel", callback=_travel, metavar="LENGTH", help="From end to end, by a ruler.")
-@click.option("--turned", is_flag=True, help="What the device calls down is up.")
-@click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on it [N].")
+@click.option(
+    "--axis",
+    type=click.IntRange(0, 15),
+    help="Number of the axis, where the URL does not say it (as #1 does); otherwise 0.",
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0, 600),
+    default=5.0,
+    show_default=True,
+    help="Seconds in which you move the key from end to end.",
+)
+@click.option(
+    "--travel",
+    callback=_travel,
+    metavar="LENGTH",
+    help="Length from end to end, measured with a ruler, such as 60mm.",
+)
+@click.option("--turned", is_flag=True, help="Swap up and down of the axis.")
+@click.option(
+    "--force-max", type=click.FloatRange(0, 200), help="Largest force that this axis may get [N]."
+)
 @options.speaking
 def calibrate(
     console: Console,
@@ -45,10 +62,11 @@ def calibrate(
     turned: bool,
     force_max: float | None,
 ) -> None:
-    """Find out which way an axis goes, where it ends, and remember it.
+    """Find the direction and the ends of an axis, and keep them.
 
-    First let go: a small pulse finds which way a force moves it. Then move it by hand from end to
-    end; its zero is in the middle. --seconds 0 leaves its ends as the device says they are.
+    First let go of the key: a small pulse finds in which direction a force moves it. Then move the
+    key by hand from end to end; zero is in the middle. --seconds 0 takes the ends that the device
+    states.
     """
     from ergon import _core
     from ergon.live.boards import BoardError, names, resolve
@@ -69,7 +87,7 @@ def calibrate(
         if seconds > 0:
             found = _ended(console, own, found, number, seconds, travel)
         elif travel is not None:
-            raise Refused("--travel needs the ends, which --seconds 0 does not look for")
+            raise Refused("--travel needs the ends of the axis, which --seconds 0 does not measure")
     except _core.EngineError as error:
         raise Refused(f"{key(url, number)}: {error}") from None
     finally:
@@ -92,8 +110,8 @@ def _ended(
     least, most = own.range
     if high - low < _LEAST * (most - least):
         raise Refused(
-            f"it moved {high - low:.2g} {own.unit} in {seconds:g} s, and its ends are not known by "
-            "that; --seconds 0 leaves them as the device says they are"
+            f"the key moved {high - low:.2g} {own.unit} in {seconds:g} s, too little to find "
+            "its ends; --seconds 0 takes the ends that the device states"
         )
     return between(axis, low, high, high - low if travel is None else travel)
 
@@ -123,7 +141,7 @@ def _say(console: Console, name: str, axis: Axis, unit: str, path: str) -> None:
         )
         return
     low, high = axis.range
-    which = "as it should" if axis.sign > 0 else "the other way round, which is put right"
+    which = "as it should" if axis.sign > 0 else "the other way round, which is corrected"
     console.say(
         f"{name}: a force moves it {which}; {low:.4g} to {high:.4g} {unit}, "
         f"{axis.force_max:g} N at most; kept in {path}"

@@ -18,11 +18,27 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--no-audio", is_flag=True, help="Leave the audio server alone.")
-@click.option("--audio", default="auto", metavar="WHERE", help="As of `ergon play`; auto.")
-@click.option("--device", "devices", multiple=True, metavar="URL|NAME", help="Time its replies.")
+@click.option("--no-audio", is_flag=True, help="Do not open the sound server.")
 @click.option(
-    "--seconds", type=click.FloatRange(0.1, 3600), default=3.0, help="To measure each; 3."
+    "--audio",
+    default="auto",
+    show_default=True,
+    metavar="WHERE",
+    help="Where the sound would go, as for `ergon play`.",
+)
+@click.option(
+    "--device",
+    "devices",
+    multiple=True,
+    metavar="URL|NAME",
+    help="Measure how soon this device replies; repeatable.",
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.1, 3600),
+    default=3.0,
+    show_default=True,
+    help="Seconds of each measurement.",
 )
 @click.option(
     "--safety",
@@ -40,8 +56,9 @@ def doctor(
 ) -> None:
     """Measure whether this machine is fit to play.
 
-    What the physics thread is really granted, how late it wakes, where sound goes and how long it
-    takes, how long devices take to answer; and what to do about each. Devices get no force.
+    Measured are the priority that the physics thread gets, how late it wakes, where the sound goes
+    and its delay, and how soon devices reply. A line says what to do where a result is poor. No
+    device gets a force.
 
     With --safety no machine is measured and no device opened: every fault is made on every emulated
     device, in virtual time. Exits 1 when a force lasts longer, is greater or grows faster than it

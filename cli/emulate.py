@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import click
@@ -30,7 +31,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is no
     name = "quantity"
 
     def __init__(self, dimension: str) -> None:
-        """`dimension` is one of `scores.tables.quantities`."""
+        """`dimension` is one of `notation.tables.quantities`."""
         self.dimension = dimension
 
     def convert(
@@ -48,35 +49,73 @@ class Quantity(click.ParamType):  # type: ignore[type-arg] # older clicks' is no
             self.fail(error.message, param, ctx)
 
 
+def _quantity(
+    name: str, dimension: str, default: float | None, shown: str, text: str
+) -> Callable[[options.F], options.F]:
+    return click.option(
+        name, type=Quantity(dimension), default=default, show_default=shown, help=text
+    )
+
+
 @click.command()
 @click.argument("device", type=click.Choice(list(_DEVICES)))
-@click.option("--pty", "terminal", is_flag=True, help="As a serial port (the usual way).")
-@click.option("--udp", metavar="PORT", type=click.IntRange(0, 65535), help="As datagrams.")
-@click.option("--ws", metavar="PORT", type=click.IntRange(0, 65535), help="As a WebSocket.")
-@click.option("--axes", type=click.IntRange(1, 16), help="Keys of a frame.")
-@click.option("--mass", type=Quantity("MASS"), default=0.05, help="Of a key; 50g.")
-@click.option("--stiffness", type=Quantity("STIFFNESS"), default=0.0, help="Its spring; 0N/m.")
-@click.option("--damping", type=Quantity("DAMPING"), default=1.0, help="Its friction; 1Ns/m.")
-@click.option("--travel", type=Quantity("POSITION"), default=0.1, help="From end to end; 100mm.")
-@click.option("--force-max", type=Quantity("FORCE"), help="Of a frame's motors; 20N.")
-@click.option("--resolution", type=Quantity("POSITION"), default=0.0, help="Of its sensor.")
-@click.option("--rate", type=Quantity("FREQUENCY"), default=_TICK, help="Its periods; 1002Hz.")
+@click.option(
+    "--pty", "terminal", is_flag=True, help="Serve at a pseudo-terminal, as at a serial port."
+)
+@click.option(
+    "--udp",
+    metavar="PORT",
+    type=click.IntRange(0, 65535),
+    help="Serve by datagrams at this UDP port; 0 is any free port.",
+)
+@click.option(
+    "--ws",
+    metavar="PORT",
+    type=click.IntRange(0, 65535),
+    help="Serve by a WebSocket at this TCP port; 0 is any free port.",
+)
+@click.option("--axes", type=click.IntRange(1, 16), help="Number of keys; for a frame alone.")
+@_quantity("--mass", "MASS", 0.05, "50g", "Mass of each key.")
+@_quantity("--stiffness", "STIFFNESS", 0.0, "0N/m", "Spring of each key.")
+@_quantity("--damping", "DAMPING", 1.0, "1Ns/m", "Damping of each key.")
+@_quantity("--travel", "POSITION", 0.1, "100mm", "Travel of each key, from end to end.")
+@_quantity("--force-max", "FORCE", None, "20N", "Largest force of each motor; for a frame alone.")
+@_quantity("--resolution", "POSITION", 0.0, "exact", "Resolution of each position sensor.")
+@_quantity("--rate", "FREQUENCY", _TICK, "1002Hz", "Periods a second of the device.")
 @click.option(
     "--gesture",
     "gestures",
     metavar="NOTATION",
     multiple=True,
-    help="What a hand does on the next key: '0mm@0 6mm@1/8 0mm@1/2'.",
+    help="Gesture of a hand on the next key, such as '0mm@0 6mm@1/8 0mm@1/2'; repeatable.",
 )
-@click.option("--tempo", type=click.FloatRange(1, 1000), default=60.0, help="Its beats; 60.")
-@click.option("--hand", type=Quantity("STIFFNESS"), default=400.0, help="The hand's pull; 400N/m.")
-@click.option("--grip", type=Quantity("DAMPING"), default=4.0, help="Its damping; 4Ns/m.")
-@click.option("--free", is_flag=True, help="No finger on keys without a gesture.")
-@click.option("--gate/--no-gate", default=None, help="No force without a finger.")
-@click.option("--watchdog", type=Quantity("DURATION"), default=0.05, help="Lets go after; 50ms.")
-@click.option("--lockstep", is_flag=True, help="A packet is a period; else by the wall clock.")
-@click.option("--seconds", type=click.FloatRange(0, min_open=True), help="End after so long.")
-@click.option("--once", is_flag=True, help="End when the host has gone.")
+@click.option(
+    "--tempo",
+    type=click.FloatRange(1, 1000),
+    default=60.0,
+    show_default=True,
+    help="Beats a minute of the gestures.",
+)
+@_quantity("--hand", "STIFFNESS", 400.0, "400N/m", "Spring by which a hand pulls its key.")
+@_quantity("--grip", "DAMPING", 4.0, "4Ns/m", "Damping of a hand on its key.")
+@click.option("--free", is_flag=True, help="Leave the keys that have no gesture without a hand.")
+@click.option(
+    "--gate/--no-gate",
+    default=None,
+    help="Whether a motor gives force only while a hand touches the key; as the device does.",
+)
+@_quantity(
+    "--watchdog", "DURATION", 0.05, "50ms", "Time without a packet after which the force is zero."
+)
+@click.option(
+    "--lockstep",
+    is_flag=True,
+    help="Advance one period for each packet, instead of by the wall clock.",
+)
+@click.option(
+    "--seconds", type=click.FloatRange(0, min_open=True), help="End after this many seconds."
+)
+@click.option("--once", is_flag=True, help="End when the host has disconnected.")
 @options.speaking
 def emulate(
     console: Console,
@@ -96,10 +135,11 @@ def emulate(
     lockstep: bool,
     **board: Any,
 ) -> None:
-    """Be a force-feedback device that is not there.
+    """Emulate a force-feedback device, for trying scores and drivers.
 
-    Prints what to open, then serves until Ctrl-C. A hand can play on it: its gesture begins with
-    the first period, and its stiffness and damping pull the key along.
+    The command prints the URL of the device, then serves it until Ctrl-C. Each --gesture is played
+    by an emulated hand from the first period on; --hand and --grip are the spring and the damper
+    that pull the key along.
     """
     from ergon import _core
 
@@ -107,7 +147,9 @@ def emulate(
     if axes is not None and axes != usual_axes and device != "frame":
         raise Refused(f"a {device} has {usual_axes} axes")
     if force_max is not None and device != "frame":
-        raise Refused(f"--force-max is for a frame; the motors of a {device} are given")
+        raise Refused(
+            f"--force-max is for a frame alone; the motors of a {device} have a fixed limit"
+        )
     axes = axes or usual_axes
     if len(gestures) > axes:
         raise Refused(f"{len(gestures)} gestures are given for {axes} keys")
@@ -127,7 +169,12 @@ def emulate(
         elif console.json:
             console.record(event)
         else:
-            console.say({"let-go": "no host: force -> 0", "host-gone": "the host has gone"}[event])
+            console.say(
+                {
+                    "let-go": "no packet in time: the force is zero",
+                    "host-gone": "the host has disconnected",
+                }[event]
+            )
 
     _core.emulate(
         cast("Literal['firefader', 'frame', 'haply']", device),

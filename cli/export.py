@@ -32,7 +32,11 @@ if TYPE_CHECKING:
     required=True,
     help="The folder to write into.",
 )
-@click.option("--stems/--no-stems", default=True, help="Render the mix and one file per player.")
+@click.option(
+    "--stems/--no-stems",
+    default=True,
+    help="Whether to render the mix, and one file for each player.",
+)
 @options.bits
 @options.force
 @options.trust

@@ -17,11 +17,16 @@ from .outcome import Findings, Refused
 
 @click.command()
 @click.argument("scores", metavar="SCORE...", nargs=-1, required=True)
-@click.option("--check", "only_check", is_flag=True, help="Change nothing; exit 1 if it would.")
+@click.option(
+    "--check",
+    "only_check",
+    is_flag=True,
+    help="Change nothing; exit with code 1 where a score would change.",
+)
 @click.option("--diff", is_flag=True, help="Print what would change; change nothing.")
 @options.speaking
 def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool) -> None:
-    """Lay out scores the common way, comments kept.
+    """Put the layout of scores in order; comments stay.
 
     Spaces inside braces, columns of tables and the ends of lines are put in order; comments and
     what a score means never change. `-` formats stdin to stdout.
@@ -30,7 +35,7 @@ def fmt(console: Console, scores: tuple[str, ...], only_check: bool, diff: bool)
     for path in scores:
         changed += _format(console, path, only_check, diff)
     if (only_check or diff) and changed:
-        raise Findings(f"{plural(changed, 'score')} would be laid out anew" if only_check else "")
+        raise Findings(f"{plural(changed, 'score')} would change" if only_check else "")
 
 
 def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
@@ -41,12 +46,14 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
 
     data = sys.stdin.buffer.read() if path == "-" else read_bounded(Path(path), MAX_BYTES)
     if len(data) > MAX_BYTES:
-        raise Refused(f"{path}: no score is larger than {MAX_BYTES >> 20} MB")
+        raise Refused(
+            f"{path}: the file is larger than {MAX_BYTES >> 20} MB, the most that a score may have"
+        )
     try:
         before = data.decode("utf-8")
         after = formatted(before)
     except UnicodeDecodeError:
-        raise Refused(f"{path}: this is not text in UTF-8") from None
+        raise Refused(f"{path}: the file is not text in UTF-8") from None
     except TextError as error:
         line = before.count("\n", 0, error.offset) + 1
         column = error.offset - (before.rfind("\n", 0, error.offset) + 1) + 1

@@ -21,10 +21,12 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("file", metavar="FILE")
-@click.option("--score", "of", metavar="SCORE", help="Check that a render comes from this score.")
+@click.option(
+    "--score", "source", metavar="SCORE", help="Check that a render comes from this score."
+)
 @options.trust
 @options.speaking
-def info(console: Console, file: str, of: str | None, trust: bool) -> None:
+def info(console: Console, file: str, source: str | None, trust: bool) -> None:
     """Say what a render, a take or a score contains.
 
     A WAV file is a render: its format, title, the hash of its score and of its samples. A .take,
@@ -32,10 +34,10 @@ def info(console: Console, file: str, of: str | None, trust: bool) -> None:
     """
     path = Path(file)
     suffix = path.suffix.lower()
-    if of is not None and suffix != ".wav":
+    if source is not None and suffix != ".wav":
         raise Refused("--score verifies a rendered WAV file")
     if suffix == ".wav":
-        _render(console, path, of, trust)
+        _render(console, path, source, trust)
     elif suffix in (".take", ".csv", ".npz"):
         from .take_info import take
 
@@ -44,59 +46,59 @@ def info(console: Console, file: str, of: str | None, trust: bool) -> None:
         _score(console, file, trust)
 
 
-def _render(console: Console, path: Path, of: str | None, trust: bool) -> None:
+def _render(console: Console, path: Path, source: str | None, trust: bool) -> None:
     from ergon.exchange.wave import hash_samples, read_info
     from ergon.exchange.wave_header import NotWaveError
 
     try:
-        found = read_info(path)
+        wav = read_info(path)
         samples = hash_samples(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
     if console.json:
-        console.record("render", **_fields(path, found), samples_sha256=samples)
+        console.record("render", **_fields(path, wav), samples_sha256=samples)
     else:
-        console.data(_lines(path, found, samples))
-    if of is None:
+        console.data(_lines(path, wav, samples))
+    if source is None:
         return
-    if found.score is None:
+    if wav.score is None:
         raise Findings(f"{path} does not say which score it comes from")
-    if score.piece_of(score.read(of, ReadOptions(trust=trust), console)).digest() != found.score:
-        raise Findings(f"{path} was rendered from another score than {of}, or an earlier state")
-    console.say(f"{path} was rendered from {of} as it is now")
+    if score.piece_of(score.read(source, ReadOptions(trust=trust), console)).digest() != wav.score:
+        raise Findings(f"{path} was rendered from another score than {source}, or an earlier state")
+    console.say(f"{path} was rendered from {source} as it is now")
 
 
-def _fields(path: Path, found: WaveInfo) -> dict[str, object]:
+def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
     return {
         "file": str(path),
-        "container": found.container,
-        "rate_hz": found.format.rate,
-        "channels": found.format.n_channels,
-        "bits": found.format.bits,
-        "frames": found.n_frames,
-        "duration_s": found.n_frames / found.format.rate,
-        "originator": found.originator,
-        "title": found.title,
-        "score_sha256": found.score,
-        "plan_sha256": found.plan,
+        "container": wav.container,
+        "rate_hz": wav.format.rate,
+        "channels": wav.format.n_channels,
+        "bits": wav.format.bits,
+        "frames": wav.n_frames,
+        "duration_s": wav.n_frames / wav.format.rate,
+        "originator": wav.originator,
+        "title": wav.title,
+        "score_sha256": wav.score,
+        "plan_sha256": wav.plan,
     }
 
 
-def _lines(path: Path, found: WaveInfo, samples: str) -> str:
-    bits = found.format.bits
+def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
+    bits = wav.format.bits
     form = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
     lines = [
-        f"{path}: {seconds(found.n_frames / found.format.rate)} ({found.n_frames:,} frames), "
-        f"{plural(found.format.n_channels, 'channel')}, {found.format.rate} Hz, {form}, "
-        f"{found.container}, {octets(found.offset + found.size)}",
+        f"{path}: {seconds(wav.n_frames / wav.format.rate)} ({wav.n_frames:,} frames), "
+        f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {form}, "
+        f"{wav.container}, {octets(wav.offset + wav.size)}",
     ]
-    if found.title:
-        lines.append(f"title:   {found.title}")
-    lines.append(f"made by: {found.originator or 'not said'}")
-    if found.score:
-        lines.append(f"score:   sha256 {found.score}")
-    if found.plan:
-        lines.append(f"plan:    sha256 {found.plan}")
+    if wav.title:
+        lines.append(f"title:   {wav.title}")
+    lines.append(f"made by: {wav.originator or 'not said'}")
+    if wav.score:
+        lines.append(f"score:   sha256 {wav.score}")
+    if wav.plan:
+        lines.append(f"plan:    sha256 {wav.plan}")
     lines.append(f"samples: sha256 {samples}")
     return "\n".join(lines) + "\n"
 

@@ -25,7 +25,7 @@ _NAME = re.compile(r"[^\W\d][\w-]*")
     "--template",
     type=click.Choice(TEMPLATES),
     default=TEMPLATES[0],
-    help="What to begin with: one key and a bell, or two keys that feel each other.",
+    help="Score to begin with: a key and a bell, or two keys that feel each other.",
 )
 @options.speaking
 def new(console: Console, name: str, template: str) -> None:

@@ -12,11 +12,31 @@ from .console import Console
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-force = click.option("-f", "--force", is_flag=True, help="Overwrite files that are not ours.")
-trust = click.option("--trust", is_flag=True, help="The score may name files outside its folder.")
-seed = click.option("--seed", type=int, help="Another seed for every chance operation.")
+force = click.option(
+    "-f", "--force", is_flag=True, help="Also overwrite files that ergon did not write."
+)
+dry_run = click.option(
+    "-n", "--dry-run", "dry", is_flag=True, help="Print what would be written; write nothing."
+)
+trust = click.option(
+    "--trust", is_flag=True, help="Allow the score to name files outside its folder."
+)
+seed = click.option(
+    "--seed", type=int, help="Seed of every chance operation, instead of the score's."
+)
 score = click.argument("score_path", metavar="SCORE")
 # Kept as text: what it may be (a file, `-`) is checked where it is opened, with a sentence.
+
+
+def several(*given: Callable[[F], F]) -> Callable[[F], F]:
+    """Several options as one, shown in this order."""
+
+    def add(command: F) -> F:
+        for option in reversed(given):
+            command = option(command)
+        return command
+
+    return add
 
 
 def target(text: str) -> Callable[[F], F]:
@@ -27,9 +47,9 @@ def target(text: str) -> Callable[[F], F]:
 def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --json, -q and -v, and hand the command a Console as its first argument."""
 
-    @click.option("--json", "as_json", is_flag=True, help="JSON lines on stdout.")
-    @click.option("-q", "--quiet", is_flag=True, help="Only errors.")
-    @click.option("-v", "--verbose", is_flag=True, help="Say more.")
+    @click.option("--json", "as_json", is_flag=True, help="Write JSON lines to stdout.")
+    @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+    @click.option("-v", "--verbose", is_flag=True, help="Print more messages.")
     @functools.wraps(command)
     def spoken(*args: Any, as_json: bool, quiet: bool, verbose: bool, **options: Any) -> Any:
         console = Console(json=as_json, quiet=quiet, verbose=verbose)
@@ -38,20 +58,67 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     return spoken
 
 
-def accuracy(command: F) -> F:
-    """How exact, instead of as the score says: --method, --error, --cents, or an earlier plan."""
-    for option in (
-        click.option("--plan", metavar="FILE", help="Compute by this plan (ergon plan -o)."),
-        click.option("--cents", type=click.FloatRange(0.01, 1200), help="Most error of a pitch."),
-        click.option("--error", metavar="LEVEL", help="Most error of the waveform, such as -60dB."),
-        click.option(
-            "--method",
-            metavar="NAME",
-            help="One method for all: ca, modal, ca2p, bm4, ieq or trapezoid.",
-        ),
-    ):
-        command = option(command)
-    return command
+# How exact, instead of as the score says.
+accuracy = several(
+    click.option(
+        "--method",
+        metavar="NAME",
+        help="Compute all parts by one method: ca, modal, ca2p, bm4, ieq or trapezoid.",
+    ),
+    click.option(
+        "--error",
+        metavar="LEVEL",
+        help="Largest error of the waveform, below the sound's own level, such as -60dB.",
+    ),
+    click.option(
+        "--cents", type=click.FloatRange(0.01, 1200), help="Largest error of a pitch, in cents."
+    ),
+    click.option(
+        "--plan", metavar="FILE", help="Compute by the plan in this file (from `ergon plan -o`)."
+    ),
+)
+
+# The way of a performance to the sound card.
+sound = several(
+    click.option(
+        "--audio",
+        default="auto",
+        show_default=True,
+        metavar="WHERE",
+        help="Where the sound goes: jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
+    ),
+    click.option(
+        "--block",
+        type=click.IntRange(16, 8192),
+        help="Frames that the sound card takes at a time.",
+    ),
+    click.option(
+        "--ahead",
+        type=click.IntRange(64, 1 << 20),
+        help="Frames computed before the sound card asks for them.",
+    ),
+    click.option(
+        "--gain",
+        metavar="LEVEL",
+        help="Gain of the sound, such as -12dB, instead of measuring one before the start.",
+    ),
+)
+
+# Real hands of a performance, and what protects them.
+hands = several(
+    click.option(
+        "--live",
+        multiple=True,
+        metavar="PLAYER=DEVICE",
+        help="Play a player's key by a device, such as remi=firefader:/dev/ttyACM0#1; repeatable.",
+    ),
+    click.option(
+        "--unchecked",
+        is_flag=True,
+        help="Do not try the direction of each motor before it plays.",
+    ),
+    click.option("--force-max", type=click.FloatRange(0, 200), help="Largest force on a hand [N]."),
+)
 
 
 def parse_bits(context: click.Context, parameter: click.Parameter, value: str | None) -> Any:
@@ -63,5 +130,5 @@ bits = click.option(
     "--bits",
     type=click.Choice(["16", "24", "float"]),
     callback=parse_bits,
-    help="Form of the samples; without it as the score says.",
+    help="Bits of a sample, or float; without this option as the score says.",
 )

@@ -182,6 +182,8 @@ class Shown:
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
         if status.missed:
             missed = status.missed / self._stage.rate
-            self._console.warn(f"{missed:.3f} s of frozen parts were read too late: silent")
+            self._console.warn(
+                f"{missed:.3f} s of frozen parts were read too late, and were silent"
+            )
         if self._strict and (late or n_gaps or status.dropped or status.missed):
             raise Late(f"{late} late ticks, {n_gaps} gaps in the sound (--strict)")

@@ -1,8 +1,8 @@
-"""`ergon plan`: what will be computed, how, at what cost and error, and why the rest is not."""
+"""`ergon plan`: how each part is computed, at what cost and error, and what is left out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -34,8 +34,12 @@ _HEAD = ("part", "modules", "computed", "error", "cost", "stable", "left out")
 
 @click.command()
 @options.score
-@options.target("Also write the plan, for `ergon render --plan`; - is stdout.")
-@click.option("--why", metavar="MODULE", help="Tell of one part or module (bell, gong.12) alone.")
+@options.target("Also write the plan to this file, for `ergon render --plan`; - is stdout.")
+@click.option(
+    "--why",
+    metavar="MODULE",
+    help="Explain the plan of one part or module, such as bell or gong.12.",
+)
 @options.accuracy
 @options.seed
 @options.force
@@ -46,28 +50,20 @@ def plan(
     score_path: str,
     output: str | None,
     why: str | None,
-    method: str | None,
-    error: str | None,
-    cents: float | None,
-    plan: str | None,
-    seed: int | None,
     force: bool,
-    trust: bool,
+    **given: Any,
 ) -> None:
-    """Say what will be computed, how, at what cost and error, and why the rest is not.
+    """Say how each part is computed, at what cost and error, and what is left out.
 
     A plan is a function of the score and of how exact it is to be, the same on every machine: costs
     are counted by a table that ships with ergon, 1.0 being one core at real time.
     """
     if output == "-" and console.json:
         raise Refused("--json and -o - both write to stdout; give one")
-    asked = AccuracyOptions(
-        method=method, error=error, cents=cents, plan=plan, seed=seed, trust=trust
-    )
-    made = make_plan(score_path, asked, report=console)
+    made = make_plan(score_path, AccuracyOptions(**given), report=console)
     rows = list(made.rows)
     if why is not None:
-        rows = _of(rows, why)
+        rows = _rows_of(rows, why)
     if output is not None:
         made.write(output, force=force)
     if console.json:
@@ -86,7 +82,7 @@ def plan(
         console.data(_table(rows) + _summary(made))
 
 
-def _of(rows: list[PlanRow], module: str) -> list[PlanRow]:
+def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
     """The rows of a part, or of the part of a module."""
     part = module.partition(".")[0]
     found = [row for row in rows if part in row.parts]
@@ -170,7 +166,7 @@ def _summary(made: Plan) -> str:
     times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
     planned = f"planned in {made.seconds:.2g} s"
     if made.is_kept:
-        planned += " (kept from before)"
+        planned += " (from the cache)"
     return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {made.hash[:12]}\n"
 
 
@@ -192,7 +188,7 @@ def _why(row: PlanRow) -> list[str]:
         kept, of = row.modes
         said.append(f"  It is linear: {plural(kept, 'mode')} of {of:,} are computed, each exactly.")
         if row.left_out_db is not None:
-            said.append(f"  The others would be {row.left_out_db:.0f} dB below the rest together.")
+            said.append(f"  The others together would be {-row.left_out_db:.0f} dB below the rest.")
     elif row.every is not None:
         said.append(
             f"  Its springs pull once in {plural(row.every, 'frame')}, by its exact flow (E4)."
@@ -206,9 +202,9 @@ def _why(row: PlanRow) -> list[str]:
     else:
         said.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row.times)}.")
     if row.because is not None:
-        said.append(f"  It does not go by modes: {row.because}.")
+        said.append(f"  It is not computed by modes: {row.because}.")
     if row.stays is not None:
-        said.append(f"  A rate of its own is not used for {row.stays}.")
+        said.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.steps > 1:
         said.append(f"  Contacts are computed {row.steps} times a step while they may be closed.")
     if row.error_db is not None and row.error_s is not None:

@@ -10,43 +10,34 @@ import click
 from . import options
 from .console import Console
 
-
-def _playing(command: Any) -> Any:
-    """The options that `play` and `duet` share."""
-    for option in (
-        click.option("--from", "from_", metavar="POSITION", help="Begin here (3|1, B+2, 12.5s)."),
-        click.option(
-            "--audio",
-            default="auto",
-            show_default=True,
-            metavar="WHERE",
-            help="jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
-        ),
-        click.option(
-            "--block", type=click.IntRange(16, 8192), help="Frames of the card at a time."
-        ),
-        click.option(
-            "--ahead", type=click.IntRange(64, 1 << 20), help="Frames kept ready for the card."
-        ),
-        click.option("--gain", metavar="LEVEL", help="Instead of what a preflight finds: -12dB."),
-        click.option(
-            "--frozen",
-            type=click.Path(path_type=Path, file_okay=False),
-            metavar="DIR",
-            help="Prepared parts (ergon render --freeze) are read, not computed.",
-        ),
-        click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
-        click.option("--plain", is_flag=True, help="Print lines, redraw nothing."),
-        click.option("--osc", metavar="[HOST:]PORT", help="Hear OSC there; this machine's alone."),
-        click.option("--osc-to", metavar="HOST:PORT", help="Tell by OSC what is played, and when."),
-        click.option("--strict", is_flag=True, help="Exit 5 when sound was late."),
-        options.seed,
-        options.accuracy,
-        options.trust,
-        options.speaking,
-    ):
-        command = option(command)
-    return command
+# The options that `play` and `duet` share.
+_playing = options.several(
+    click.option(
+        "--from", "from_", metavar="POSITION", help="Where to begin, such as 3|1, B+2 or 12.5s."
+    ),
+    options.sound,
+    click.option(
+        "--frozen",
+        type=click.Path(path_type=Path, file_okay=False),
+        metavar="DIR",
+        help="Read these parts (from `ergon render --freeze`) instead of computing them.",
+    ),
+    click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C."),
+    click.option("--plain", is_flag=True, help="Print one line after the other; redraw none."),
+    click.option(
+        "--osc",
+        metavar="[HOST:]PORT",
+        help="Accept OSC requests at this port; without HOST from this machine alone.",
+    ),
+    click.option(
+        "--osc-to", metavar="HOST:PORT", help="Send by OSC what is played, and when it is heard."
+    ),
+    click.option("--strict", is_flag=True, help="Exit with code 5 when sound was late."),
+    options.seed,
+    options.accuracy,
+    options.trust,
+    options.speaking,
+)
 
 
 @click.command()
@@ -55,37 +46,36 @@ def _playing(command: Any) -> Any:
 def play(console: Console, score_path: str, **given: Any) -> None:
     """Play a score through the loudspeakers.
 
-    Live players are played by what stands in for them;
-    `ergon duet` puts hands there. Ctrl-C ends it within 10 ms.
+    A player with a live hand plays its stand-in: its written part, or a take. `ergon duet` plays
+    it by a device. Ctrl-C ends the performance within 10 ms.
     """
     _play(console, score_path, **given)
 
 
 @click.command()
 @options.score
-@click.option(
-    "--live",
-    multiple=True,
-    metavar="PLAYER=DEVICE",
-    help="A hand on a key, such as remi=firefader:/dev/ttyACM0#1.",
-)
+@options.hands
 @click.option(
     "--guide",
     multiple=True,
     metavar="PLAYER[=K]",
-    help="The written hand leads the real key, by so many N/m.",
+    help="Pull the real key along the player's written part, by a spring of K [N/m].",
 )
-@click.option("--standin", multiple=True, metavar="PLAYER=TAKE", help="Another stand-in.")
-@click.option("--record", metavar="FILE.take", help="Keep what the hands do.")
-@click.option("--unchecked", is_flag=True, help="Try no axis for its direction first.")
-@click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on a hand [N].")
+@click.option(
+    "--standin",
+    multiple=True,
+    metavar="PLAYER=TAKE",
+    help="Play this take or gesture where the player has no device; repeatable.",
+)
+@click.option("--record", metavar="FILE.take", help="Record what the hands do into a new file.")
 @_playing
 def duet(console: Console, score_path: str, **given: Any) -> None:
     """Play a score with real hands beside written ones.
 
-    Every `--live` puts a device's axis under a player's key: it moves the key and feels what the
-    key feels. Where no device is given or one is lost, the player's take or part stands in. Before
-    an axis plays for the first time a small pulse finds out which way it goes.
+    Each `--live` connects one axis of a device to a player's key: the hand on it moves the key and
+    feels the forces on the key. Without a device, or when a device is lost, the player's take or
+    written part plays. Before an axis plays for the first time, a small pulse of force finds the
+    direction of its motor.
     """
     _play(console, score_path, **given)
 

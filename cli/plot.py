@@ -31,9 +31,13 @@ _WIDTH_MAX = 160  # columns: wider is harder to read, not finer
 @options.score
 @click.argument("name", required=False)
 @click.option("--key", metavar="KEY", help="Play NAME alone on this key instead of in the piece.")
-@click.option("--svg", metavar="FILE", help="Write an SVG picture; - is stdout.")
-@click.option("--width", type=click.IntRange(24, 1000), help="Characters; the terminal's width.")
-@click.option("--height", type=click.IntRange(5, 1000), default=20, help="Lines.")
+@click.option("--svg", metavar="FILE", help="Write an SVG picture to this file; - is stdout.")
+@click.option(
+    "--width", type=click.IntRange(24, 1000), help="Width in characters. Default: the terminal's."
+)
+@click.option(
+    "--height", type=click.IntRange(5, 1000), default=20, show_default=True, help="Height in lines."
+)
 @options.force
 @options.trust
 @options.speaking
@@ -48,7 +52,7 @@ def plot(
     force: bool,
     trust: bool,
 ) -> None:
-    """Draw a gesture, asked and done, in the terminal or as SVG.
+    """Draw a gesture as written and as played, in the terminal or as SVG.
 
     NAME is a gesture, a take or a player of the score: what is drawn is its first time in the
     piece, or for a player the whole part. SCORE may also be a rendered WAV file, without NAME: then

@@ -25,32 +25,39 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
 
 @click.command()
 @options.score
-@options.target("The file to write; - is stdout. Without it: the score's, else SCORE.wav here.")
-@click.option("--from", "from_", metavar="POSITION", help="Write from here (3|1, B+2, 12.5s).")
-@click.option("--to", metavar="POSITION", help="Write up to here.")
+@options.target(
+    "The WAV file to write; - is stdout. Default: the file that the score names, or SCORE.wav."
+)
+@click.option(
+    "--from",
+    "from_",
+    metavar="POSITION",
+    help="First position to write, such as 3|1, B+2 or 12.5s.",
+)
+@click.option("--to", metavar="POSITION", help="Position to write up to.")
 @click.option(
     "--stems",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="Also one file per player or instrument, into this folder.",
+    help="Also write one file for each player or instrument, into this folder.",
 )
 @click.option(
     "--channels",
     type=click.IntRange(1, CHANNELS_MAX),
-    help="Channels of the file; where they are fewer, channel c goes to c modulo them.",
+    help="Channels of the file; with n, channel c of the piece goes to channel c modulo n.",
 )
 @options.bits
 @options.seed
 @click.option(
     "--rate",
     type=click.FloatRange(1_000, 768_000),
-    help="Another rate [Hz]; physical parameters keep their meaning.",
+    help="Frames a second of the file [Hz], instead of the score's; the physics stay the same.",
 )
 @click.option(
     "--threads",
     type=click.IntRange(1, 1024),
     default=THREADS,
-    help="Threads; the bytes are the same for any number.",
+    help="Number of threads; the bytes are the same for any number.",
 )
 @click.option(
     "--block",
@@ -61,15 +68,15 @@ _BLOCK_MAX = 1 << 20  # frames: 24 s; more is memory without a gain
 @click.option(
     "--hands",
     metavar="FILE.take",
-    help="What live hands did (ergon duet --record), at the level that was heard.",
+    help="Play the live hands of this recording (from `ergon duet --record`), at its level.",
 )
 @click.option(
     "--freeze",
     metavar="PART[,PART]",
-    help="Instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
+    help="Write these instruments for `play --frozen`, into the folder -o or SCORE.frozen.",
 )
 @options.accuracy
-@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.dry_run
 @options.force
 @click.option("--watch", is_flag=True, help="Render again whenever the score or its files change.")
 @options.trust
@@ -149,6 +156,6 @@ def _watch(console: Console, path: str, output: str | None, asked: FileOptions) 
             if isinstance(outcome, Refused) and first:  # wrong usage does not get better by waiting
                 raise
             console.outcome(outcome)
-            console.say(f"{path}: the last good render stays")
+            console.say(f"{path}: the render before is kept")
         first = False
         console.say(f"watching {path}; Ctrl-C ends")

@@ -18,34 +18,21 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("score_path", metavar="SCORE", required=False)
-@click.option(
-    "--live", multiple=True, metavar="PLAYER=DEVICE", help="A hand on a key, as for `ergon duet`."
-)
-@click.option("--unchecked", is_flag=True, help="Try no axis for its direction first.")
-@click.option("--force-max", type=click.FloatRange(0, 200), help="Most force on a hand [N].")
-@click.option(
-    "--audio",
-    default="auto",
-    show_default=True,
-    metavar="WHERE",
-    help="jack[:PORTS], pulse[:SINK], file:PATH, null or auto.",
-)
-@click.option("--block", type=click.IntRange(16, 8192), help="Frames of the card at a time.")
-@click.option("--ahead", type=click.IntRange(64, 1 << 20), help="Frames kept ready for the card.")
-@click.option("--gain", metavar="LEVEL", help="Instead of what a preflight finds: -12dB.")
+@options.hands
+@options.sound
 @click.option(
     "--journal",
     type=click.Path(path_type=Path, dir_okay=False),
     default=Path("session.jsonl"),
     show_default=True,
     metavar="FILE",
-    help="What is typed, as it happens; where it is there, the next free name.",
+    help="File that keeps every line typed; where it exists, the next free name is taken.",
 )
 @click.option(
     "--resume",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Go on where a journal ends.",
+    help="Continue the session of this journal, where it ends.",
 )
 @click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
 @click.option(
@@ -53,11 +40,15 @@ if TYPE_CHECKING:
     is_flag=False,
     flag_value="",
     metavar="[PATH]",
-    help="The engine is a process of its own, which prompts join and leave.",
+    help="Run the engine as a process of its own at this socket, or join the one that runs there.",
 )
 @click.option("--engine", is_flag=True, hidden=True, help="Be that process.")
-@click.option("--plain", is_flag=True, help="Lines only, no redrawing: for screen readers, pipes.")
-@click.option("--strict", is_flag=True, help="Exit 1 when a line was not taken.")
+@click.option(
+    "--plain",
+    is_flag=True,
+    help="Print one line after the other, redraw none: for screen readers and pipes.",
+)
+@click.option("--strict", is_flag=True, help="Exit with code 1 when a line was not taken.")
 @options.trust
 @options.speaking
 def repl(
@@ -70,8 +61,9 @@ def repl(
 ) -> None:
     """Live-code a score: every line is one musical decision.
 
-    `play` begins; `help` lists what may be typed. Lines act on the next bar, and whatever is wrong
-    with one, the music goes on. F12 is silence.
+    The line `play` begins; `help` lists the lines that exist. A line takes effect at the next bar,
+    and one with a mistake changes nothing: the music goes on. F12 silences the sound and all
+    forces.
     """
     from ergon.api import local_session, remote_session
     from ergon.api.errors import EngineExitError
@@ -95,9 +87,9 @@ def repl(
         _prompt(remote, unwatched, plain=plain, strict=strict)
 
 
-def _prompt(face: SessionProtocol, watch: Watch, *, plain: bool, strict: bool) -> None:
+def _prompt(session: SessionProtocol, watch: Watch, *, plain: bool, strict: bool) -> None:
     """Read lines until somebody leaves."""
     from ergon.repl.prompt.run import history_of_user, run
 
-    if run(face, plain=plain, strict=strict, history=history_of_user(), watch=watch):
+    if run(session, plain=plain, strict=strict, history=history_of_user(), watch=watch):
         raise Findings

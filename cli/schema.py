@@ -11,9 +11,9 @@ FILE = "score-1.schema.json"  # one for every major version of the format
 
 
 @click.command()
-@options.target("Where to; stdout without it.")
+@options.target("The file to write. Default: stdout.")
 @options.force
-@click.option("-q", "--quiet", is_flag=True, help="Only errors.")
+@click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def schema(output: str | None, force: bool, quiet: bool) -> None:
     """Print the JSON Schema of scores, for editors.
 

@@ -22,21 +22,39 @@ if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
 
 
-_HOW = f"How it is computed; {SLOW}: a part that is slower than the rest."
-_WHICH = f"Only these, of {','.join(MAPS)}; with {SLOW} of {','.join(CUTS)}."
+_HOW = f"Method that is mapped; {SLOW} is a part computed slower than the rest."
+_WHICH = f"Only these maps, of {','.join(MAPS)}; with --method {SLOW} of {','.join(CUTS)}."
 
 
 @click.command()
 @click.argument("score_path", metavar="[SCORE]", required=False)
-@click.option("-o", "--output", metavar="NAME", help="NAME.svg, .png, .csv; X-stability here.")
-@click.option("--method", type=click.Choice((*METHODS, SLOW)), default="ca", help=_HOW)
+@click.option(
+    "-o",
+    "--output",
+    metavar="NAME",
+    help="Write NAME.svg, NAME.png and NAME.csv; without this option SCORE-stability, or "
+    "METHOD-stability without SCORE, here.",
+)
+@click.option(
+    "--method",
+    type=click.Choice((*METHODS, SLOW)),
+    default="ca",
+    show_default=True,
+    help=_HOW,
+)
 @click.option("--maps", "chosen", metavar="NAMES", help=_WHICH)
-@click.option("--seconds", type=click.FloatRange(0.05, 60), default=0.5, help="Of a score.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.05, 60),
+    default=0.5,
+    show_default=True,
+    help="Seconds of SCORE that are computed, from its start.",
+)
 @click.option(
     "--accurate",
     type=click.FloatRange(-200, 0),
-    help="Error that still counts as right [dB]: -20 of the first 0.1 s of sound; of e4 -75 of a "
-    "second up to 10 frames, -70 beyond.",
+    help="Largest error that counts as right [dB]. Default: -20 in the first 0.1 s of sound; with "
+    "--method e4, in a second of sound, -75 up to 10 frames between pulls and -70 beyond.",
 )
 @options.force
 @options.trust
@@ -52,18 +70,19 @@ def stability(
     force: bool,
     trust: bool,
 ) -> None:
-    """Draw where a method fails, as predicted and as it is.
+    """Draw where a method fails, as predicted and as measured.
 
-    Without SCORE the maps are of small scenes of ergon's own: a cell, a contact, a hard stroke, the
-    rate of a string, a joint; by e4 a slow key that pulls a string. With SCORE its springs and its
-    rate are multiplied. Every spot is really run, also where ergon would refuse to.
+    Without SCORE the maps show small scenes of ergon's own: a cell, a contact, a hard stroke, the
+    rate of a string, a coupling; with --method e4 a slow key that pulls a string. With SCORE the
+    map multiplies its springs and its rate. Every point of a map is computed, also where ergon
+    would refuse the score.
     """
     from ergon.lab import map_table
     from ergon.lab.draw_maps import draw
     from ergon.lab.maps import survey_all
 
     if score_path is not None and method == SLOW:
-        raise Refused(f"--method {SLOW} maps a scene of ergon's own: without SCORE")
+        raise Refused(f"--method {SLOW} maps scenes of ergon's own, and takes no SCORE")
     loaded = (
         None if score_path is None else score.read(score_path, ReadOptions(trust=trust), console)
     )

@@ -21,8 +21,8 @@ _FORMS = (".csv", ".npz", ".wav")
 
 @click.command()
 @click.argument("file", metavar="FILE")
-@options.target("x.csv, x.npz or x.wav; its ending says the form, - is CSV on stdout.")
-@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.target("The file to write: .csv, .npz or .wav, by its ending; - writes CSV to stdout.")
+@options.dry_run
 @options.force
 @options.speaking
 def export(console: Console, file: str, output: str | None, dry: bool, force: bool) -> None:
@@ -36,31 +36,31 @@ def export(console: Console, file: str, output: str | None, dry: bool, force: bo
     from ergon.exchange.safe import check_target, writing
 
     if output is None:
-        raise Refused("no file is named; -o x.csv, x.npz or x.wav does")
+        raise Refused("name the file to write, by -o x.csv, x.npz or x.wav")
     form = ".csv" if output == "-" else Path(output).suffix.lower()
     if form not in _FORMS:
         raise Refused(f"{output}: a recording is exported as {', '.join(_FORMS)}")
     inputs = (Path(file),)
-    found = recording.read(console, Path(file))
+    take = recording.read(console, Path(file))
     if dry:
         check_target(Path(output), force=force, inputs=inputs)
     else:
         try:
             with writing(output, binary=form != ".csv", force=force, inputs=inputs) as to:
-                _write(to, found, form)
+                _write(to, take, form)
         except NotRecordingError as error:
             raise Refused(f"{file}: {error}") from None
     if output != "-":
-        recording.say(console, Path(output), found, dry=dry)
+        recording.say(console, Path(output), take, dry=dry)
 
 
-def _write(to: BinaryIO, found: Recording, form: str) -> None:
+def _write(to: BinaryIO, take: Recording, form: str) -> None:
     from ergon.exchange.recording import csv_rows, write_npz, write_wav
 
     if form == ".npz":
-        write_npz(to, found)
+        write_npz(to, take)
     elif form == ".wav":
-        write_wav(to, found)
+        write_wav(to, take)
     else:
-        for text in csv_rows(found):
+        for text in csv_rows(take):
             to.write(text.encode())

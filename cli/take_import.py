@@ -19,18 +19,28 @@ from .outcome import Refused
     "channels",
     multiple=True,
     metavar="NAME",
-    help="Which column; again for more axes. Without it the only one.",
+    help="Column that becomes an axis; repeatable. Not needed where there is one column.",
 )
-@click.option("--rate", metavar="RATE", help="Samples a second of a file without a column t [s].")
-@click.option("--audio", metavar="RATE", default="44100Hz", help="Audio rate; 44100Hz.")
+@click.option(
+    "--rate",
+    metavar="RATE",
+    help="Samples a second, for a file without a column t [s], such as 1kHz.",
+)
+@click.option(
+    "--audio",
+    metavar="RATE",
+    default="44100Hz",
+    show_default=True,
+    help="Audio rate of the recording.",
+)
 @click.option(
     "--tick",
     "frames",
     type=click.IntRange(1, 2_000_000),
     metavar="FRAMES",
-    help="Audio frames a tick; the number nearest to a millisecond.",
+    help="Audio frames of a tick. Default: the number nearest to a millisecond.",
 )
-@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.dry_run
 @options.force
 @options.speaking
 def import_take(
@@ -46,15 +56,15 @@ def import_take(
 ) -> None:
     """Make a recording of a movement in a CSV, npz or WAV file.
 
-    Its columns say their units (`t [s],x [mm]`). Between its samples runs the spline that a score
-    would play. A score plays such files as they are; a recording is for hands that were there.
+    The names of its columns have units (`t [s],x [mm]`). Positions between the samples are those of
+    the spline that a score would play. A score can play such files as they are, too.
     """
     from ergon.exchange.recording import NotRecordingError, recorded
     from ergon.scores.gesture.take_file import TakeError
     from ergon.scores.gesture.takes import read
 
     if output is None:
-        raise Refused("no file is named; -o NEW.take does")
+        raise Refused("name the file to write, by -o NEW.take")
     path = Path(file)
     if path.suffix.lower() == ".gms":
         raise Refused(

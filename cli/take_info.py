@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 def info(console: Console, file: str) -> None:
     """Say what a take holds, and whether it is whole.
 
-    A .take is a recording: its hands, how long, how far, how strong, what was lost. A CSV or npz
-    file has channels.
+    Of a recording (.take) it says the hands, the duration, the range of positions and forces, and
+    what was lost. Of a CSV or npz file it says the channels.
     """
     path = Path(file)
     if path.suffix.lower() not in (SUFFIX, ".csv", ".npz"):
@@ -49,7 +49,7 @@ def _recording(console: Console, path: Path) -> None:
     found = read_quietly(path)
     ticks = found.ticks()
     first = float(ticks[0]) * found.frames / found.rate if len(ticks) else None
-    said = about(found)
+    summary = about(found)
     axes = _axes(found)
     if console.json:
         console.record(
@@ -65,7 +65,7 @@ def _recording(console: Console, path: Path) -> None:
             dropped=found.dropped,
             lost_bytes=found.lost_bytes,
             finished=found.finished,
-            about=said,
+            about=summary,
         )
         return
     rate = found.rate / found.frames
@@ -87,21 +87,21 @@ def _recording(console: Console, path: Path) -> None:
         lines.append("".join(words))
     if found.events:
         lines.append(f"  {plural(len(found.events), 'event')}")
-    for name, value in said.items():
+    for name, value in summary.items():
         each = list(value.values()) if isinstance(value, dict) else [value]
         if words := [word for word in each if isinstance(word, str)]:
             lines.append(f"  {name}: {', '.join(words)}")
     if found.dropped:
-        lines.append(f"  {plural(found.dropped, 'row')} or events found no room while recording")
+        lines.append(f"  {plural(found.dropped, 'row')} or events were lost for want of room")
     lines.append(f"  {found.damage or 'whole'}")
     console.data("\n".join(printable(line[:NAMES_MAX]) for line in lines) + "\n")
 
 
-def _axes(found: Recording) -> list[dict[str, Any]]:
+def _axes(take: Recording) -> list[dict[str, Any]]:
     """What each hand did."""
-    positions, forces, flags = found.positions(), found.forces(), found.flags()
+    positions, forces, flags = take.positions(), take.forces(), take.flags()
     axes: list[dict[str, Any]] = []
-    for i, (name, (player, key)) in enumerate(zip(found.names, found.axes, strict=True)):
+    for i, (name, (player, key)) in enumerate(zip(take.names, take.axes, strict=True)):
         axis: dict[str, Any] = {"name": name, "player": player, "key": key}
         if len(positions):
             axis |= {

@@ -28,9 +28,15 @@ _HAND = "hand"
     help="A hand on a device, such as remi=firefader:/dev/ttyACM0#1; again for more.",
 )
 @options.target("The new recording, a .take file.")
-@click.option("--seconds", type=click.FloatRange(0, 86400, min_open=True), help="End by itself.")
 @click.option(
-    "--tick", type=click.FloatRange(10, 44100), default=1000.0, help="So often a second; 1000."
+    "--seconds", type=click.FloatRange(0, 86400, min_open=True), help="End after this many seconds."
+)
+@click.option(
+    "--tick",
+    type=click.FloatRange(10, 44100),
+    default=1000.0,
+    show_default=True,
+    help="Positions recorded a second.",
 )
 @options.speaking
 def record(
@@ -45,12 +51,12 @@ def record(
     from ergon.live.capture import capture
 
     if output is None:
-        raise Refused("no file is named; -o NEW.take does")
+        raise Refused("name the file to write, by -o NEW.take")
     path = Path(output)
     if path.suffix.lower() != recording.SUFFIX:
         raise Refused(f"{output}: the name of a recording ends in {recording.SUFFIX}")
     if path.exists():
-        raise Refused(f"{path} exists, and a recording overwrites nothing")
+        raise Refused(f"{path} exists, and a recording overwrites no file")
     boards = _boards(live)
     try:
         performance = capture(boards, path, tick=tick, seconds=seconds)
@@ -66,7 +72,7 @@ def record(
         try:
             performance.close(0.1)
         except _core.EngineError as error:
-            raise Refused(f"{path}: {error}; what is there is kept") from None
+            raise Refused(f"{path}: {error}; the recording up to there is kept") from None
         recording.say(console, path, recording.read(console, path), dry=False)
 
 

@@ -17,7 +17,7 @@ from .outcome import Refused
 @click.argument("start", metavar="FROM")
 @click.argument("stop", metavar="TO")
 @options.target("The new recording, a .take file.")
-@click.option("-n", "--dry-run", "dry", is_flag=True, help="Say what would be done, write nothing.")
+@options.dry_run
 @options.force
 @options.speaking
 def trim(
@@ -32,11 +32,11 @@ def trim(
     """Write a part of a recording as a recording of its own.
 
     FROM and TO are seconds from its beginning, such as 0.4s 12.5s; `end` is its end. Rows keep
-    their place in the piece, and events between them are kept. What is written is whole, also
-    where FILE is damaged.
+    their place in the piece, and events between them are kept. The new
+    file is whole, also where FILE is damaged.
     """
     if output is None:
-        raise Refused("no file is named; -o NEW.take does")
+        raise Refused("name the file to write, by -o NEW.take")
     path = Path(file)
     begin, end = _seconds(start, "FROM"), _seconds(stop, "TO")
     if not begin < end:

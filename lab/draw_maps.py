@@ -22,20 +22,20 @@ _FINE = 160  # points a side on which a formula's border is drawn
 _COLUMNS = 2
 
 
-def draw(found: Surveyed, title: str) -> Figure:
+def draw(surveyed: Surveyed, title: str) -> Figure:
     """A figure with a panel for each map."""
     from matplotlib.figure import Figure
 
-    columns = min(_COLUMNS, len(found))
-    rows = -(-len(found) // columns)
+    columns = min(_COLUMNS, len(surveyed))
+    rows = -(-len(surveyed) // columns)
     figure = Figure(figsize=(4.6 * columns, 3.4 * rows + 1.0), layout="constrained")
     figure.suptitle(title, fontweight="bold")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
-    for ax, (one, spots) in zip(grid, found.values(), strict=False):
+    for ax, (one, spots) in zip(grid, surveyed.values(), strict=False):
         _panel(ax, one, spots)
-    for ax in grid[len(found) :]:
+    for ax in grid[len(surveyed) :]:
         ax.set_axis_off()
-    _legend(figure, grid[len(found)] if len(grid) > len(found) else None)
+    _legend(figure, grid[len(surveyed)] if len(grid) > len(surveyed) else None)
     return figure
 
 

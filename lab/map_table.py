@@ -12,18 +12,18 @@ _NAMES = [f.name for f in names_of(Spot) if f.name not in ("x", "y")]
 Surveyed = Mapping[str, tuple[Map, Sequence[Spot]]]
 
 
-def csv(found: Surveyed, method: str) -> str:
+def csv(surveyed: Surveyed, method: str) -> str:
     """The whole file: a row for every spot of every map."""
     facts = [
         f"stability of {method}",
         "theory, certified: predicted by a formula, by the engine before it runs",
         *dict.fromkeys(
-            f"stable: what happened; accurate: {_bar(one)}" for one, _ in found.values()
+            f"stable: what happened; accurate: {_bar(one)}" for one, _ in surveyed.values()
         ),
-        *(f"{name}: x is {one.x_label}, y is {one.y_label}" for name, (one, _) in found.items()),
+        *(f"{name}: x is {one.x_label}, y is {one.y_label}" for name, (one, _) in surveyed.items()),
     ]
     names = ["map", "x", "y", *_NAMES]
-    rows = ([record[name] for name in names] for record in records(found))
+    rows = ([record[name] for name in names] for record in records(surveyed))
     return table.text(facts, names, rows)
 
 
@@ -33,19 +33,19 @@ def _bar(one: Map) -> str:
     return f"error_db of at most {''.join(upto)}{last:g} dB"
 
 
-def records(found: Surveyed) -> list[dict[str, table.Value]]:
+def records(surveyed: Surveyed) -> list[dict[str, table.Value]]:
     """Everything about every spot."""
     return [
         {"map": name, "x": spot.x, "y": spot.y, **{one: getattr(spot, one) for one in _NAMES}}
-        for name, (_, spots) in found.items()
+        for name, (_, spots) in surveyed.items()
         for spot in spots
     ]
 
 
-def lines(found: Surveyed) -> str:
+def lines(surveyed: Surveyed) -> str:
     """One line a map: how many spots are stable, how many right, and where prediction failed."""
     rows = []
-    for name, (one, spots) in found.items():
+    for name, (one, spots) in surveyed.items():
         stable = sum(1 for spot in spots if spot.stable)
         right = sum(1 for spot in spots if spot.accurate)
         missed, strict = disagreements(spots)

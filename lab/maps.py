@@ -68,7 +68,6 @@ class Spot:
     load: float | None = None
     error_db: float | None = None
     spectral_db: float | None = None
-    truth_db: float | None = None
     reason: str = ""
 
 
@@ -133,7 +132,6 @@ def _judged(found: Map, spot: Spot, case: Case, frames: Floats) -> Spot:
         accurate=accurate,
         error_db=error,
         spectral_db=spectral(y, x).difference,
-        truth_db=truth.change_db,
         reason=reason or spot.reason,
     )
 

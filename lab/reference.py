@@ -129,18 +129,18 @@ def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
     return Reference(Setting(method, row[-1][0]), row[-1][1], row[-2][1], _changes(row))
 
 
-def doubts(sounds: Mapping[Setting, Floats], found: Reference) -> list[str]:
+def doubts(sounds: Mapping[Setting, Floats], chosen: Reference) -> list[str]:
     """Methods that settle on another sound than the reference: one of the two must be wrong."""
     said = []
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
-        if method == found.setting.method or len(ladder(sounds, method)) < 2:
+        if method == chosen.setting.method or len(ladder(sounds, method)) < 2:
             continue
         other = _top(sounds, method)
-        apart = waveform_db(other.sound, found.sound)
-        if apart > max(other.floor_db, found.floor_db) + _DOUBT_DB:
+        apart = waveform_db(other.sound, chosen.sound)
+        if apart > max(other.floor_db, chosen.floor_db) + _DOUBT_DB:
             said.append(
-                f"{other.setting} and {found.setting} differ by {apart:.0f} dB, though their own "
-                f"errors seem to be {other.floor_db:.0f} and {found.floor_db:.0f} dB"
+                f"{other.setting} and {chosen.setting} differ by {apart:.0f} dB, though their own "
+                f"errors seem to be {other.floor_db:.0f} and {chosen.floor_db:.0f} dB"
             )
     return said
 

@@ -24,6 +24,14 @@ def patient_lines(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, empty and the test's own; messages have no colour."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    return tmp_path
+
+
+@pytest.fixture
 def short_folder() -> Iterator[Path]:
     """A folder whose name is short enough for a socket."""
     with tempfile.TemporaryDirectory(prefix="ergon-") as name:

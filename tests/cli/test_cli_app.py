@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 import pytest
+from commands import ERGON
 from patience import PATIENCE
 
 from ergon.cli import app, take
@@ -175,7 +176,7 @@ def test_a_broken_pipe_ends_quietly() -> None:
 
 @pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["completion", "bash"]])
 def test_head_of_any_command(words: list[str]) -> None:
-    command = [sys.executable, "-m", "ergon.cli", *words]
+    command = [*ERGON, *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stderr is not None

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from benches.interrupts import CHILD
 from boards import Board, emulated
+from commands import records
 from docs.generators import faults
+from emulators import pulled
 from patience import PATIENCE, until
 
 from ergon import _core
@@ -32,10 +34,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setenv("NO_COLOR", "1")
     return tmp_path
-
-
-def records(capsys: Capture) -> list[dict]:
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
 def by(found: list[dict], event: str) -> dict:
@@ -163,19 +161,9 @@ GESTURE = "0mm@0 12mm@1/10 0mm@1/4"
 
 
 def followed(n: int) -> list[float]:
-    """A key (50 g, 1 Ns/m) that a hand (400 N/m, 4 Ns/m) pulls, by its equation [m]."""
+    """Positions of the key of the emulator, which rests in the first period [m]."""
     hand = sampled(notation.parse(GESTURE).points, 1.0, TICK)
-    x = d = 0.0
-    path = [x]
-    for i in range(n - 1):
-        force = 0.0
-        if i < len(hand):
-            moved = hand[i] - hand[max(i - 1, 0)]
-            force = 400 * (hand[i] - x) + 4 * TICK * (moved - d)
-        d = math.exp(-1 / 0.05 / TICK) * d + force / 0.05 / TICK**2
-        x += d
-        path.append(x)
-    return path
+    return [0.0, *pulled(hand, TICK, n - 1)]
 
 
 def test_take_record_keeps_where_a_hand_was(capsys: Capture):

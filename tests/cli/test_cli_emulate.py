@@ -1,6 +1,5 @@
 """Emulated devices as processes of their own, driven by bytes written here by hand."""
 
-import math
 import os
 import select
 import signal
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from emulators import crc, emulator
+from emulators import crc, emulator, pulled
 from numpy.typing import NDArray
 from patience import PATIENCE, until
 
@@ -49,18 +48,8 @@ GESTURE = ("--gesture", "0mm@0 12mm@1/10 0mm@1/4")
 
 
 def followed(hand: NDArray[np.float64], n: int) -> list[int]:
-    """Bytes of a key (50 g, 1 Ns/m) that a hand (400 N/m, 4 Ns/m) pulls, by its equation."""
-    x = d = 0.0
-    path = []
-    for i in range(n):
-        force = 0.0
-        if i < len(hand):
-            moved = hand[i] - hand[max(i - 1, 0)]
-            force = 400 * (hand[i] - x) + 4 * TICK * (moved - d)
-        d = math.exp(-1 / 0.05 / TICK) * d + force / 0.05 / TICK**2
-        x += d
-        path.append(round(x / 0.00039) + 128)
-    return path
+    """Bytes of the positions of the key."""
+    return [round(x / 0.00039) + 128 for x in pulled(hand, TICK, n)]
 
 
 def positions(pause: float) -> tuple[list[int], str]:

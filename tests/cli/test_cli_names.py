@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import ERGON
 
 from ergon.cli import app, take
 from ergon.cli.names import names_in, names_of
@@ -84,7 +85,7 @@ def scripts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("scripts")
     made = {}
     for shell in ("bash", "zsh", "fish"):
-        command = [sys.executable, "-m", "ergon.cli", "completion", shell]
+        command = [*ERGON, "completion", shell]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         made[shell] = folder / f"ergon.{shell}"
         made[shell].write_text(done.stdout)

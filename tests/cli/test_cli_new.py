@@ -20,11 +20,7 @@ from ergon.scores.reading.load import load
 Capture = pytest.CaptureFixture[str]
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
@@ -90,9 +86,9 @@ def test_schema(capsys: Capture) -> None:
 
 
 @pytest.fixture
-def shipped(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def shipped(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A library of one score, so that these tests do not depend on what ships."""
-    path = folder / "library" / "one-gesture.yaml"
+    path = own_folder / "library" / "one-gesture.yaml"
     path.parent.mkdir()
     (path.parent / "instruments").mkdir()
     text = contents("bell", "first sound")

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from commands import records
 
 from ergon.cli import app
 from ergon.exchange.wave import hash_samples, read_info
@@ -41,17 +42,15 @@ render: {tail: 0.5s, bits: float}
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "all.yaml").write_text(SCORE)
-    return tmp_path
+def folder(own_folder: Path) -> Path:
+    (own_folder / "all.yaml").write_text(SCORE)
+    return own_folder
 
 
 def rows(capsys: Capture, *options: str) -> dict[str, dict]:
     """The rows of a plan by their first part; those of islands by what is in them."""
     assert app.run(["plan", "all.yaml", "--json", *options]) == 0
-    found = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    found = records(capsys)
     assert [row["event"] for row in found][-1] == "plan"
     return {"+".join(row["parts"]): row for row in found if row["event"] == "plan_row"}
 

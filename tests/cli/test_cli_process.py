@@ -3,14 +3,12 @@
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from commands import ERGON
 from one_bell import SCORE
 from patience import PATIENCE, until
-
-COMMAND = [sys.executable, "-m", "ergon.cli"]
 
 
 @pytest.fixture
@@ -25,7 +23,7 @@ def folder(tmp_path: Path) -> Path:
 def test_a_stopped_render_leaves_nothing(
     folder: Path, number: signal.Signals, threads: str
 ) -> None:
-    command = [*COMMAND, "render", "long.yaml", "--stems", "stems", "--threads", threads]
+    command = [*ERGON, "render", "long.yaml", "--stems", "stems", "--threads", threads]
     with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE) as process:
         until(lambda: list(folder.glob(".long.wav.*.part")), "a render")
         process.send_signal(number)
@@ -38,14 +36,14 @@ def test_a_stopped_render_leaves_nothing(
 
 def test_renders_go_through_pipes(folder: Path) -> None:
     whole = subprocess.run(
-        [*COMMAND, "render", "-q", "bell.yaml", "-o", "-"],
+        [*ERGON, "render", "-q", "bell.yaml", "-o", "-"],
         cwd=folder,
         capture_output=True,
         check=True,
     )
     assert whole.stderr == b""
     with subprocess.Popen(
-        [*COMMAND, "render", "bell.yaml", "-o", "-", "--bits", "float"],
+        [*ERGON, "render", "bell.yaml", "-o", "-", "--bits", "float"],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -57,7 +55,7 @@ def test_renders_go_through_pipes(folder: Path) -> None:
         assert b"Traceback" not in process.stderr.read()
         assert process.wait(timeout=PATIENCE) == 0
     again = subprocess.run(
-        [*COMMAND, "render", "-q", "-", "-o", "x.wav"],
+        [*ERGON, "render", "-q", "-", "-o", "x.wav"],
         cwd=folder,
         input=SCORE.encode(),
         check=True,
@@ -69,7 +67,7 @@ def test_renders_go_through_pipes(folder: Path) -> None:
 def test_without_a_terminal_nothing_is_coloured_or_drawn(folder: Path) -> None:
     environment = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
     done = subprocess.run(
-        [*COMMAND, "render", "bell.yaml"],
+        [*ERGON, "render", "bell.yaml"],
         cwd=folder,
         capture_output=True,
         text=True,

@@ -1,12 +1,12 @@
 """`ergon render`, from the command line to the file."""
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
+from commands import records
 from one_bell import SCORE
 
 from ergon.cli import app
@@ -16,15 +16,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "bell.yaml").write_text(SCORE)
-    return tmp_path
-
-
-def records(capsys: Capture) -> list[dict]:
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+def folder(own_folder: Path) -> Path:
+    (own_folder / "bell.yaml").write_text(SCORE)
+    return own_folder
 
 
 def test_render_writes_what_the_score_says(capsys: Capture) -> None:

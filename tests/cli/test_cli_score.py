@@ -1,6 +1,5 @@
 """Commands that read scores: check, compile, plot, export, info."""
 
-import json
 import os
 import re
 import subprocess
@@ -10,6 +9,7 @@ from pathlib import Path
 import mido
 import numpy as np
 import pytest
+from commands import ERGON, records
 from one_bell import SCORE
 
 from ergon.cli import app
@@ -19,15 +19,9 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "bell.yaml").write_text(SCORE)
-    return tmp_path
-
-
-def records(capsys: Capture) -> list[dict]:
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+def folder(own_folder: Path) -> Path:
+    (own_folder / "bell.yaml").write_text(SCORE)
+    return own_folder
 
 
 # --- check --------------------------------------------------------------------------------------
@@ -68,7 +62,7 @@ def test_forms_of_mistakes(capsys: Capture) -> None:
 def test_check_reads_stdin() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
-        [sys.executable, "-m", "ergon.cli", "check", "-"],
+        [*ERGON, "check", "-"],
         input=SCORE.replace("play: knock", "play: knokc"),
         capture_output=True,
         text=True,
@@ -102,7 +96,7 @@ def test_a_layer_is_not_held_against_a_path(folder: Path, capsys: Capture) -> No
     assert score != SCORE
     (folder / "layer.yaml").write_text(score)
     assert app.run(["check", "--simulate", "layer.yaml"]) == 0
-    assert "ada knock on k1: a layer, added to what runs\n" in capsys.readouterr().out
+    assert "ada knock on k1: a layer, added to the gesture that runs\n" in capsys.readouterr().out
     assert app.run(["check", "--simulate", "--json", "layer.yaml"]) == 0
     (record,) = records(capsys)
     assert record["ergons"] > 0
@@ -116,7 +110,10 @@ def test_what_is_cut_where_it_begins_was_not_followed(folder: Path, capsys: Capt
     )
     (folder / "cut.yaml").write_text(cut)
     assert app.run(["check", "--simulate", "cut.yaml"]) == 0
-    assert "ada lean on k1: cut before it began\n" in capsys.readouterr().out
+    assert (
+        "ada lean on k1: ended by the next gesture before its first ergon\n"
+        in capsys.readouterr().out
+    )
 
 
 def test_what_was_followed_exactly_has_no_worst(folder: Path, capsys: Capture) -> None:

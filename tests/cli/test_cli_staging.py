@@ -23,17 +23,15 @@ instruments:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(own_folder: Path) -> Path:
     """A score that is read without a mistake and cannot be played, and the journal of one."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
     Path("score.yaml").write_text(SCORE, encoding="utf-8")
     journal = Journal(Path("began.jsonl"))
     opening = SessionStart(Texts.read("score.yaml"), 0.0, Faders(), 64, 1.0, 1.0, None)
     journal.tell("session", **opening.fields())
     journal.tell("said", line="show", taken=True, reply="", frame=640)
     journal.close()
-    return tmp_path
+    return own_folder
 
 
 @pytest.mark.parametrize(

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from commands import ERGON
 from one_bell import SCORE
 from patience import PATIENCE
 
-ERGON = [sys.executable, "-m", "ergon.cli"]
 SAID = ("Traceback", "internal error", "Exception ignored")
 REPL = "repl score.yaml --audio null --gain 0dB --plain"
 ASCII = (

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from commands import records
 from recordings import EVENTS, Axis, chunk, end, event, header, row, rows
 
 from ergon import _core
@@ -32,15 +33,9 @@ def data(first: int = 1000, n: int = 2000) -> bytes:
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "hand.take").write_bytes(data())
-    return tmp_path
-
-
-def records(capsys: Capture) -> list[dict]:
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+def folder(own_folder: Path) -> Path:
+    (own_folder / "hand.take").write_bytes(data())
+    return own_folder
 
 
 @pytest.mark.parametrize("command", [["info"], ["take", "info"]])
@@ -143,7 +138,7 @@ def test_trim_makes_a_damaged_file_whole(folder: Path, capsys: Capture) -> None:
         (["hand.take", "1e17s", "end", "-o", "x.take"], "nothing is recorded"),
         (["hand.take", "later", "end", "-o", "x.take"], "FROM: "),
         (["hand.take", "0s", "1kg", "-o", "x.take"], "TO: "),
-        (["hand.take", "0s", "1s"], "no file is named; -o NEW.take does"),
+        (["hand.take", "0s", "1s"], "name the file to write, by -o NEW.take"),
         (["hand.take", "0s", "1s", "-o", "x.csv"], "the name of a recording ends in .take"),
         (["hand.take", "0s", "1s", "-o", "hand.take", "-f"], "is an input"),
         (["hand.take", "0s", "1s", "-o", "other.take"], "other.take exists"),
@@ -256,7 +251,7 @@ def test_import_reads_the_spline_at_every_tick(folder: Path, capsys: Capture) ->
         (["long.csv", "-o", "y.take"], "more than a recording holds"),
         (["hand.take", "-o", "y.take"], "is a recording already"),
         (["x.csv", "-o", "y.wav", "--channel", "a"], "the name of a recording ends in .take"),
-        (["x.csv", "--channel", "a"], "no file is named"),
+        (["x.csv", "--channel", "a"], "name the file to write"),
     ],
 )
 def test_import_refuses(folder: Path, capsys: Capture, words: list[str], said: str) -> None:

@@ -42,10 +42,7 @@ def every_command_agrees(seeds: range, capsys: pytest.CaptureFixture[str]) -> No
     assert accepted > 0.9 * len(seeds)
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
+pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def test_every_command_accepts_what_check_accepts(capsys: pytest.CaptureFixture[str]):

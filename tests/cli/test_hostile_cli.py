@@ -13,13 +13,13 @@ import resource
 import socket
 import struct
 import subprocess
-import sys
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
 import recordings
+from commands import ERGON
 from hostile import (
     FILES,
     HEAD,
@@ -115,7 +115,7 @@ def ergon(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     # A thread of numpy's own reserves more address space than the pieces need.
     few = {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": path}
     return subprocess.run(
-        [sys.executable, "-m", "ergon.cli", *words],
+        [*ERGON, *words],
         cwd=folder,
         env={**os.environ, **few},
         stdin=subprocess.DEVNULL,

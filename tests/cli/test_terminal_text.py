@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import ERGON
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -115,7 +116,7 @@ def test_data_is_clean_on_a_terminal_and_itself_in_a_pipe(evil, arguments):
     source = f"# {EVIL[1:]}\n{TEXT}" if arguments[0] == "fmt" else TEXT
     source = source.replace("\x1b", "").replace("\x07", "").replace("\x7f", "").replace("\x9b", "")
     Path("s.yaml").write_text(source.replace("a\\e", "a"), encoding="utf-8")
-    command = [sys.executable, "-m", "ergon.cli", *arguments]
+    command = [*ERGON, *arguments]
 
     def output(stdout):
         with Path("s.yaml").open("rb") as text:

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import ERGON
 from tests.contracts.test_determinism import PLAIN_GLIBC, disabled
 
 TAKE = Path(__file__).parents[2] / "scores/library/takes/hand-point-1.csv"
@@ -58,7 +59,7 @@ def rendered(folder: Path, text: str, *options: str, **environment: str) -> str:
     score.write_text(text, encoding="utf-8")
     path = os.pathsep.join(filter(None, sys.path))
     done = subprocess.run(
-        [sys.executable, "-m", "ergon.cli", "render", "-q", str(score), *options],
+        [*ERGON, "render", "-q", str(score), *options],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path, **environment},
         capture_output=True,

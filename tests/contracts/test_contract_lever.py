@@ -1,11 +1,11 @@
 """A key behind a lever: what is said of it and of its ergons is said in the key's own terms."""
 
 import csv
-import json
 import re
 from pathlib import Path
 
 import pytest
+from commands import records
 
 from ergon.cli import app
 
@@ -29,18 +29,13 @@ SAME = {"1": "100", "10": "1"}
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def folder(own_folder: Path) -> None:
     for reach, stiffness in SAME.items():
         for touch in ("open", "tracked"):
             text = SCORE % (reach, stiffness, touch)
             if reach == "1":
                 text = text.replace("m: {CEL: {M: 400g", "m: {CEL: {M: 40kg")
-            (tmp_path / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
-
-
-def records(capsys: Capture) -> list[dict]:
-    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+            (own_folder / f"{touch}{reach}.yaml").write_text(text, encoding="utf-8")
 
 
 def test_how_it_was_followed_is_in_millimetres_of_the_key(capsys: Capture) -> None:

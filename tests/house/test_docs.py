@@ -14,7 +14,6 @@ command prints (errors and all) must match what is shown, where `…` stands for
 import os
 import re
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from commands import ERGON
 from patience import PATIENCE
 from tests.scores import test_library
 
@@ -117,7 +117,7 @@ def run(block: Block, folder: Path) -> None:
         words = command.split(" #")[0].split()
         assert words[0] == "ergon", f"{block.where}: {command}"
         done = subprocess.run(
-            [sys.executable, "-m", "ergon.cli", *words[1:]],
+            [*ERGON, *words[1:]],
             cwd=folder,
             env={**os.environ, "NO_COLOR": "1", "COLUMNS": "80"},
             stdout=subprocess.PIPE,
@@ -152,6 +152,18 @@ def test_links_lead_somewhere(page: Path) -> None:
                 ("errors/", "reference.md", "docs/reference.md", "docs/errors")
             )
             assert made or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_page_is_reached_from_the_first() -> None:
+    reached, todo = set(), [ROOT / "README.md"]
+    while todo:
+        page = todo.pop()
+        if page in reached:
+            continue
+        reached.add(page)
+        targets = re.findall(r"\]\(([^)#\s]+\.md)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+        todo += [(page.parent / target).resolve() for target in targets if "://" not in target]
+    assert {page.resolve() for page in PAGES} <= reached
 
 
 def test_a_replaced_section_leaves_the_others() -> None:

@@ -13,7 +13,7 @@ GESTURE, READING, EDITS, STAGING = (
 )
 MAY = {
     "common": set(),
-    "view": {"_core"},
+    "view": set(),
     "exchange": {"_core"},
     "rendering": {"exchange", "_core"},
     TEXT: set(),

@@ -168,7 +168,7 @@ def test_calibrate_finds_ends_where_the_hand_goes(config: Path, capsys: Capture)
 def test_a_motor_the_wrong_way_round_is_put_right(config: Path, capsys: Capture):
     with Board(-1e-3) as board:
         assert app.run(["devices", "calibrate", board.in_lockstep, "--seconds", "0"]) == 0
-        assert "the other way round, which is put right" in capsys.readouterr().err
+        assert "the other way round, which is corrected" in capsys.readouterr().err
         assert known(board.in_lockstep)[0].sign == -1
         # A fifth of its force is as much as it gets.
         assert 0.1 < board.strongest < 4.01

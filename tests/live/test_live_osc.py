@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import ERGON
 from hypothesis import given
 from hypothesis import strategies as st
 from patience import PATIENCE, until
@@ -131,7 +132,7 @@ def played(
 @contextlib.contextmanager
 def command(folder: Path, *options: str, text: str = SCORE) -> Iterator[subprocess.Popen[str]]:
     (folder / "s.yaml").write_text(text, encoding="utf-8")
-    line = [sys.executable, "-m", "ergon.cli", "play", "s.yaml", "--json", *options]
+    line = [*ERGON, "play", "s.yaml", "--json", *options]
     pipe = subprocess.PIPE
     with subprocess.Popen(line, stdout=pipe, stderr=pipe, text=True, cwd=folder) as process:
         try:

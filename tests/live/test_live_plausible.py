@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from duets import ERGON, said
+from commands import ERGON
+from duets import said
 from emulators import crc, emulator
 from patience import PATIENCE
 from simulated_board import Simulated, simulated

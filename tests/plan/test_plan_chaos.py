@@ -1,10 +1,10 @@
 """Parts where the smallest difference grows: by waveform until it parts, then by spectrum."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import records
 
 from ergon import _core
 from ergon.cli import app
@@ -155,14 +155,14 @@ def test_it_is_said_and_kept(capsys: Capture, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ERGON_CACHE", "on")
     Path("a.yaml").write_text(score())
     assert app.run(["plan", "a.yaml", "--json"]) == 0
-    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    lines = records(capsys)
     (row,) = (line for line in lines if line["event"] == "plan_row")
     assert row["spectral_db"] > 0.0
     said = f"over {row['error_over_s']:.2g} s, then {row['spectral_db']:.1f} dB by spectrum"
     assert app.run(["plan", "a.yaml"]) == 0
     shown = capsys.readouterr()
     assert f"{row['error_db']:.0f} dB {said}" in shown.out
-    assert "(kept from before)" in shown.out
+    assert "(from the cache)" in shown.out
     assert "W403" in shown.err
     assert f"but by spectrum, to {row['spectral_db']:.1f} dB" in shown.err
     assert app.run(["plan", "a.yaml", "--why", "gong"]) == 0

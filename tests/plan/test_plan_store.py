@@ -1,10 +1,10 @@
 """Plans kept from one run to the next: the same sound, the same table, nothing to rely on."""
 
-import json
 import os
 from pathlib import Path
 
 import pytest
+from commands import records
 
 from ergon.cli import app
 from ergon.exchange import plan_store
@@ -51,7 +51,7 @@ def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def told(capsys: Capture, *options: str) -> tuple[list[dict], bool]:
     """The rows of the plan, and whether it was kept from before."""
     assert app.run(["plan", "a.yaml", "--json", *options]) == 0
-    *rows, plan = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    *rows, plan = records(capsys)
     return [*rows, plan["hash"]], plan["kept"]
 
 
@@ -76,7 +76,7 @@ def test_the_same_sound_and_the_same_table(capsys: Capture, monkeypatch: pytest.
     assert any(row["because"] is not None for row in fresh[:-1])
     capsys.readouterr()
     assert app.run(["plan", "a.yaml"]) == 0
-    assert "s (kept from before); plan sha256" in capsys.readouterr().out
+    assert "s (from the cache); plan sha256" in capsys.readouterr().out
 
 
 def test_whatever_a_plan_depends_on_makes_another(capsys: Capture):

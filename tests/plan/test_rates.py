@@ -1,11 +1,11 @@
 """Rates of keys and instruments: read, refused, planned, told."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from checked import check
+from commands import records
 
 from ergon.cli import app
 from ergon.scores.reading.piece import Piece
@@ -111,7 +111,7 @@ def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
     assert "Its springs pull once in 10 frames" in why
     assert "|λ| is" in why
     assert app.run(["plan", "s.yaml", "--json"]) == 0
-    rows = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    rows = records(capsys)
     (row,) = [row for row in rows if row.get("what") == "e4"]
     assert row["every"] == 10
     assert row["radius"] < 1.0
@@ -121,7 +121,5 @@ def test_the_plan_shows_it(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
+def folder(own_folder: Path) -> None:
     Path("s.yaml").write_text(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST)

@@ -38,7 +38,6 @@ SCORE = (
     .replace("t60: 0.5s", "t60: 0.1s")
     .replace("to: [1, 2]}", "to: [1, 2]}, {from: bell, to: [1]}")
 )
-ERGON = [sys.executable, "-m", "ergon.cli"]
 REFUSED = (JournalError, NotTakenError, StageError)
 TYPED = ("save", "save other", "keep 2bar as verse", "save", "save other")
 

@@ -1,16 +1,15 @@
 """The session that docs/repl.md shows, typed in a real terminal, and what is left of it."""
 
 import re
-import sys
 from pathlib import Path
 
 import soundfile
+from commands import ERGON
 from terminals import ENTER, Terminal
 
 from ergon.exchange.wave import read_info
 
 PAGE = Path(__file__).parents[2] / "docs" / "repl.md"
-ERGON = [sys.executable, "-m", "ergon.cli"]
 BLOCK = re.compile(r"<!-- session: ergon (?P<command>.*) -->\n```repl\n(?P<text>.*?)```", re.DOTALL)
 LINE = re.compile(r"(?P<bar>\d+)\|\d+ > (?P<line>.+)")
 

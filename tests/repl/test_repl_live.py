@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import time
 from contextlib import closing
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from commands import ERGON
 from emulators import emulator
 from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE, onset
@@ -24,8 +24,6 @@ from ergon.repl.session.replay import resumed
 from ergon.repl.session.session import Session
 from ergon.repl.session.version import Version, piece_of
 from ergon.scores.edits.texts import Texts
-
-ERGON = [sys.executable, "-m", "ergon.cli"]
 
 
 def session_on(folder: Path, audio: str, *, watches: bool = False) -> Session:

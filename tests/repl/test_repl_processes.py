@@ -9,11 +9,11 @@ import signal
 import socket
 import struct
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from commands import ERGON
 from one_bell import SCORE
 from patience import PATIENCE, until
 from sockets import remote
@@ -21,7 +21,6 @@ from terminals import CTRL_D, ENTER, Terminal
 
 from ergon.repl.wire import local_socket
 
-ERGON = [sys.executable, "-m", "ergon.cli"]
 # What the session's score says, in so few characters that a reply can hold it.
 _TEXT = "py __import__('hashlib').sha256(session.commits.head.texts.text.encode()).hexdigest()"
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from acted_session import Acted
+from commands import ERGON
 from patience import until
 from sessions import Stepped
 from simulated_board import Simulated, simulated
@@ -40,7 +41,6 @@ instruments:
     out: {SOX: m}
 players: {remi: {hand: live, key: k}}
 """
-ERGON = [sys.executable, "-m", "ergon.cli"]
 # Locks a mutex of C twice. By PyDLL the interpreter waits too, by CDLL it goes on.
 STUCK = (
     'py (lambda c, m: (print("stuck", flush=True), c.pthread_mutex_lock(m), '

@@ -10,18 +10,17 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from commands import ERGON
 from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
 from ergon.repl.session.journal import read
 
-ERGON = [sys.executable, "-m", "ergon.cli"]
 DEVICE = [*ERGON, "emulate", "frame", "--udp", "0", "--json"]
 NEVER = ("Traceback", "internal error", "Exception ignored", "panicked", "in ergon itself")
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0

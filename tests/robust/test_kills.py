@@ -11,7 +11,6 @@ import os
 import random
 import signal
 import subprocess
-import sys
 import time
 import traceback
 from collections.abc import Callable
@@ -22,13 +21,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
+from commands import ERGON
 
 from ergon import _core
 from ergon.repl.session.journal import JournalError
 from ergon.repl.session.journal_content import read_journal
 from ergon.repl.session.replay import resumed
 
-ERGON = [sys.executable, "-m", "ergon.cli"]
 SEED = 12
 MANY = 1000
 TICKS_LOST = 500  # half a second of 1 kHz

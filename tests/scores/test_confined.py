@@ -3,10 +3,10 @@
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from commands import ERGON
 from patience import PATIENCE
 
 from ergon.cli import app
@@ -293,7 +293,7 @@ def test_a_score_is_a_regular_file(piece, kind):
     for command in (["check", kind], ["render", "x.yaml", "--plan", kind], ["take", "info", kind]):
         Path("x.yaml").write_text("ergon: 1\nrender: {tail: 10ms}\n" + PLAYED)
         done = subprocess.run(
-            [sys.executable, "-m", "ergon.cli", *command],
+            [*ERGON, *command],
             capture_output=True,
             timeout=PATIENCE,
             text=True,

@@ -1,29 +1,19 @@
 """Boards for tests: an emulator in its process, and one made here whose motor pulls as told."""
 
-import json
 import socket
 import struct
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from emulators import crc
-
-COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
+from emulators import crc, emulator
 
 
 @contextmanager
 def emulated(*arguments: str) -> Iterator[str]:
     """The URL of an emulated device."""
-    command = [*COMMAND, *arguments, "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["url"]
-        finally:
-            process.kill()
+    with emulator(*arguments) as device:
+        yield device.url
 
 
 class Board(threading.Thread):

@@ -1,7 +1,6 @@
 """`ergon duet` as a process, and what it played, recorded and rendered."""
 
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -9,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import soundfile
+from commands import ERGON
 from patience import PATIENCE
 
 from ergon import _core
 
-ERGON = [sys.executable, "-m", "ergon.cli"]
 STAND_IN = 8  # of a row's flags
 
 

@@ -1,18 +1,19 @@
 """Emulated devices as processes of their own: what they print, and how they end."""
 
 import json
+import math
 import signal
 import socket
 import struct
 import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+from commands import ERGON
 from patience import PATIENCE
 
-COMMAND = [sys.executable, "-m", "ergon.cli", "emulate"]
+COMMAND = [*ERGON, "emulate"]
 
 
 @dataclass
@@ -53,6 +54,21 @@ def emulator(*arguments: str) -> Iterator[Emulator]:
             yield started
         finally:
             process.kill()
+
+
+def pulled(hand: Sequence[float], rate: float, n: int) -> list[float]:
+    """Positions [m] of a key (50 g, 1 Ns/m) that a hand (400 N/m, 4 Ns/m) pulls: its equation."""
+    x = d = 0.0
+    path = []
+    for i in range(n):
+        force = 0.0
+        if i < len(hand):
+            moved = hand[i] - hand[max(i - 1, 0)]
+            force = 400 * (hand[i] - x) + 4 * rate * (moved - d)
+        d = math.exp(-1 / 0.05 / rate) * d + force / 0.05 / rate**2
+        x += d
+        path.append(x)
+    return path
 
 
 def free_port() -> int:

@@ -22,11 +22,10 @@ PAGE = Path(__file__).parents[2] / "docs" / "library.md"
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def folder(own_folder: Path) -> Path:
     Path("bell.yaml").write_text(SCORE)
     Path("bad.yaml").write_text(SCORE.replace("400g", "400h"))
-    return tmp_path
+    return own_folder
 
 
 def test_all_that_is_public_is_listed_and_typed():

@@ -71,11 +71,9 @@ def piece(old: str = "", new: str = "") -> Piece:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NO_COLOR", "1")
-    (tmp_path / "s.yaml").write_text(SCORE)
-    return tmp_path
+def folder(own_folder: Path) -> Path:
+    (own_folder / "s.yaml").write_text(SCORE)
+    return own_folder
 
 
 def frozen(parts: str = "gong", *more: str) -> dict:
@@ -265,15 +263,15 @@ def test_what_is_not_of_this_piece_is_refused(folder: Path, capsys: Capture):
 
     assert "ergon render --freeze writes it" in refused()
     frozen("gong", "--seed", "3")
-    assert "it is of seed 3, this is 0" in refused()
+    assert "the parts were frozen with seed 3, and this performance has seed 0" in refused()
     frozen("gong", "--rate", "48000")
-    assert "it is at 48000 Hz, the score at 44100 Hz" in refused()
+    assert "the parts were frozen at 48000 Hz, and the score has 44100 Hz" in refused()
     frozen("gong")
     stem = Path("s.frozen/01_gong.wav")
     data = bytearray(stem.read_bytes())
     data[-3] ^= 1
     stem.write_bytes(data)
-    assert "its samples differ; ergon render SCORE --freeze gong" in refused()
+    assert "its samples differ; `ergon render SCORE --freeze gong" in refused()
     stem.write_bytes(data[:-80])
     assert "is not the file that was frozen" in refused()
     stem.unlink()
