@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from ergon.common.errors import ErgonError
 from ergon.common.terminal import json_text, printable
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Place
@@ -21,8 +22,8 @@ Severity = Literal["error", "warning", "note"]
 _SEVERITIES: dict[str, Severity] = {"E": "error", "W": "warning", "N": "note"}
 
 
-class TextError(ValueError):
-    """A mistake inside one scalar; `offset` and `length` count characters of its text."""
+class TextError(ErgonError, ValueError):
+    """A mistake inside one text; `offset` and `length` count characters of the text."""
 
     def __init__(
         self,

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spans import Layout, Span, Splice
 
 Path = Sequence[str | int]
 
 
-class EditError(Exception):
+class EditError(ErgonError):
     """Why a text cannot be edited so, in one sentence."""
 
 

@@ -16,6 +16,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Position
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
+from ergon.scores.gesture.sampled import refused_point, sentence
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
 from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
@@ -239,7 +240,13 @@ class Hands:
                 index, t, shape.x, shape.curves, sources=shape.sources, **shape.options
             )
         except _core.EngineError as error:
-            self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
+            index = min(refused_point(error), len(shape.sources) - 1)
+            self.collector.error(
+                "E308",
+                f"{quote(play.what)}: {sentence(error)}",
+                self.sources[shape.sources[index]],
+                help=f"{play.player} plays the gesture at {play.place}",
+            )
             return
         self.gestures.append(
             StagedGesture(
@@ -329,7 +336,7 @@ class Hands:
                 **options,
             )
         except _core.EngineError as error:
-            self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
+            self.collector.error("E308", f"{quote(play.what)}: {sentence(error)}", play.place)
             return
         self.gestures.append(
             StagedGesture(
@@ -370,9 +377,3 @@ class Hands:
 
     def _reach(self, play: Play) -> float:
         return self.piece.keys[self._key_of(play)].reach
-
-
-def _sentence(error: _core.EngineError) -> str:
-    """The sentence of a refusal, without the name that stands before it."""
-    text, module = str(error), getattr(error, "module", None)
-    return text.removeprefix(f"{module}: ") if module else text

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
 from ergon.notation.clock.positions import Position
@@ -35,8 +36,8 @@ OVER = -math.inf
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
-class StageError(Exception):
-    """The engine will not play the piece; `diagnostics` say what and where."""
+class StageError(ErgonError):
+    """The engine does not play the piece; `diagnostics` say why, each with its place."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Take what was found."""
