@@ -93,6 +93,7 @@ PUSH = quantity(q.PUSH, "a force of either sign, such as -5N")
 HARDENING = quantity(q.HARDENING)
 HERTZ = quantity(q.FREQUENCY)
 RATE = quantity(q.RATE)
+TICK_RATE = quantity(q.TICK_RATE)
 DURATION = quantity(q.DURATION)
 PAUSE = quantity(q.INSTANT)  # a duration that may be none
 LEVEL = quantity(q.LEVEL)

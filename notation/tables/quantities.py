@@ -77,6 +77,7 @@ IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs")
 HARDENING = _dimension("hardening", _HARDENING, "4e8N/m3", "not negative")
 FREQUENCY = _dimension("frequency", "Hz kHz:3", "220Hz", "positive", high=1e6)
 RATE = _dimension("rate", "Hz kHz:3", "44100Hz", "positive", low=1e3, high=2e6)
+TICK_RATE = _dimension("rate of ticks", "Hz kHz:3", "1kHz", "positive", low=1.0, high=1e5)
 DURATION = _dimension(
     "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", bare=False
 )

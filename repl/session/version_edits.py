@@ -13,7 +13,7 @@ from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
 from ergon.scores.edits import keys, matter, names, parts, times
 from ergon.scores.edits.texts import Texts
-from ergon.scores.staging.stage import solo
+from ergon.scores.staging.fallback import solo
 
 if TYPE_CHECKING:
     from ergon.repl.session.commits import VersionEdit

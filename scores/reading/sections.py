@@ -145,7 +145,7 @@ PLAYER = Record(
         Field("key", Reference("a key"), "the key that it plays", required=True),
         Field("device", k.TITLE, "a live hand's axis, such as tgr0.3"),
         Field("standin", Reference("a take or gesture"), "what plays when no hand is there"),
-        Field("tick", k.HERTZ, "how often a device is asked", shown="1000 Hz"),
+        Field("tick", k.TICK_RATE, "how often a device is asked", shown="1000 Hz"),
     ),
     refused={
         "follow": "following another player is not built yet",

@@ -292,18 +292,6 @@ def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> St
     return StageError(collector.finish())
 
 
-def solo(piece: Piece, name: str, key: str) -> Stage:
-    """One gesture or take alone on a key, at the beginning of the piece."""
-    where = piece.keys[key].place
-    hand = Player(key, "virtual", key, None, None, None, where)
-    what = piece.gestures.get(name) or piece.takes[name]
-    play = Play(
-        hand.name, name, Position(), None, 1, None, (), Manner(), what.place, what.place, None
-    )
-    alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())
-    return stage(alone)
-
-
 def add_network(piece: Piece, assembly: Assembly) -> list[int]:
     """Keys, instruments and couplings; returns the LIA of each coupling."""
     # Links reach the <M> points of other parts: all of those first.
@@ -450,6 +438,5 @@ __all__ = [
     "StagedGesture",
     "acting",
     "prepare",
-    "solo",
     "stage",
 ]

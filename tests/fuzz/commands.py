@@ -29,7 +29,7 @@ COMMANDS = (
     ("render", "-o", "x.wav", "-f"),
 )
 DIVERGED = 4  # the exit code where a part goes beyond all bounds
-MAX_WORK = 3e6  # masses × frames of a score that every command computes
+MAX_WORK = 3e5  # masses × frames of a score that every command computes
 
 
 def case(chance: random.Random) -> str:

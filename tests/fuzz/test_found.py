@@ -63,3 +63,11 @@ def test_the_library_and_check_refuse_a_gesture_alike(text: str):
     assert found.place.length == refused.value.length
     words = refused.value.message.split(":")[0]
     assert found.code == refused.value.code and words in found.message
+
+
+def test_a_tick_is_no_slower_than_a_second():
+    """`1e-9kHz` made a tick of 4e10 frames, and the path of the stand-in asked for 300 GB."""
+    live = SCORE.replace("hand: virtual", "hand: live, standin: lean, tick: 1e-9kHz")
+    loaded = load("s.yaml", text=live)
+    (error,) = (one for one in loaded.diagnostics if one.severity == "error")
+    assert error.code == "E202" and "below 1Hz" in error.message
