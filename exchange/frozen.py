@@ -118,7 +118,7 @@ def read(folder: Path) -> Frozen:
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
-            raise NotFrozenError(f"{path}: larger than a manifest may be")
+            raise NotFrozenError(f"{path}: the file is too large for a manifest")
         found = json.loads(data)
         if found["ergon_frozen"] != VERSION:
             raise NotFrozenError(f"{path}: not a manifest of version {VERSION}")
@@ -144,7 +144,9 @@ def read(folder: Path) -> Frozen:
 def _stem(folder: Path, found: Any) -> Stem:
     name = str(found["file"])
     if Path(name).name != name or "\0" in name:  # never outside of its folder
-        raise NotFrozenError(f"{folder / MANIFEST}: {name!r} is no name of a file beside it")
+        raise NotFrozenError(
+            f"{folder / MANIFEST}: {name!r} is not the name of a file beside the manifest"
+        )
     taps = tuple(int(tap) for tap in found["outputs"])
     return Stem(str(found["part"]), folder / name, taps, str(found["sha256"]))
 
@@ -161,7 +163,7 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
         raise NotFrozenError(f"it lasts {frozen.n_frames:,} frames, the piece {n_frames:,}")
     for part, own in taps.items():
         if found.get(part) != list(own):
-            raise NotFrozenError(f"'{part}' has other outputs than in the score")
+            raise NotFrozenError(f"'{part}' has other outputs in the score")
     return [_whole(stem, frozen) for stem in frozen.stems]
 
 

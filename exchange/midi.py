@@ -113,7 +113,7 @@ def _tempos(
             exact = wanted / n_quarters
             better = math.floor(exact) if error > 0 else math.ceil(exact)
             if not 1 <= better <= _TEMPO_MAX:
-                raise ValueError(f"MIDI cannot say the tempo at beat {beat:g}")
+                raise ValueError(f"MIDI cannot represent the tempo at beat {beat:g}")
             if better != tempo:
                 tempo = better
                 found.append((beat, tempo))

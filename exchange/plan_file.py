@@ -46,7 +46,9 @@ def read(path: Path) -> Choices:
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
-            raise NotPlanError(f"larger than a plan may be ({_SIZE_MAX // 1_000_000} MB)")
+            raise NotPlanError(
+                f"the file is larger than {_SIZE_MAX // 1_000_000} MB, the maximum for a plan"
+            )
         found = json.loads(data)
     except NotPlanError:
         raise
@@ -63,7 +65,7 @@ def decided(found: object) -> Choices:
         raise NotPlanError(f"not a plan of version {VERSION}")
     choices = found.get("choices")
     if not isinstance(choices, list):
-        raise NotPlanError("it has no list of choices")
+        raise NotPlanError("the plan has no list of choices")
     return [_choice(choice) for choice in choices]
 
 

@@ -60,10 +60,10 @@ def from_start(recording: Recording) -> NDArray[np.float64]:
     except EngineError as error:
         raise NotRecordingError(str(error)) from None
     if not len(held):
-        raise NotRecordingError("nothing was recorded")
+        raise NotRecordingError("the recording is empty")
     first = int(recording.ticks()[0])
     if (first + len(held)) * held.shape[1] > _MAX_TICKS:
-        raise NotRecordingError("it begins too late in the piece")
+        raise NotRecordingError("the recording begins too late in the piece")
     return np.concatenate([np.repeat(held[:1], first, axis=0), held])
 
 
@@ -166,7 +166,7 @@ def recorded(
     # A sample that lies on the last tick but for rounding belongs to it.
     n_ticks = np.floor((end - begin) * rate / frames + 1e-6) + 1
     if not n_ticks * len(channels) <= _MAX_TICKS:
-        raise NotRecordingError(f"{end - begin:g} s are more than a recording holds at this rate")
+        raise NotRecordingError(f"{end - begin:g} s is longer than a recording can be at this rate")
     ticks = np.arange(int(n_ticks), dtype=np.uint64)
     now = begin + ticks.astype(np.float64) * frames / rate
     try:

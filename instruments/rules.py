@@ -61,7 +61,7 @@ def _ends(module: Module, part: Part, scene: Scene, who: str) -> tuple[Target, .
     names = module.fields["between"] or ()
     ends = tuple(end for name in names if (end := scene.target(name, "mat", who, part)) is not None)
     if len(ends) == 2 and _point(ends[0]) == _point(ends[1]):
-        message = f"{who}: a link joins two different points, and both its ends are {ends[0].text}"
+        message = f"{who}: both ends are {ends[0].text}; a link joins two different points"
         scene.collector.error("E304", message, ends[1].place)
     return ends
 
@@ -102,7 +102,7 @@ def _drive(
         if full in takes:
             fields["from"] = Name(full, source.place)
         else:
-            message = f"{who}: no take is called {quote(source)}, and it is no constant"
+            message = f"{who}: {quote(source)} is neither a take nor a number"
             scene.collector.error(
                 "E301", message, source.place, word=str(source), names=tuple(takes)
             )
@@ -111,7 +111,7 @@ def _drive(
     first = driven.setdefault(_point(target), module.name)
     if first != module.name:
         message = (
-            f"{who}: only forces add, and {first} imposes the position of {target.text} already"
+            f"{who}: {first} already imposes the position of {target.text}; only forces add up"
         )
         scene.collector.error("E304", message, module.place)
 
@@ -135,7 +135,7 @@ def outputs(
         if isinstance(output.nearest, str):
             room = layout(output.nearest, output.place)
             if not any(module.kind == "BANK" for module in part.modules.values()):
-                message = f"{who}: `nearest` is for the members of a BANK"
+                message = f"{who}: `nearest` needs the members of a BANK"
                 scene.collector.error("E304", message, output.place)
         result.append(replace(output, targets=targets, nearest=room))
     return tuple(result)

@@ -47,7 +47,7 @@ def parse_meter(text: str) -> Meter:
         )
     if int(match[2]) not in _UNITS:
         raise TextError(
-            "a beat is a 1, 2, 4, 8, 16, 32 or 64th note",
+            "the unit of a meter is 1, 2, 4, 8, 16, 32 or 64",
             offset=start + match.start(2),
             length=len(match[2]),
         )
@@ -68,7 +68,7 @@ class Bars:
         if at > self._starts[-1] + SAME:
             bar, beat = self.bar_beat(at)
             if beat > 1.0 + SAME:
-                raise TextError(f"a meter begins on a bar, not on {bar}|{beat:g}")
+                raise TextError(f"a meter begins on a bar line, not at {bar}|{beat:g}")
             self._starts.append(self.start(bar))
             self._bars.append(bar)
             self._meters.append(meter)

@@ -127,7 +127,7 @@ class Record(Shape):
 
     def _read_kind(self, values: Values, word: str, key: Scalar, child: Node) -> None:
         if values.kind:
-            message = f"{values.context.of('')} is {values.kind} already; it has one kind"
+            message = f"{values.context.of('')} has two kinds, {values.kind} and {word}; keep one"
             values.context.error("E111", message, key.place)
             return
         values.kind = word

@@ -65,7 +65,7 @@ def integer(low: int, high: int, example: str) -> Text:
 
 def _title(text: str) -> str:
     if len(text) > MAX_TITLE:
-        raise TextError(f"longer than {MAX_TITLE} characters", length=1, code="E202")
+        raise TextError(f"the text has more than {MAX_TITLE} characters", length=1, code="E202")
     return " ".join(text.split())
 
 

@@ -192,7 +192,9 @@ class ListOf(Shape):
             wanted = f"{self.least}" if self.least == self.most else f"at least {self.least}"
             if len(items) > self.most > self.least:
                 wanted = f"at most {self.most:,}"
-            message = f"{context.of(name)}: {wanted} expected, {len(items)} written"
+            message = (
+                f"{context.of(name)}: the number of items is {len(items)}, but must be {wanted}"
+            )
             context.error("E106", message, node.place)
             return MISSING
         read = (self.item.read(item, name, context) for item in items)

@@ -43,7 +43,7 @@ def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) ->
     if len(chain) > len(path):
         number = chain[-2].index(path[-1]) if path else None
         if number is None:
-            raise EditError("a whole text is not a value")
+            raise EditError("a whole file cannot be set; name a field of it")
         splices = edit.changes.replaced(chain[-2], number, text)
         in_flow = chain[-2].flow
     else:
@@ -200,8 +200,10 @@ class _Edit:
         for depth, name in enumerate(path):
             span = chain[-1]
             if span.kind == "alias":
-                shared = f"{named(path[:depth])} is `*{span.value}`, which stands for what is "
-                raise EditError(f"{shared}written elsewhere; write it out to change it here")
+                shared = f"{named(path[:depth])} is the alias `*{span.value}` of a value "
+                raise EditError(
+                    f"{shared}that stands elsewhere; replace the alias by the value first"
+                )
             number = span.index(name)
             if number is None:
                 break
@@ -212,7 +214,7 @@ class _Edit:
         """The text and the span of a table."""
         chain = self.follow(path)
         if len(chain) <= len(path) or chain[-1].kind != "scalar":
-            raise EditError(f"{named(path)} is no table")
+            raise EditError(f"{named(path)} is not a table")
         return chain[-1].value, chain[-1]
 
     def indent_of(self, path: Path) -> int:
@@ -226,7 +228,9 @@ class _Edit:
         text = self.layout.spliced(splices)
         again = read(text, self.document.file)
         if tree(again.root) != wanted:
-            raise EditError("this cannot be changed without changing something else; write it out")
+            raise EditError(
+                "the change would alter other values too; edit the text of the score instead"
+            )
         return text
 
     def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
@@ -236,7 +240,7 @@ class _Edit:
         for name in path:
             node = _child(node, name)
         if not isinstance(node, Scalar) or rows(node.text) != [*rows("\n".join(lines))]:
-            raise EditError("this line cannot stand in the table")
+            raise EditError("the line is not a row of the table")
         return self.checked(splices, _with(self.tree, path, lambda _: node.text.rstrip("\n")))
 
 
@@ -309,7 +313,7 @@ def _without(said: Tree, paths: list[Path]) -> Tree:
     """The tree without what paths name, all of one parent, or one path alone."""
     parents = {tuple(path[:-1]) for path in paths}
     if len(parents) > 1:
-        raise EditError("what is taken away together stands together")
+        raise EditError("entries can be removed together only from one list or mapping")
     gone = {path[-1] for path in paths}
 
     def dropped(parent: Any) -> Tree:

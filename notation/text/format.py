@@ -49,11 +49,12 @@ def formatted(text: str) -> str:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         raise TextError(
-            f"only a score that can be read can be formatted: {getattr(error, 'problem', error)}",
+            "the score cannot be read, so it cannot be formatted: "
+            f"{getattr(error, 'problem', error)}",
             offset=min(mark.index, len(text)) if mark else 0,
             code="E100",
         ) from None
-    raise TextError("this score cannot be formatted without changing what it means", code="E100")
+    raise TextError("this score cannot be formatted without a change of its meaning", code="E100")
 
 
 def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
@@ -62,7 +63,7 @@ def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
     keys: list[bool] = []  # whether the next scalar of that collection is a key
     for event in yaml.parse(text, Loader=_LOADER):
         if len(path) > MAX_DEPTH:  # libyaml takes quadratic time over brackets
-            raise TextError(f"nested more than {MAX_DEPTH} deep", code="E105")
+            raise TextError(f"the nesting is deeper than {MAX_DEPTH} levels", code="E105")
         if isinstance(event, yaml.CollectionEndEvent):
             path.pop()
             keys.pop()

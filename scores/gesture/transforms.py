@@ -95,7 +95,11 @@ def parse_do(text: str, start: int = 0) -> Transform:
     if len(arguments) != len(verb.arguments):
         over = arguments[len(verb.arguments)] if len(arguments) > len(verb.arguments) else None
         where, length = (over[1], len(over[0])) if over else (offset, len(word))
-        raise TextError(f"write it as: {verb.example}", offset=where, length=length)
+        raise TextError(
+            f"'{word}' has another number of values; write for instance {verb.example}",
+            offset=where,
+            length=length,
+        )
     fields: dict[str, float | Time] = {}
     for (argument, at), (name, read) in zip(arguments, verb.arguments, strict=True):
         fields[name] = read(argument, at, verb.example)
@@ -190,7 +194,9 @@ def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _S
     first = next(late, None)
     if first is None:
         end = _moved(points[-1], NOW, points[-1].x)
-        return _Shaped((end,), "from: nothing is left but its end")
+        return _Shaped(
+            (end,), "from: the start lies after the last point, so only the last position remains"
+        )
     at = [Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first:]]
     kept = [_moved(p, where, p.x) for p, where in zip(points[first:], at, strict=True)]
     return _Shaped((replace(kept[0], curve=points[0].curve), *kept[1:]))
@@ -252,7 +258,7 @@ def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -
     if not lost:
         return _Shaped(tuple(kept))
     plural = "points fall" if lost > 1 else "point falls"
-    return _Shaped(tuple(kept), f"quantise {q:g}: {lost} {plural} together with the next")
+    return _Shaped(tuple(kept), f"quantise {q:g}: {lost} {plural} on the time of the next point")
 
 
 def _moved(p: Point, at: Time, x: float) -> Point:
@@ -299,7 +305,7 @@ def _reach(word: str, offset: int, example: str) -> float:
 
 def _misread(word: str, offset: int, what: str, example: str) -> TextError:
     return TextError(
-        f"'{word[:40]}' is not {what}; write for instance: {example}",
+        f"'{word[:40]}' is not {what}; write for instance {example}",
         offset=offset,
         length=max(1, len(word)),
     )

@@ -41,7 +41,7 @@ def _one_of(values: Values, *groups: tuple[str, ...]) -> bool:
     written = [group for group in groups if values.written(*group)]
     if len(written) > 1:
         a, b = values.written(*written[0])[0], values.written(*written[1])[0]
-        values.error("E111", f"{values.context.of(b)}: {a} is given too; one of them", b)
+        values.error("E111", f"{values.context.of(b)}: {a} is written too; keep one of the two", b)
     elif not written:
         wanted = " or ".join(group[0] for group in groups)
         values.error("E103", f"{values.context.of('')} needs {wanted}")
@@ -56,10 +56,14 @@ def key(values: Values, files: Files) -> Key:
     modules: tuple[Module, ...] = ()
     if values.written("modules"):
         if extra := values.written(*cel):
-            message = f"{values.context.of(extra[0])}: its modules are given too; one of them"
+            message = (
+                f"{values.context.of(extra[0])}: `modules` is written too; keep one of the two"
+            )
             values.error("E111", message, extra[0])
         if not values.written("struck"):
-            message = f"{values.context.of('')} does not say which of its modules is struck"
+            message = (
+                f"{values.context.of('')} has no `struck`; write the module that ergons strike"
+            )
             values.error("E103", message)
         written = (values["modules"] or {}).items()
         modules = tuple(
@@ -138,7 +142,7 @@ def take(values: Values, files: Files) -> TakeFile:
     file, folder = v["file"], v.nodes["file"].document.folder
     path = folder / file
     if path.suffix.lower() == ".gms":
-        v.error("E108", f"{who}GMS files are not read yet", "file")
+        v.error("E108", f"{who}ergon does not read GMS files yet", "file")
     elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz"):
         v.error("E206", f"{who}a take is a .take, .csv, .wav or .npz file", "file")
     else:
@@ -164,13 +168,26 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
             "E103", f"{v.context.of('')} needs both mass and speed", v.written("mass", "speed")[0]
         )
     if v.written("rate") and (extra := v.written("every", "times")):
-        v.error("E111", f"{v.context.of(extra[0])}: rate is given too; one of them", extra[0])
+        v.error(
+            "E111",
+            f"{v.context.of(extra[0])}: `rate` is written too; keep one of the two",
+            extra[0],
+        )
     if v.written("for") and v.written("until"):
-        v.error("E111", f"{v.context.of('until')}: `for` is given too; one of them", "until")
+        v.error(
+            "E111", f"{v.context.of('until')}: `for` is written too; keep one of the two", "until"
+        )
     if v.written("rate") and not v.written("for", "until"):
-        v.error("E103", f"{v.context.of('rate')}: say how long: `for` or `until`", "rate")
+        v.error(
+            "E103",
+            f"{v.context.of('rate')}: the strikes have no end; write `for` or `until`",
+            "rate",
+        )
     if not v.written("rate", "every") and (many := v.written("times", "for", "until")):
-        message = f"{v.context.of(many[0])}: say how far apart: `every`, or `rate` by chance"
+        message = (
+            f"{v.context.of(many[0])}: the time between strikes is missing; "
+            "write `every`, or `rate` for strikes by chance"
+        )
         v.error("E103", message, many[0])
     return Strikes(
         name=v.context.name,
@@ -194,7 +211,7 @@ def player(values: Values) -> Player:
     if v["hand"] == "live":
         what = f"its stand-in {v['standin']}" if v["standin"] else "its part"
         who = v.context.of("")
-        message = f"{who}: {what} plays where no hand is; `ergon duet` puts one there"
+        message = f"{who}: {what} plays in place of a real hand; `ergon duet` connects one"
         v.error("N401", message, "hand")
     own = v.context
     return Player(own.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
@@ -256,10 +273,10 @@ def mix(values: Values | None, files: Files) -> Mix:
                 message = f"{route.part}: `nearest` needs a layout in the mix"
                 values.context.error("E103", message, route.place)
         elif max(route.to) > channels:
-            message = f"channel {max(route.to)} is more than the mix has ({channels})"
+            message = f"channel {max(route.to)} does not exist; the mix has {channels}"
             values.context.error("E202", message, route.place)
     if room is not None and values.written("channels") and speakers > channels:
-        message = f"the layout has {speakers} loudspeakers, the mix {channels} channels"
+        message = f"the layout has {speakers} loudspeakers, but the mix has {channels} channels"
         values.error("E202", message, "channels")
     master = values["master"]
     made = None
@@ -282,7 +299,7 @@ def accuracy(values: Values | None) -> Accuracy:
     if values.written("method") or values.written("error") or values.written("cents"):
         _one_of(values, ("method",), ("error",), ("cents",))
     if values.written("upto") and not values.written("cents"):
-        values.error("E103", f"{values.context.of('upto')} goes with cents", "upto")
+        values.error("E103", f"{values.context.of('upto')} needs `cents`", "upto")
     return Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
 
 

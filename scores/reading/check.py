@@ -62,7 +62,7 @@ class Checker:
         """The whole piece; its values are good only when nothing was reported."""
         score = self.score
         if not score.written("ergon"):
-            message = "no format version: write `ergon: 1` in the first line"
+            message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
         times = Times(score, self.collector)
         self._played()
@@ -112,7 +112,9 @@ class Checker:
                 self._gesture(name, entry)
             if name in tables["takes"]:
                 place = _place_of(entry) or self.score.place
-                message = f"{quote(name)} is a gesture and a take; a part could not tell which"
+                message = (
+                    f"{quote(name)} is the name of a gesture and of a take; rename one of them"
+                )
                 self.collector.error("E303", message, place)
         for name, entry in tables["takes"].items():
             if entry.brought is None:
@@ -149,7 +151,10 @@ class Checker:
         for section in ("keys", "instruments"):
             for name, entry in self.names.tables[section].items():
                 if name in self._written:
-                    message = f"{quote(name)} is a key and an instrument; names are unique"
+                    message = (
+                        f"{quote(name)} is the name of a key and of "
+                        "an instrument; rename one of them"
+                    )
                     self.collector.error("E303", message, _place_of(entry) or self.score.place)
                     continue
                 values, selves = self.uses.resolved(section, entry)
@@ -209,7 +214,7 @@ class Checker:
                 )
             todo += sorted(self.scene.reached - done)
             if total > MAX_MATS:
-                message = f"more than {MAX_MATS:,} masses in the piece"
+                message = f"the piece has more than {MAX_MATS:,} masses"
                 self.collector.error("E105", message, made.place)
                 break
         order = list(self._written)
@@ -222,7 +227,8 @@ class Checker:
         if struck is None or struck.kind not in ("MAS", "CEL"):
             place = key.struck.place if isinstance(key.struck, Name) else key.place
             message = (
-                f"key {quote(key.name)} is struck at {quote(key.struck)}, which is no MAS or CEL"
+                f"key {quote(key.name)} is struck at {quote(key.struck)}, "
+                "which is not a MAS or CEL of the key"
             )
             names_of = tuple(n for n, m in names.items() if m.kind in ("MAS", "CEL"))
             if key.struck and key.struck not in self.scene.parts[key.name].broken:
@@ -305,7 +311,7 @@ class Checker:
         if a is None or b is None:
             return None
         if (a.part, a.module) == (b.part, b.module):
-            message = "coupling: a link joins two different points, and this is one key twice"
+            message = "coupling: a key cannot be coupled with itself; name two keys"
             self.collector.error("E304", message, b.place)
         laws = self._laws(self.names, (made.link,))
         who = f"{made.link.kind} of a coupling"

@@ -77,17 +77,20 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
     elif strikes.every is not None:
         step = tempo.seconds(tempo.after(start, strikes.every)) - tempo.seconds(start)
         if step <= 0.0:
-            message = f"strikes {quote(strikes.name)}: 'every' must be longer than nothing"
+            message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
         each = float(strikes.times) if strikes.times is not None else lasting / step
         if strikes.times is None and stop == start:
-            message = f"strikes {quote(strikes.name)}: say how many: `times`, `for` or `until`"
+            message = (
+                f"strikes {quote(strikes.name)}: the number of strikes "
+                "has no limit; write `times`, `for` or `until`"
+            )
             collector.error("E103", message, strikes.place)
     count = each * sum(target.count for target in strikes.to)
     if count <= left:
         return count
-    message = f"strikes {quote(strikes.name)}: more than {MAX_STRIKES:,} of them"
+    message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"
     if count <= MAX_STRIKES:
         message += ", with those above"
     collector.error("E105", message, strikes.place)
@@ -131,7 +134,7 @@ def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collect
             _, beat = tempo.bar_beat(beats)
             if abs(beat - 1.0) > 1e-6:
                 on = tempo.written(beats)
-                message = f"'|' in gesture {quote(gesture.name)} is not on a bar, but on {on}"
+                message = f"'|' in gesture {quote(gesture.name)} is not on a bar line, but at {on}"
                 collector.error("W311", message, _check_place(gesture, check))
 
 

@@ -107,7 +107,7 @@ class Times:
 
     def _order(self, start: float | None, stop: float | None, place: Place) -> None:
         if start is not None and stop is not None and stop <= start:
-            self.collector.error("E305", "this is not after the beginning (`at`)", place)
+            self.collector.error("E305", "`until` must be later than `at`", place)
 
 
 def _first_wrong(entries: list[Entry], marks: dict[str, Position]) -> int:

@@ -195,13 +195,13 @@ class Hands:
                     return ()
                 self._played["reports"] += 1
                 message = (
-                    f"{quote(play.what)}: with these {len(starts):,} times {points:,} points the "
+                    f"{quote(play.what)}: with these {len(starts):,} × {points:,} points the "
                     f"piece plays more than {most:,} {what}"
                     if points > 1
-                    else f"{quote(play.what)}: with these {len(starts):,} times the piece plays "
-                    f"more than {most:,} {what}"
+                    else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
+                    f"plays more than {most:,} {what}"
                 )
-                help = "play it less often; a long movement of many points belongs into a take"
+                help = "play the gesture less often, or write a long movement as a take"
                 self.collector.error("E105", message, play.place, help=help)
                 return ()
         return starts

@@ -103,7 +103,7 @@ def _every(piece: Piece, real: Real, collector: Collector) -> int:
     ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real}
     if len(ticks) > 1:
         player = [*ticks.values()][-1]
-        message = f"{quote(player.name)}: all live hands share one tick"
+        message = f"{quote(player.name)}: live hands have different ticks; write one `tick` for all"
         collector.error("E308", message, player.place)
     return max(1, round(piece.rate / next(iter(ticks), TICK)))
 
@@ -114,8 +114,8 @@ def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) ->
         if other is player or other.key != player.key or not (plays or other.name in real):
             continue
         message = (
-            f"{quote(other.name)} plays {quote(player.key)} too, which is in the real hand of "
-            f"{quote(player.name)}: a key in a hand goes where the hand goes"
+            f"{quote(other.name)} plays key {quote(player.key)} too, which the real hand of "
+            f"{quote(player.name)} moves; give {quote(other.name)} another key"
         )
         collector.error("E308", message, other.place)
         return False
@@ -138,10 +138,11 @@ def standin(piece: Piece, player: Player, every: int, collector: Collector) -> N
     if n_ticks > MAX_TICKS:
         longest = MAX_TICKS * every / piece.rate
         message = (
-            f"{quote(player.name)}: what plays where no hand is lasts {end:,.0f} s; in ticks of "
-            f"{piece.rate / every:g} Hz the most is {longest:,.0f} s"
+            f"{quote(player.name)}: the part that plays in place "
+            f"of a real hand lasts {end:,.0f} s; "
+            f"with ticks of {piece.rate / every:g} Hz the maximum is {longest:,.0f} s"
         )
-        help = "a lower `tick` allows a longer part"
+        help = "write a lower `tick` or a shorter part"
         collector.error("E308", message, player.place, help=help)
         return np.zeros(2)
     return _path(_core.Simulation(network, hands.timeline), every, n_ticks)

@@ -35,7 +35,7 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
                 told.add(layer.place)
                 message = (
                     f"{quote(layer.name)} is a layer over {quote(held.name)}, which is tracked: "
-                    "the key stays on that path, and nothing of the layer is heard"
+                    "the key stays on the tracked path, so the layer has no effect"
                 )
                 collector.error("W313", message, layer.place)
 
@@ -47,5 +47,5 @@ def _tell_cut(
     what = "itself" if latest.place == gesture.place else quote(latest.name)
     at, until = (tempo.written(tempo.beats(t)) for t in (gesture.start, latest.stop))
     message = f"{quote(gesture.name)} at {at} cuts {what}, which lasts until {until}"
-    help = "`layer: true` lets both sound"
+    help = "write `layer: true` to play both"
     collector.error("W310", message, gesture.place, help=help)

@@ -121,10 +121,19 @@ def make(
     if is_free and fits:
         return Planned(others[fits[0]], is_kept=planner.are_kept)
     cheapest = min((made, *others.values()), key=cost)
-    hint = f"error: {fits[0]:g}dB would fit" if fits else f"the least is {cost(cheapest):.0%}"
-    excess = f"it takes {cost(made):.0%} of a core, more than the {accuracy.cpu:.0%} it may; {hint}"
+    hint = (
+        f"error: {fits[0]:g}dB fits"
+        if fits
+        else f"the cheapest plan takes {_percent(cost(cheapest))}"
+    )
+    allowed = _percent(accuracy.cpu)
+    excess = f"the plan takes {_percent(cost(made))} of a core, above the {allowed} allowed; {hint}"
     said = (*notes, ("W402", excess))
     return Planned(cheapest if is_free else made, said, planner.are_kept)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g}%" if share < 0.1 else f"{share:.0%}"
 
 
 def _missed(plan: _core.Plan, error: float | None) -> list[str]:
@@ -137,11 +146,12 @@ def _missed(plan: _core.Plan, error: float | None) -> list[str]:
         if db is not None and over is not None and (db > error or row.spectral_db is not None):
             found.setdefault((db, over, row.spectral_db), []).extend(row.parts)
     return [
-        f"{' + '.join(dict.fromkeys(parts))} stays at {db:.0f} dB over the first {over:.2g} s"
+        f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first {over:.2g} s"
         + (
             f", above the {error:g} dB asked for"
             if spectral is None
-            else f"; then no two ways of computing it agree but by spectrum, to {spectral:.1f} dB"
+            else "; after that the waveform depends on the method, and the spectrum agrees to "
+            f"{spectral:.1f} dB"
         )
         for (db, over, spectral), parts in found.items()
     ]

@@ -47,7 +47,7 @@ class Tie:
         if self.player is not None:
             reached = f"reaches it by {way}" if way else f"is on {self.key}, to which it listens"
             return f"{self.part} cannot be frozen: {self.player}'s hand {reached}"
-        way = f"{way} ties them" if len(self.links) == 1 else f"{way} tie them"
+        way = f"{way} connects them" if len(self.links) == 1 else f"{way} connect them"
         way = way if self.links else "both listen to one module"
         return f"{self.part} cannot be frozen without {self.other}: {way}"
 

@@ -12,12 +12,11 @@ from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
-from ergon.notation.clock.positions import Position
 from ergon.notation.clock.shifted import NEVER, Elsewhere
 from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
-from ergon.scores.reading.piece import Manner, Piece, Play, Player, of_scene
+from ergon.scores.reading.piece import Piece, of_scene
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
 from ergon.scores.staging.listening import Listening, listen
@@ -31,7 +30,7 @@ from ergon.scores.staging.travel import check_travel
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-_WHEN_DIVERGED = "a smaller K or law, a weaker strike or a higher rate keeps it finite"
+_WHEN_DIVERGED = "reduce K or the law, weaken the strikes, or raise the rate"
 OVER = -math.inf
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
@@ -283,7 +282,7 @@ def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
     """Report parts that have a rate of their own and go at the audio rate all the same (N403)."""
     for name, why in dict.fromkeys(plan.stay()):
         part = piece.keys.get(name) or piece.instruments[name]
-        message = f"rate of {quote(name)}: it goes at the audio rate: {why}"
+        message = f"rate of {quote(name)} is not used: {why}"
         collector.error("N403", message, part.place)
 
 
@@ -403,7 +402,7 @@ def _frames(piece: Piece, end: float, collector: Collector) -> int:
     """⌈(end + tail)·rate⌉ frames; a whole number of frames is not rounded up by its last bit."""
     seconds = end + piece.render.tail
     if seconds > MAX_SECONDS:
-        message = f"the piece would last {seconds / 3600:.0f} hours; the most is a day"
+        message = f"the piece lasts {seconds / 3600:.0f} hours; the maximum is 24 hours"
         collector.error("E308", message, piece.place)
         return 0
     frames = seconds * piece.rate
