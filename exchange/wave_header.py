@@ -83,14 +83,14 @@ class WaveInfo:
     @property
     def score(self) -> str | None:
         """Hash of the score that this was rendered from, when it is a render of ergon."""
-        found = _SCORE.search(self.description)
-        return found[1] if found and self.originator == ORIGINATOR else None
+        match = _SCORE.search(self.description)
+        return match[1] if match and self.originator == ORIGINATOR else None
 
     @property
     def plan(self) -> str | None:
         """Hash of the plan by which it was computed."""
-        found = _PLAN.search(self.description)
-        return found[1] if found and self.originator == ORIGINATOR else None
+        match = _PLAN.search(self.description)
+        return match[1] if match and self.originator == ORIGINATOR else None
 
     @property
     def title(self) -> str:

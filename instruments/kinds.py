@@ -218,28 +218,28 @@ class Source(Shape):
         return f"a take, or {self.constant.what}"
 
 
-def _input(unit: Text, what: str) -> Record:
+def _input(unit: Text, quantity: str) -> Record:
     fields = (
         Field("to", ENDPOINT, "the MAT that it drives", required=True),
-        Field("from", Source(unit), f"where its {what} comes from", required=True),
+        Field("from", Source(unit), f"where its {quantity} comes from", required=True),
         Field("at", k.WHEN, "when a take begins", shown="the beginning"),
         Field("scale", k.NUMBER, "factor of a take", 1.0),
     )
-    return Record("module", f"an imposed {what}", fields)
+    return Record("module", f"an imposed {quantity}", fields)
 
 
 def _all() -> dict[str, Kind]:
     families: dict[str, Family] = dict.fromkeys(("MAS", "SOL", "CEL"), "mat")
     si, ca = _mats(False), _mats(True)
-    found = {
+    kinds = {
         name: Kind(name, families.get(name, "link"), table, ca[name]) for name, table in si.items()
     }
     for name, table in _generators().items():
-        found[name] = Kind(name, "generator", table, table)
+        kinds[name] = Kind(name, "generator", table, table)
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
     for name, table in inputs.items():
-        found[name] = Kind(name, "input", table, table)
-    return found
+        kinds[name] = Kind(name, "input", table, table)
+    return kinds
 
 
 KINDS = _all()

@@ -97,12 +97,12 @@ class Scene:
             return None
         if len(candidates) == 1:
             return candidates[0]
-        some = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
+        examples = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
         message = (
             f"{who}: {quote(name)} is ambiguous: it has {len(candidates)} modules of this kind"
         )
         self.collector.error(
-            "E304", f"{message}; write one of them: {some}" if some else message, name.place
+            "E304", f"{message}; write one of them: {examples}" if examples else message, name.place
         )
         return None
 

@@ -161,8 +161,10 @@ def module(name: str, kind: str, values: Values) -> Module:
 def _needs(*names: str) -> Any:
     def check(kind: str, values: Values) -> None:
         if not values.written(*names):
-            wanted = " or ".join(names)
-            values.error("E103", f"{values.context.of('')}: {with_article(kind)} needs {wanted}")
+            alternatives = " or ".join(names)
+            values.error(
+                "E103", f"{values.context.of('')}: {with_article(kind)} needs {alternatives}"
+            )
 
     return check
 
@@ -233,8 +235,8 @@ def instrument(values: Values) -> Instrument:
         )
         values.error("E111", message, "modules")
     outputs = tuple(
-        Output(heard.name, heard.kind, heard.names, heard.nearest, heard.place)
-        for heard in values["out"] or ()
+        Output(output.name, output.kind, output.names, output.nearest, output.place)
+        for output in values["out"] or ()
     )
     return Instrument(values.context.name, tuple(modules), outputs, _ca_rate(values), values.place)
 

@@ -36,8 +36,8 @@ def modules(
             _drive(module, part, scene, takes, fields, driven, who)
         elif module.kind in GENERATORS:
             _starts(module, who, scene.collector)
-        made = replace(module, fields=fields)
-        result.append(lawful(made, laws, bodies.get(module.name), who, scene.collector))
+        resolved = replace(module, fields=fields)
+        result.append(lawful(resolved, laws, bodies.get(module.name), who, scene.collector))
     return tuple(result)
 
 
@@ -70,8 +70,8 @@ def _starts(module: Module, who: str, collector: Collector) -> None:
     """The members of a generator that start elsewhere are members that it has."""
     count = member_count(module.kind, module.fields)
     for name in ("X0", "V0"):
-        given = module.fields[name]
-        for start in given if isinstance(given, tuple) else (given,):
+        starts = module.fields[name]
+        for start in starts if isinstance(starts, tuple) else (starts,):
             if isinstance(start, Start):
                 try:
                     members(str(start.at), count, module.name or "it")
@@ -127,9 +127,9 @@ def outputs(
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
         who = f"{output.kind} of {quote(called)}"
-        wanted = "mats" if output.kind == "SOX" else "links"
+        family = "mats" if output.kind == "SOX" else "links"
         names: tuple[Any, ...] = output.targets
-        found = (_heard(name, wanted, who, part, scene) for name in names)
+        found = (_output_target(name, family, who, part, scene) for name in names)
         targets = tuple(target for target in found if target is not None)
         room = None
         if isinstance(output.nearest, str):
@@ -141,14 +141,14 @@ def outputs(
     return tuple(result)
 
 
-def _heard(name: Name, wanted: Any, who: str, part: Part, scene: Scene) -> Target | None:
+def _output_target(name: Name, family: Any, who: str, part: Part, scene: Scene) -> Target | None:
     """SOF also hears the ground's spring of a CEL or of a bank's members."""
-    if wanted == "links":
+    if family == "links":
         head = name.split(".")[0] if name not in part.modules else name
         module = part.modules.get(str(head)) or part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):
             return scene.target(name, "mats", who, part)
-    return scene.target(name, wanted, who, part)
+    return scene.target(name, family, who, part)
 
 
 def _locator(module: Module, body: Values | None) -> Callable[[str, int, int], Place]:

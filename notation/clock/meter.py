@@ -80,8 +80,8 @@ class Bars:
         i = max(0, bisect_right(self._starts, beats + SAME) - 1)
         per_bar = self._meters[i].beats
         into = beats - self._starts[i]
-        whole = int((into + SAME) // per_bar)
-        return self._bars[i] + whole, max(0.0, into - whole * per_bar) + 1.0
+        n_bars = int((into + SAME) // per_bar)
+        return self._bars[i] + n_bars, max(0.0, into - n_bars * per_bar) + 1.0
 
     def start(self, bar: float) -> float:
         """The beat of the piece on which `bar` begins; bar 2.5 begins halfway through bar 2."""

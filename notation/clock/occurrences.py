@@ -66,14 +66,14 @@ def starts(
         elif count > room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
         return [at + step.beats * index for index in range(most)]
-    found: list[float] = []
+    beats: list[float] = []
     beat = at
-    while len(found) < count and beat < stop:
-        if len(found) == room:
+    while len(beats) < count and beat < stop:
+        if len(beats) == room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
-        if not len(found) % 1024:
+        if not len(beats) % 1024:
             poll()
-        found.append(beat)
+        beats.append(beat)
         # Counting from `at` does not drift; bars, beats and seconds together must follow the tempo.
-        beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(found)))
-    return found
+        beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(beats)))
+    return beats

@@ -177,8 +177,8 @@ class Record(Shape):
                 values.context.error("E103", message, values.place)
             complete &= not f.required or f.name in values.given
         if self.kind_required and not values.kind and not values.strange:
-            some = ", ".join(list(self.kinds)[:16])
-            message = f"{values.context.of('')} has no kind (one of {some})"
+            examples = ", ".join(list(self.kinds)[:16])
+            message = f"{values.context.of('')} has no kind (one of {examples})"
             values.context.error("E103", message, values.place)
         if self.kind_required and (not values.kind or values.given[values.kind] is MISSING):
             complete = False

@@ -161,7 +161,7 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
     if not units:
         message = f"{with_article(dimension.name)} has no unit; remove {quote(unit)}"
         raise TextError(message, offset=offset, length=length, code="E203")
-    measures = next((name for known, name in _ALL_UNITS if known == unit), None)
+    measures = next((name for of_dimension, name in _ALL_UNITS if of_dimension == unit), None)
     if measures is None:
         near = nearest(unit, dimension.units)
         message = f"unknown unit {quote(unit)} ({with_article(dimension.name)} has {units})"
@@ -189,8 +189,8 @@ def _trimmed(text: str) -> str:
 
 
 def _not_a_number(word: str, dimension: Dimension) -> TextError:
-    what = with_article(dimension.name)
-    message = f"{quote(word)} is not a number; {what} is written like {dimension.example}"
+    noun = with_article(dimension.name)
+    message = f"{quote(word)} is not a number; {noun} is written like {dimension.example}"
     if re.fullmatch(r"\d+:[\d:.]+", word):
         message = f"{quote(word)} is a clock time; write seconds (90s), or bar|beat where one fits"
     elif re.fullmatch(r"[+-]?[\d_,]+\D*", word) and ("_" in word or "," in word):

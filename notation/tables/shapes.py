@@ -68,8 +68,10 @@ class Context:
     def text_error(self, error: TextError, node: Scalar, field_name: str, inside: bool) -> None:
         """Report a mistake inside a scalar at its characters."""
         if inside:  # "unknown word 'smoth' in gesture 'knock'"
-            what, semicolon, more = error.message.partition(";")
-            message = f"{what} in {self.owner}{semicolon}{more}" if self.owner else error.message
+            sentence, semicolon, more = error.message.partition(";")
+            message = (
+                f"{sentence} in {self.owner}{semicolon}{more}" if self.owner else error.message
+            )
         else:
             message = f"{self.of(field_name)}: {error.message}"
         place = node.place_at(error.offset, error.length)
@@ -320,10 +322,12 @@ def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
 
 def wrong_shape(shape: Shape, node: Node, name: str, context: Context) -> Any:
     """Report a mapping, list or text that stands where another is expected."""
-    written = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(type(node), "a text")
+    shape_name = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(
+        type(node), "a text"
+    )
     if isinstance(node, Scalar) and node.is_empty:
         message = f"{context.of(name)} is empty; expected: {shape.words()}"
     else:
-        message = f"{context.of(name)} is {written}; expected: {shape.words()}"
+        message = f"{context.of(name)} is {shape_name}; expected: {shape.words()}"
     context.error("E106", message, node.place)
     return MISSING

@@ -104,15 +104,15 @@ class Files:
         return None
 
     def _candidates(self, name: str, folder: Path) -> list[Path]:
-        found = [folder / name]
+        paths = [folder / name]
         parts = PurePosixPath(name).parts
         if parts and ".." not in parts and not Path(name).is_absolute():
             if folder != self.home:
-                found.append(self.home / name)
+                paths.append(self.home / name)
             if parts[0] in _LIBRARY and len(parts) > 1:
-                found.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
-            found.append(SHIPPED / name)
-        return found
+                paths.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
+            paths.append(SHIPPED / name)
+        return paths
 
     def _holds(self, path: Path) -> bool:
         return str(path) in self._overlay

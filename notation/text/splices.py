@@ -76,10 +76,10 @@ class Changes:
     ) -> list[Splice]:
         """An entry that is not there yet, below the last of what is."""
         if not chain:
-            whole = self.layout.newline.join(self.nested(path, text, 0, is_item))
+            value = self.layout.newline.join(self.nested(path, text, 0, is_item))
             source = self.layout.text
             lead = self.layout.newline if source and not source.endswith(("\n", "\r")) else ""
-            return [Splice(len(source), len(source), lead + whole + self.layout.newline)]
+            return [Splice(len(source), len(source), lead + value + self.layout.newline)]
         node, rest = chain[-1], path[len(chain) - 1 :]
         if node.is_empty and len(chain) > 1:
             return self.filled(chain[-2], node, path[len(chain) - 2], rest, text, is_item)

@@ -262,9 +262,9 @@ def _joined(events: list[_Event]) -> Notation:
     return Notation(tuple(points), tuple(checks))
 
 
-def _too_many(what: str, most: int) -> str:
+def _too_many(subject: str, most: int) -> str:
     if most > 0:
-        return f"{what} more than {most:,} points"
+        return f"{subject} more than {most:,} points"
     return f"the gestures of the piece have more than {MAX_EVENTS:,} points together"
 
 

@@ -66,11 +66,11 @@ def _csv(path: Path) -> Table:
             for number, line in rows:
                 cells = line.split(separator)
                 if len(cells) != len(columns):
-                    what = (
+                    reason = (
                         f"the number of values in this line is {len(cells)}, but "
                         f"the file has {len(columns)} columns"
                     )
-                    raise TakeError(what, path, number)
+                    raise TakeError(reason, path, number)
                 try:
                     block.append([float(cell) for cell in cells])
                 except ValueError:

@@ -60,8 +60,8 @@ def read(
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        known = ", ".join(_READERS)
-        raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {known}", path)
+        suffixes = ", ".join(_READERS)
+        raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {suffixes}", path)
     if rate is not None and not 0.0 < rate <= MAX_RATE:
         raise TakeError(
             f"the rate must be above 0 and at most {MAX_RATE:,.0f} Hz", path, field="rate"
@@ -173,10 +173,10 @@ def _chosen(
     return columns[channel]
 
 
-def _divisor(unit: str, units: dict[str, float], what: str, path: Path) -> float:
+def _divisor(unit: str, units: dict[str, float], quantity: str, path: Path) -> float:
     if not unit or unit not in units:
-        known = ", ".join(filter(None, units))
-        raise TakeError(f"unit '{unit[:40]}' does not measure {what} (use {known})", path)
+        unit_names = ", ".join(filter(None, units))
+        raise TakeError(f"unit '{unit[:40]}' does not measure {quantity} (use {unit_names})", path)
     return units[unit]
 
 
@@ -309,9 +309,9 @@ def _axis(recording: _core.Recording, channel: str | None, path: Path) -> int:
     """The axis of a name: its own, or its player's or key's where they have no other."""
     columns = {name: (i, "m") for i, name in enumerate(recording.names)}
     if channel not in columns:
-        found = [i for i, axis in enumerate(recording.axes) if channel and channel in axis]
-        if len(found) == 1:
-            return found[0]
+        indices = [i for i, axis in enumerate(recording.axes) if channel and channel in axis]
+        if len(indices) == 1:
+            return indices[0]
     return _chosen(columns, channel, path)[0]
 
 

@@ -144,8 +144,8 @@ def parse_row(row: str, offset: int = 0) -> Row:
     if (
         len(cells) == 2 and "," not in cells[1] and cells[1] not in _KNOWN
     ):  # most rows of most tables
-        what = Word(cells[1], offset + row.index(cells[1], lead + len(at)))
-        return Row(Word(at, offset + lead), PlayWords(what, {}))
+        name = Word(cells[1], offset + row.index(cells[1], lead + len(at)))
+        return Row(Word(at, offset + lead), PlayWords(name, {}))
     play = parse(row[lead + len(at) :], offset + lead + len(at))
     if "at" in play.options:
         raise TextError(

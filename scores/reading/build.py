@@ -38,14 +38,14 @@ _BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "floa
 
 def _one_of(values: Values, *groups: tuple[str, ...]) -> bool:
     """Whether fields of exactly one group are written; reports two, or none."""
-    written = [group for group in groups if values.written(*group)]
-    if len(written) > 1:
-        a, b = values.written(*written[0])[0], values.written(*written[1])[0]
+    present = [group for group in groups if values.written(*group)]
+    if len(present) > 1:
+        a, b = values.written(*present[0])[0], values.written(*present[1])[0]
         values.error("E111", f"{values.context.of(b)}: {a} is written too; keep one of the two", b)
-    elif not written:
-        wanted = " or ".join(group[0] for group in groups)
-        values.error("E103", f"{values.context.of('')} needs {wanted}")
-    return len(written) == 1
+    elif not present:
+        alternatives = " or ".join(group[0] for group in groups)
+        values.error("E103", f"{values.context.of('')} needs {alternatives}")
+    return len(present) == 1
 
 
 def key(values: Values, files: Files) -> Key:
@@ -65,10 +65,10 @@ def key(values: Values, files: Files) -> Key:
                 f"{values.context.of('')} has no `struck`; write the module that ergons strike"
             )
             values.error("E103", message)
-        written = (values["modules"] or {}).items()
+        bodies = (values["modules"] or {}).items()
         modules = tuple(
             module(name, body.kind, body.given[body.kind])
-            for name, body in written
+            for name, body in bodies
             if body is not MISSING
         )
     else:
@@ -96,10 +96,10 @@ def _calibrated(values: Values, files: Files) -> Values:
     if measured is MISSING:
         return values
     given, nodes = dict(values.given), dict(values.nodes)
-    own = values.context.place  # a measured value yields only to what the key itself writes
+    key_place = values.context.place  # a measured value yields only to what the key itself writes
     for name in ("M", "K", "Z", "travel"):
         node = values.nodes.get(name)
-        is_own = node is not None and own is not None and _inside(node.place, values)
+        is_own = node is not None and key_place is not None and _inside(node.place, values)
         if name in measured.given and not is_own:
             given[name], nodes[name] = measured.given[name], measured.nodes[name]
     return Values(values.record, values.node, values.context, given, nodes, values.free)
@@ -109,8 +109,8 @@ def _inside(place: Place, values: Values) -> bool:
     """Whether a place lies in the node of these values, not in one that `like` brought."""
     node = values.node
     first, last = node.place, node.document.place(max(node.start, node.end - 1))
-    here = (place.line, place.column)
-    return place.file == first.file and (first.line, first.column) <= here <= (
+    position = (place.line, place.column)
+    return place.file == first.file and (first.line, first.column) <= position <= (
         last.line,
         last.column,
     )
@@ -121,19 +121,21 @@ def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:
     if not _one_of(values, ("notation",), ("points",)):
         return None
     name = values.written("notation", "points")[0]
-    written = values.given.get(name)
-    if not isinstance(written, Scalar):
+    text = values.given.get(name)
+    if not isinstance(text, Scalar):
         return None
     parse = notation.parse if name == "notation" else notation.parse_table
     try:
-        read = parse(written.text, values["curve"], room)
+        read = parse(text.text, values["curve"], room)
     except TextError as error:
-        values.context.text_error(error, written, name, inside=True)
+        values.context.text_error(error, text, name, inside=True)
         return None
     do = values["do"] or ()
-    how = manner(values.given)
-    own = values.context
-    return Gesture(own.name, read.points, read.bar_checks, do, how, values.place, written)
+    manner_of_gesture = manner(values.given)
+    context = values.context
+    return Gesture(
+        context.name, read.points, read.bar_checks, do, manner_of_gesture, values.place, text
+    )
 
 
 def take(values: Values, files: Files) -> TakeFile:
@@ -209,12 +211,12 @@ def player(values: Values) -> Player:
     """A player; a note says what plays for a live one."""
     v = values
     if v["hand"] == "live":
-        what = f"its stand-in {v['standin']}" if v["standin"] else "its part"
+        substitute = f"its stand-in {v['standin']}" if v["standin"] else "its part"
         who = v.context.of("")
-        message = f"{who}: {what} plays in place of a real hand; `ergon duet` connects one"
+        message = f"{who}: {substitute} plays in place of a real hand; `ergon duet` connects one"
         v.error("N401", message, "hand")
-    own = v.context
-    return Player(own.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
+    context = v.context
+    return Player(context.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
 
 
 def coupling(values: Values, number: int) -> Coupling | None:
@@ -224,10 +226,10 @@ def coupling(values: Values, number: int) -> Coupling | None:
     if not isinstance(link, Values) or len(v["couple"]) != 2:
         return None
     a, b = v["couple"]
-    made = module(f"duet{number}", v.kind, link)
+    link_module = module(f"duet{number}", v.kind, link)
     until = v["until"]
     at = v["at"] or START
-    return Coupling(made, _unresolved(a), _unresolved(b), at, until, v.node.place)
+    return Coupling(link_module, _unresolved(a), _unresolved(b), at, until, v.node.place)
 
 
 def _unresolved(name: Any) -> Target:
@@ -279,11 +281,11 @@ def mix(values: Values | None, files: Files) -> Mix:
         message = f"the layout has {speakers} loudspeakers, but the mix has {channels} channels"
         values.error("E202", message, "channels")
     master = values["master"]
-    made = None
+    master_of_mix = None
     if isinstance(master, Values):
         m = master
-        made = Master(m["normalise"], m["limit"], m["gain"], m.node.place)
-    return Mix(channels, room, routes, made, values.place)
+        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place)
+    return Mix(channels, room, routes, master_of_mix, values.place)
 
 
 def _route(values: Values) -> Route:

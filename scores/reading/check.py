@@ -161,14 +161,14 @@ class Checker:
                 if values is None:
                     self.scene.broken.add(name)
                     continue
-                made = _called(self._made(section, entry, values), name)
-                struck = made.struck if isinstance(made, Key) else None
-                modules = {module.name: module for module in made.modules}
+                part_object = _called(self._made(section, entry, values), name)
+                struck = part_object.struck if isinstance(part_object, Key) else None
+                modules = {module.name: module for module in part_object.modules}
                 written = values["modules"] or {}
                 broken = frozenset(n for n, body in written.items() if body is MISSING)
                 part = Part(name, modules, struck, entry.prefix, broken, selves)
                 self.scene.parts[name] = part
-                self._written[name] = (entry, made)
+                self._written[name] = (entry, part_object)
                 self.bodies[name] = _bodies(values)
                 self.written[name] = values
 
@@ -236,11 +236,11 @@ class Checker:
 
     def _laws(self, home: Names, modules: tuple[Module, ...]) -> dict[str, LawText]:
         """Laws that a part may name: those of its own file, and those that ship."""
-        wanted = any(
+        has_named_law = any(
             m.kind == "LNL" and (is_name(m.fields["law"]) or is_name(m.fields["damping"]))
             for m in modules
         )
-        if not wanted:
+        if not has_named_law:
             return {}
         tables = [self.names.tables["laws"], home.tables["laws"]]
         files, folder = self.uses.files, self.names.document.folder
@@ -273,27 +273,27 @@ class Checker:
         return player
 
     def _plays(self) -> list[Play]:
-        found: list[Play] = []
+        plays: list[Play] = []
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
         for name, part in (self.score["parts"] or {}).items():
             if name not in (self.score["players"] or {}):
                 message = f"no player is called {quote(name)}"
                 place = entries[name][0].place
-                known = tuple(self.score["players"] or {})
-                self.collector.error("E301", message, place, word=name, names=known)
+                player_names = tuple(self.score["players"] or {})
+                self.collector.error("E301", message, place, word=name, names=player_names)
             if part is MISSING:
                 continue
             for play in part:
                 if isinstance(play.what, Name):
                     self._reach_played(play.what, f"part of {quote(name)}")
-                found.append(play)
-        return found
+                plays.append(play)
+        return plays
 
     def _strikes(self, values: Values) -> Strikes:
         who = f"strikes {quote(values.context.name)}"
-        found = (self.scene.target(name, "mats", who) for name in values["to"] or ())
-        return build.strikes(values, tuple(t for t in found if t is not None))
+        targets = (self.scene.target(name, "mats", who) for name in values["to"] or ())
+        return build.strikes(values, tuple(t for t in targets if t is not None))
 
     def _coupling(self, values: Any, number: int) -> Coupling | None:
         made = build.coupling(values, number) if isinstance(values, Values) else None
@@ -338,9 +338,9 @@ class Checker:
             names = tuple(output.name for output in entry[1].outputs)
             if not names or (out is not None and out not in names):
                 message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
-                known = tuple(f"{part}.{name}" for name in names if name)
+                output_names = tuple(f"{part}.{name}" for name in names if name)
                 self.collector.error(
-                    "E301", message, route.place, word=str(route.part), names=known
+                    "E301", message, route.place, word=str(route.part), names=output_names
                 )
             self.scene.reached.add(part)
             routes.append(replace(route, part=part, out=out))

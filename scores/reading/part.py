@@ -28,8 +28,8 @@ MAX_ROWS = 1_000_000
 
 
 def _unused_rate(context: Context, place: Place) -> None:
-    said = "a part entry has no rate, so the value is not used; write `rate` on the key"
-    message = f"{context.of('rate')}: {said}"
+    reason = "a part entry has no rate, so the value is not used; write `rate` on the key"
+    message = f"{context.of('rate')}: {reason}"
     context.error("N403", message, place)
 
 
@@ -135,12 +135,12 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     what, until = row.play.what, row.play.options.get("until")
     at = _place(row.at, node)
     # In a literal block both words stand in one line of the file.
-    further = at.column + what.offset - row.at.offset
-    beside = Place(at.file, at.line, further, len(what.text)) if node.style == "|" else None
+    column = at.column + what.offset - row.at.offset
+    place = Place(at.file, at.line, column, len(what.text)) if node.style == "|" else None
     return _made(
         given,
         context,
-        Name(what.text, beside or _place(what, node)),
+        Name(what.text, place or _place(what, node)),
         at,
         _place(until, node) if until else None,
     )

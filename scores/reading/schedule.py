@@ -30,27 +30,29 @@ def schedule(
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
     for play, at in zip(piece.parts, begins, strict=True):
-        found = None
+        beats = None
         gesture = piece.gestures.get(play.what)
-        length, lost = Time(), _NOTHING
+        length, notes = Time(), _NOTHING
         if gesture is not None:
-            length, lost = _length(piece, gesture, play, at, lengths)
-        for note in lost:
+            length, notes = _length(piece, gesture, play, at, lengths)
+        for note in notes:
             collector.error("W315", f"{quote(play.what)}: {note}", play.place)
-        told = gesture is not None or (_take_can(play, collector) and play.every is not None)
-        if told:
-            found = _found(piece, play, at, length, room, collector)
-            room -= len(found)
+        is_countable = gesture is not None or (
+            _take_can(play, collector) and play.every is not None
+        )
+        if is_countable:
+            beats = _beats(piece, play, at, length, room, collector)
+            room -= len(beats)
         if gesture is not None and gesture.bar_checks and not play.do:
-            _bars(piece, gesture, found[:1] if found else [], collector)
-        result.append(found)
-    left = float(MAX_STRIKES)
+            _bars(piece, gesture, beats[:1] if beats else [], collector)
+        result.append(beats)
+    room_for_strikes = float(MAX_STRIKES)
     for strikes in piece.strikes:
-        left -= _count(strikes, piece, left, collector)
+        room_for_strikes -= _count(strikes, piece, room_for_strikes, collector)
     return tuple(result)
 
 
-def _found(
+def _beats(
     piece: Piece, play: Play, at: float, length: Time, room: int, collector: Collector
 ) -> list[float]:
     tempo = piece.tempo_map
@@ -111,7 +113,7 @@ def _length(
     gesture: Gesture,
     play: Play,
     at: float,
-    known: dict[tuple[str, tuple[Transform, ...], float], _Length],
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
 ) -> _Length:
     """The length of a gesture from beat `at` on, after its transformations."""
     chain = (*gesture.do, *play.do)
@@ -119,10 +121,10 @@ def _length(
         return gesture.points[-1].at, ()
     beat = 60.0 / piece.tempo_map.bpm(at)
     memo = gesture.name, play.do, beat
-    if memo not in known:
+    if memo not in lengths:
         points, lost = apply(gesture.points, chain, Middle(), beat)
-        known[memo] = points[-1].at, lost
-    return known[memo]
+        lengths[memo] = points[-1].at, lost
+    return lengths[memo]
 
 
 def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collector) -> None:

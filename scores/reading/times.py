@@ -92,8 +92,8 @@ class Times:
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
-        written: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
-        for values in written:
+        entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
+        for values in entries:
             if isinstance(values, Values):
                 at, until = values["at"], values["until"]
                 start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]

@@ -111,11 +111,13 @@ class Uses:
     ) -> None:
         full = f"{prefix}.{word}" if prefix else word
         seen = f"{prefix}.{entry.prefix}" if prefix else entry.prefix
-        known = names.tables[section].get(full)
-        if known is None:
+        existing = names.tables[section].get(full)
+        if existing is None:
             names.tables[section][full] = Entry(entry.values, entry.home, seen, place)
-        elif known.values is not entry.values:
-            where = known.values.place if isinstance(known.values, Values) else known.brought
+        elif existing.values is not entry.values:
+            where = (
+                existing.values.place if isinstance(existing.values, Values) else existing.brought
+            )
             message = f"{NOUNS[section]} {quote(full)} of {entry.home.document.file} "
             message += f"is already defined at {where}; give the file a prefix"
             self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
@@ -226,10 +228,10 @@ def _files(score: Values) -> list[tuple[str, Place, str]]:
         items = [(node, prefix) for prefix, node in use.items()]
     else:
         items = [(node, "") for node in (use if isinstance(use, tuple) else (use,))]
-    found = []
+    files = []
     for node, prefix in items:
         if isinstance(node, Scalar):
             file = PATH.read(node, "use", score.context)
             if file is not MISSING:
-                found.append((file, node.place, prefix))
-    return found
+                files.append((file, node.place, prefix))
+    return files

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Container, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -12,17 +12,18 @@ from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
-from ergon.notation.clock.shifted import NEVER, Elsewhere
+from ergon.notation.clock.shifted import NEVER
 from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
-from ergon.scores.reading.piece import Piece, of_scene
+from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
-from ergon.scores.staging.listening import Listening, listen
+from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
+from ergon.scores.staging.scene import OVER, Scene, acting, build_scene
 from ergon.scores.staging.striking import ANY, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
 _WHEN_DIVERGED = "reduce K or the law, weaken the strikes, or raise the rate"
-OVER = -math.inf
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
@@ -42,28 +42,6 @@ class StageError(ErgonError):
         """Take what was found."""
         super().__init__("\n".join(found.message for found in diagnostics))
         self.diagnostics = list(diagnostics)
-
-
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """What is: the modules of a piece, the LIA of each coupling, and what is heard of them."""
-
-    piece: Piece
-    assembly: Assembly
-    couplings: Sequence[int]
-    listening: Listening
-
-    @property
-    def network(self) -> _core.Network:
-        """The network that the modules make."""
-        return self.assembly.network
-
-    def of(self, piece: Piece) -> Scene | None:
-        """The same modules as another piece's, if they are the same and heard in the same way."""
-        # Most edits leave even the places as they are; the hash takes ten times as long.
-        if of_scene(self.piece) != of_scene(piece) and self.piece.scene() != piece.scene():
-            return None
-        return replace(self, piece=piece)
 
 
 @dataclass(slots=True)
@@ -175,7 +153,7 @@ def prepare(
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     try:
-        scene = (like and like.scene.of(piece)) or _scene(piece, silent)
+        scene = (like and like.scene.of(piece)) or build_scene(piece, silent)
         assembly, couplings = scene.assembly, scene.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         takes = Takes(piece, collector, like.takes if like else {})
@@ -193,12 +171,6 @@ def prepare(
     if collector.has_errors():
         raise StageError(collector.finish())
     return Ready(scene, timeline, n_frames, hands, collector, live)
-
-
-def _scene(piece: Piece, silent: Container[str]) -> Scene:
-    assembly = Assembly(seed=piece.seed)
-    couplings = add_network(piece, assembly)
-    return Scene(piece, assembly, couplings, listen(piece, assembly, silent))
 
 
 @lasting
@@ -291,22 +263,6 @@ def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> St
     return StageError(collector.finish())
 
 
-def add_network(piece: Piece, assembly: Assembly) -> list[int]:
-    """Keys, instruments and couplings; returns the LIA of each coupling."""
-    # Links reach the <M> points of other parts: all of those first.
-    for name, key in piece.keys.items():
-        assembly.part(name, key.modules, reach=key.reach, every=key.every)
-    for name, made in piece.instruments.items():
-        assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every)
-    for name, key in piece.keys.items():
-        assembly.joins(name, key.modules, reach=key.reach)
-    for name, made in piece.instruments.items():
-        assembly.joins(name, made.modules, ca_rate=made.ca_rate)
-    if piece.duet:
-        assembly.network.part("duet")
-    return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
-
-
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
     """When the last of what real hands are to do ends [s]."""
     return max((hand.every * hand.ticks / piece.rate for hand in live), default=0.0)
@@ -322,26 +278,26 @@ def _play(
 ) -> float:
     """Put everything virtual that happens on the timeline; returns when the last of it ends [s]."""
     timeline = hands.timeline
-    held = {piece.players[name].key for name in real}
+    live_keys = {piece.players[name].key for name in real}
     for name, key in piece.keys.items():
-        if name not in held:
+        if name not in live_keys:
             hands.key(name, assembly.mats[name, key.struck])
     _drives(piece, assembly, hands)
     for played, window in spans:
-        own = hands if window is ALL else hands.other(played, window)
+        span_hands = hands if window is ALL else hands.other(played, window)
         for play, starts in zip(played.parts, played.starts, strict=True):
-            if played.players[play.player].key not in held:
-                own.play(play, starts)
-    written = {*real, *(play.player for play in piece.parts)}
+            if played.players[play.player].key not in live_keys:
+                span_hands.play(play, starts)
+    players_with_part = {*real, *(play.player for play in piece.parts)}
     for player in piece.players.values():
-        if player.hand == "live" and player.standin and player.name not in written:
+        if player.hand == "live" and player.standin and player.name not in players_with_part:
             hands.standin(player)
     ends = [gesture.stop for gesture in hands.gestures]
     for played, window in spans:
         within = _within(played, window)
         for strikes in played.strikes:
-            known = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
-            mats = [mat for target in known for mat in assembly.members(target)]
+            targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
+            mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_itself, strikes.place))
             striking = Striking(played, timeline, strikes, mats, source, within)
             ends.append(striking.play(hands.collector))
@@ -350,16 +306,6 @@ def _play(
             at, until = NEVER, None
         timeline.couple(link, at, until)
     return max(ends, default=0.0)
-
-
-def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
-    """From when to when [s] each coupling acts; until `OVER` what does so no longer."""
-    tempo = piece.tempo_map
-    for coupling in piece.duet:
-        until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
-        at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        is_over = until is not None and until <= at and isinstance(tempo, Elsewhere)
-        yield at, OVER if is_over else until
 
 
 def _within(piece: Piece, window: Window) -> tuple[float, float]:
@@ -406,8 +352,8 @@ def _frames(piece: Piece, end: float, collector: Collector) -> int:
         collector.error("E308", message, piece.place)
         return 0
     frames = seconds * piece.rate
-    whole = int(frames + 0.5)
-    return whole if abs(frames - whole) < 1e-6 else int(frames) + 1
+    nearest = int(frames + 0.5)
+    return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
 
 
 def _place(piece: Piece, error: _core.EngineError) -> Place:
@@ -430,12 +376,10 @@ def _itself(place: Place) -> Place:
 __all__ = [
     "Going",
     "Ready",
-    "Scene",
     "Span",
     "Stage",
     "StageError",
     "StagedGesture",
-    "acting",
     "prepare",
     "stage",
 ]

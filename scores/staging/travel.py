@@ -56,10 +56,10 @@ def check_travel(
             continue
         points = zip(gesture.t, gesture.x, strict=True)
         relative = tuple((round(t - gesture.start, 9), x) for t, x in points)
-        known = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
-        if known in seen:
+        case = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
+        if case in seen:
             continue
-        seen.add(known)
+        seen.add(case)
         rehearsed[gesture.place] += 1
         if gesture.place not in singular and (message := _singular(key, gesture)):
             singular.add(gesture.place)
