@@ -14,7 +14,6 @@ from .options import ReadOptions
 if TYPE_CHECKING:
     from ergon.notation.text.errors import Diagnostic
     from ergon.scores.reading.load import Loaded
-    from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
 
@@ -57,24 +56,16 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     """The staged score (None where it has errors), and the diagnostics of the engine."""
     if loaded.piece is None:
         return None, []
-    from ergon.scores.staging.stage import StageError
+    from ergon.scores.reading.piece import Accuracy
+    from ergon.scores.staging.fallback import stage_or_plan
+    from ergon.scores.staging.stage import StageError, stage
 
     staged = None
     try:
-        staged = _staged(loaded.piece)
+        planned = loaded.piece.accuracy != Accuracy()
+        staged = stage(loaded.piece, planned=True) if planned else stage_or_plan(loaded.piece)
         found = staged.diagnostics
     except StageError as error:
         found = error.diagnostics
     scores.show(report, loaded, found)
     return staged, found
-
-
-def _staged(piece: Piece) -> Stage:
-    """Stage as written; by a plan, which takes time, where the score asks for one or needs one."""
-    from ergon.scores.reading.piece import Accuracy
-    from ergon.scores.staging.stage import StageError, stage
-
-    try:
-        return stage(piece, planned=piece.accuracy != Accuracy())
-    except StageError:
-        return stage(piece, planned=True)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -77,9 +78,7 @@ def stage_piece(
     options: AccuracyOptions | None = None,
     report: Report | None = None,
     *,
-    seed: int | None = None,
     rate: float | None = None,
-    record: bool = False,
     threads: int = 1,
     real: Real | None = None,
     silent: Container[str] = (),
@@ -87,27 +86,24 @@ def stage_piece(
 ) -> Staged:
     """Stage a piece, and report the diagnostics of the engine.
 
-    It is planned as `options` say; without them every module is stepped as it is written, by
-    `seed`. Raises ScoreError and OptionError.
+    `options` say how it is planned; without them every module is stepped as written, where the
+    engine accepts that. Raises ScoreError and OptionError.
     """
     from ergon.exchange.plan_store import of_user
+    from ergon.scores.staging.fallback import stage_or_plan
     from ergon.scores.staging.stage import stage
 
     piece = piece_of(loaded)
     start = time.perf_counter()
     # Parameters are physical: another rate needs no other score.
     played = piece if rate is None else replace(piece, rate=rate)
-    pins = None
+    build = stage_or_plan
     if options is not None:
         played = replace(played, accuracy=options.accuracy(played.accuracy))
-        pins, seed = options.pins(), options.seed
+        build = partial(stage, planned=True, pins=options.pins(), seed=options.seed)
     with staging(lambda: loaded, report):
-        staged = stage(
+        staged = build(
             played,
-            seed=seed,
-            record=record,
-            planned=options is not None,
-            pins=pins,
             store=of_user(),
             threads=threads,
             real=real,
@@ -117,6 +113,25 @@ def stage_piece(
     plan_s = time.perf_counter() - start
     show(report, loaded, staged.diagnostics)
     return Staged(piece, staged, plan_s)
+
+
+def stage_recording(loaded: Loaded, report: Report, *, seed: int | None = None) -> Stage:
+    """A stage whose simulation records its ergons. Raises ScoreError.
+
+    A note says so where its rate is a multiple of the score's (`scores.staging.fallback`).
+    """
+    from ergon.scores.staging.fallback import stage_recording
+
+    piece = piece_of(loaded)
+    with staging(lambda: loaded, report):
+        staged = stage_recording(piece, seed=seed)
+    show(report, loaded, staged.diagnostics)
+    if staged.rate != piece.rate:
+        report.warn(
+            f"the scheme is unstable at {piece.rate:g} Hz; "
+            f"the ergons are those of a simulation at {staged.rate:g} Hz"
+        )
+    return staged
 
 
 def show(report: Report | None, loaded: Loaded, found: Sequence[Diagnostic]) -> None:

@@ -36,8 +36,8 @@ def compile_score(
     from ergon.rendering.ergons import stream
 
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
-    staged = score.stage_piece(loaded, None, console, seed=seed, record=True)
-    piece, stage = staged.piece, staged.stage
+    stage = score.stage_recording(loaded, console, seed=seed)
+    piece = score.piece_of(loaded)
     form: Form = "json" if console.json else "csv"
     reaches = {name: key.reach for name, key in piece.keys.items()}
     names = Names(

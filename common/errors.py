@@ -1,7 +1,22 @@
-"""The root of ergon's errors."""
+"""The root of ergon's errors.
+
+    ErgonError
+    ├ TextError            one mistake in a text: a score's field, a notation, a line of a session
+    │ ├ TakeError          a file of a take that cannot be read
+    │ └ TempoError         a tempo map that contradicts itself
+    ├ StageError           a score that the engine does not play; its diagnostics have places
+    ├ EditError            a change of a score's text that cannot be made
+    ├ NotRegularError, FileRefusedError, NotPlanError, NotFrozenError, NotRecordingError,
+    │ NotWaveError         a file that cannot be read or may not be written
+    └ ScoreError, OptionError, DeviceError, … of `ergon.api.errors`, which `import ergon` offers
+
+The rooms `live`, `repl` and `lab` add their own, each a direct child of the root. Refusals of the
+compiled core (`ergon._core.EngineError`, a ValueError) are outside the tree: the functions of
+`import ergon` turn them into members of it.
+"""
 
 from __future__ import annotations
 
 
 class ErgonError(Exception):
-    """What ergon refuses: its message is written for the user."""
+    """A refusal by ergon; its message is written for the user."""

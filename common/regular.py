@@ -25,7 +25,7 @@ def open_regular(path: Path) -> BufferedReader:
     try:
         handle = os.open(path, flags)
     except ValueError:  # a null byte, or what the file system's encoding cannot say
-        raise FileNotFoundError(2, "no file can be called so", str(path)) from None
+        raise FileNotFoundError(2, "no file can have this name", str(path)) from None
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise NotRegularError(22, "not a regular file", str(path))

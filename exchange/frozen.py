@@ -88,8 +88,8 @@ class VerifiedStem:
         width = len(self.taps)
         with self.path.open("rb") as file:
             file.seek(self.offset + at * width * 8)
-            found = np.frombuffer(file.read(len(frames) * width * 8), "<f8")
-        frames[:, list(self.taps)] = found.reshape(len(frames), width)
+            samples = np.frombuffer(file.read(len(frames) * width * 8), "<f8")
+        frames[:, list(self.taps)] = samples.reshape(len(frames), width)
 
 
 def text(frozen: Frozen) -> str:
@@ -118,20 +118,20 @@ def read(folder: Path) -> Frozen:
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
-            raise NotFrozenError(f"{path}: larger than a manifest may be")
-        found = json.loads(data)
-        if found["ergon_frozen"] != VERSION:
+            raise NotFrozenError(f"{path}: the file is too large for a manifest")
+        manifest = json.loads(data)
+        if manifest["ergon_frozen"] != VERSION:
             raise NotFrozenError(f"{path}: not a manifest of version {VERSION}")
         source = Source(
-            str(found["title"]),
-            str(found["score"]),
-            int(found["seed"]),
-            float(found["rate"]),
-            str(found["made"]).removeprefix(f"{MARK.decode()} "),
-            str(found["plan"]),
+            str(manifest["title"]),
+            str(manifest["score"]),
+            int(manifest["seed"]),
+            float(manifest["rate"]),
+            str(manifest["made"]).removeprefix(f"{MARK.decode()} "),
+            str(manifest["plan"]),
         )
-        stems = tuple(_stem(folder, stem) for stem in found["stems"][:_PARTS_MAX])
-        return Frozen(source, int(found["frames"]), stems)
+        stems = tuple(_stem(folder, stem) for stem in manifest["stems"][:_PARTS_MAX])
+        return Frozen(source, int(manifest["frames"]), stems)
     except OSError as error:
         why = error.strerror or "cannot be read"
         raise NotFrozenError(f"{path}: {why}; ergon render --freeze writes it") from None
@@ -141,12 +141,14 @@ def read(folder: Path) -> Frozen:
         raise NotFrozenError(f"{path}: not a manifest of frozen parts") from None
 
 
-def _stem(folder: Path, found: Any) -> Stem:
-    name = str(found["file"])
+def _stem(folder: Path, entry: Any) -> Stem:
+    name = str(entry["file"])
     if Path(name).name != name or "\0" in name:  # never outside of its folder
-        raise NotFrozenError(f"{folder / MANIFEST}: {name!r} is no name of a file beside it")
-    taps = tuple(int(tap) for tap in found["outputs"])
-    return Stem(str(found["part"]), folder / name, taps, str(found["sha256"]))
+        raise NotFrozenError(
+            f"{folder / MANIFEST}: {name!r} is not the name of a file beside the manifest"
+        )
+    taps = tuple(int(tap) for tap in entry["outputs"])
+    return Stem(str(entry["part"]), folder / name, taps, str(entry["sha256"]))
 
 
 def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[VerifiedStem]:
@@ -154,18 +156,18 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
 
     Every file is read once and hashed.
     """
-    found: dict[str, list[int]] = {}
+    taps_by_part: dict[str, list[int]] = {}
     for stem in frozen.stems:
-        found.setdefault(stem.part, []).extend(stem.taps)
+        taps_by_part.setdefault(stem.part, []).extend(stem.taps)
     if frozen.n_frames < n_frames:
         raise NotFrozenError(f"it lasts {frozen.n_frames:,} frames, the piece {n_frames:,}")
-    for part, own in taps.items():
-        if found.get(part) != list(own):
-            raise NotFrozenError(f"'{part}' has other outputs than in the score")
-    return [_whole(stem, frozen) for stem in frozen.stems]
+    for part, part_taps in taps.items():
+        if taps_by_part.get(part) != list(part_taps):
+            raise NotFrozenError(f"'{part}' has other outputs in the score")
+    return [_verified(stem, frozen) for stem in frozen.stems]
 
 
-def _whole(stem: Stem, frozen: Frozen) -> VerifiedStem:
+def _verified(stem: Stem, frozen: Frozen) -> VerifiedStem:
     try:
         info = read_info(stem.path)
         same = WaveFormat(int(frozen.source.rate), len(stem.taps), "double")

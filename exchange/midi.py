@@ -103,22 +103,22 @@ def _tempos(
     seconds_at: Callable[[float], float], length: float, ruler: _Ruler
 ) -> list[tuple[float, int]]:
     """Tempo changes (beat, microseconds per quarter note) that keep within _DRIFT of the truth."""
-    found: list[tuple[float, int]] = []
+    events: list[tuple[float, int]] = []
     tempo, error = 0, 0.0  # error [us]: how late MIDI is
     for step in range(max(1, math.ceil(length * STEPS_PER_BEAT))):
         beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
         n_quarters = (ruler.tick(end) - ruler.tick(beat)) / PPQ
-        wanted = (seconds_at(end) - seconds_at(beat)) * 1e6
-        if abs(error + tempo * n_quarters - wanted) > _DRIFT:
-            exact = wanted / n_quarters
+        micros = (seconds_at(end) - seconds_at(beat)) * 1e6
+        if abs(error + tempo * n_quarters - micros) > _DRIFT:
+            exact = micros / n_quarters
             better = math.floor(exact) if error > 0 else math.ceil(exact)
             if not 1 <= better <= _TEMPO_MAX:
-                raise ValueError(f"MIDI cannot say the tempo at beat {beat:g}")
+                raise ValueError(f"MIDI cannot represent the tempo at beat {beat:g}")
             if better != tempo:
                 tempo = better
-                found.append((beat, tempo))
-        error += tempo * n_quarters - wanted
-    return found
+                events.append((beat, tempo))
+        error += tempo * n_quarters - micros
+    return events
 
 
 def _variable(number: int) -> bytes:

@@ -46,24 +46,26 @@ def read(path: Path) -> Choices:
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
-            raise NotPlanError(f"larger than a plan may be ({_SIZE_MAX // 1_000_000} MB)")
-        found = json.loads(data)
+            raise NotPlanError(
+                f"the file is larger than {_SIZE_MAX // 1_000_000} MB, the maximum for a plan"
+            )
+        content = json.loads(data)
     except NotPlanError:
         raise
     except OSError as error:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except (ValueError, RecursionError):
         raise NotPlanError("not a plan; `ergon plan SCORE -o FILE` writes one") from None
-    return decided(found)
+    return decided(content)
 
 
-def decided(found: object) -> Choices:
+def decided(content: object) -> Choices:
     """The choices in the parsed JSON of a file. Raises NotPlanError."""
-    if not isinstance(found, dict) or found.get("ergon_plan") != VERSION:
+    if not isinstance(content, dict) or content.get("ergon_plan") != VERSION:
         raise NotPlanError(f"not a plan of version {VERSION}")
-    choices = found.get("choices")
+    choices = content.get("choices")
     if not isinstance(choices, list):
-        raise NotPlanError("it has no list of choices")
+        raise NotPlanError("the plan has no list of choices")
     return [_choice(choice) for choice in choices]
 
 

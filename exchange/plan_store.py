@@ -49,19 +49,19 @@ class PlanStore:
             data = read_bounded(path, _ONE_MAX)
             if len(data) > _ONE_MAX:
                 return None
-            found = json.loads(data)
-            kept = _kept(found, key)
+            content = json.loads(data)
+            plan = _plan_of(content, key)
         except (OSError, ValueError, RecursionError):  # NotPlanError is a ValueError
             return None
         with contextlib.suppress(OSError):  # the least recently used go first
             os.utime(path)
-        return kept
+        return plan
 
     def put(self, key: str, plan: Kept) -> None:
         """Keep a plan, if that can be."""
         key = _of_this_version(key)
-        choices, digest, told = plan
-        content = text(choices, digest, key=key, told=told).encode()
+        choices, digest, rows = plan
+        content = text(choices, digest, key=key, told=rows).encode()
         if len(content) > _ONE_MAX:
             return
         with contextlib.suppress(OSError, FileRefusedError):
@@ -112,16 +112,16 @@ def _of_this_version(key: str) -> str:
     return hashlib.sha256(f"{_version()} {key}".encode()).hexdigest()
 
 
-def _kept(found: object, key: str) -> Kept:
-    choices = decided(found)
-    assert isinstance(found, dict)
-    digest, told = found.get("hash"), found.get("told")
-    if found.get("key") != key or not isinstance(digest, str) or not isinstance(told, list):
+def _plan_of(content: object, key: str) -> Kept:
+    choices = decided(content)
+    assert isinstance(content, dict)
+    digest, rows = content.get("hash"), content.get("told")
+    if content.get("key") != key or not isinstance(digest, str) or not isinstance(rows, list):
         raise NotPlanError("this was kept of another plan")
-    return choices, digest, [_told(row) for row in told]
+    return choices, digest, [_row_of(row) for row in rows]
 
 
-def _told(row: object) -> _Row:
+def _row_of(row: object) -> _Row:
     if isinstance(row, list) and len(row) == 5:
         db, over, spectral, left_out, because = row
         is_words = because is None or (isinstance(because, str) and len(because) <= _WORDS_MAX)

@@ -30,10 +30,10 @@ class NotRecordingError(ErgonError, ValueError):
 def about(recording: Recording) -> dict[str, Any]:
     """The description that was recorded with it; empty where it is not a JSON object."""
     try:
-        said = json.loads(recording.about)
+        description = json.loads(recording.about)
     except (ValueError, RecursionError):
         return {}
-    return said if isinstance(said, dict) else {}
+    return description if isinstance(description, dict) else {}
 
 
 def instants(recording: Recording) -> NDArray[np.float64]:
@@ -56,15 +56,15 @@ def from_start(recording: Recording) -> NDArray[np.float64]:
     from ergon._core import EngineError
 
     try:
-        held = recording.held()
+        positions = recording.held()
     except EngineError as error:
         raise NotRecordingError(str(error)) from None
-    if not len(held):
-        raise NotRecordingError("nothing was recorded")
+    if not len(positions):
+        raise NotRecordingError("the recording is empty")
     first = int(recording.ticks()[0])
-    if (first + len(held)) * held.shape[1] > _MAX_TICKS:
-        raise NotRecordingError("it begins too late in the piece")
-    return np.concatenate([np.repeat(held[:1], first, axis=0), held])
+    if (first + len(positions)) * positions.shape[1] > _MAX_TICKS:
+        raise NotRecordingError("the recording begins too late in the piece")
+    return np.concatenate([np.repeat(positions[:1], first, axis=0), positions])
 
 
 def columns(recording: Recording) -> list[Column]:
@@ -77,16 +77,16 @@ def columns(recording: Recording) -> list[Column]:
         names = [str(i + 1) for i in range(len(names))]
     positions, forces, sent = recording.positions(), recording.forces(), recording.sent()
     flags, clocks = recording.flags(), recording.clocks()
-    found: list[Column] = [("t [s]", instants(recording)), ("tick [1]", recording.ticks())]
+    columns: list[Column] = [("t [s]", instants(recording)), ("tick [1]", recording.ticks())]
     for i, name in enumerate(names):
-        found += [
+        columns += [
             (f"{name} [m]", positions[:, i]),
             (f"{name} force [N]", forces[:, i]),
             (f"{name} sent [N]", sent[:, i]),
             (f"{name} flags [1]", flags[:, i]),
             (f"{name} clock [1]", clocks[:, i]),
         ]
-    return found
+    return columns
 
 
 def csv_rows(recording: Recording) -> Iterator[str]:
@@ -166,13 +166,13 @@ def recorded(
     # A sample that lies on the last tick but for rounding belongs to it.
     n_ticks = np.floor((end - begin) * rate / frames + 1e-6) + 1
     if not n_ticks * len(channels) <= _MAX_TICKS:
-        raise NotRecordingError(f"{end - begin:g} s are more than a recording holds at this rate")
+        raise NotRecordingError(f"{end - begin:g} s is longer than a recording can be at this rate")
     ticks = np.arange(int(n_ticks), dtype=np.uint64)
     now = begin + ticks.astype(np.float64) * frames / rate
     try:
         x = np.stack([Take(t, x).positions(now) for t, x in channels.values()], axis=1)
-        said = json.dumps({"imported": source}, ensure_ascii=False)
+        description = json.dumps({"imported": source}, ensure_ascii=False)
         axes: Sequence[tuple[str, str]] = [(name, "") for name in channels]
-        return Recording(rate, frames, axes, said, ticks, np.ascontiguousarray(x))
+        return Recording(rate, frames, axes, description, ticks, np.ascontiguousarray(x))
     except EngineError as error:
         raise NotRecordingError(str(error)) from None

@@ -41,12 +41,12 @@ def is_ours(path: Path) -> bool:
 def is_one_of(path: Path, others: Iterable[Path]) -> bool:
     """Whether the file is one of these under any name: a link, another case, another way there."""
     try:
-        here = path.stat()
+        stat = path.stat()
     except OSError:
         return False
     for other in others:
         with contextlib.suppress(OSError, ValueError):
-            if os.path.samestat(here, other.stat()):
+            if os.path.samestat(stat, other.stat()):
                 return True
     return False
 
@@ -119,13 +119,13 @@ def writing(
     path = path.resolve()  # a link stays a link; what it points to is replaced
     folders = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
-    made: list[Path] = []
+    paths: list[Path] = []
     try:
         try:
-            opened = temporary.opened(path, made)
+            opened = temporary.opened(path, paths)
         except OSError as error:
             raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
-        part = made[-1]
+        part = paths[-1]
         with opened:
             yield opened
             opened.flush()
@@ -137,7 +137,7 @@ def writing(
         if not temporary.IS_LOCKED:
             os.replace(part, path)
     except BaseException:
-        for part in made:
+        for part in paths:
             part.unlink(missing_ok=True)
         remove_folders(folders)
         raise

@@ -28,7 +28,7 @@ _serial = itertools.count()
 _swept: set[Path] = set()  # folders, once each: a program that writes much looks once
 
 
-def opened(path: Path, made: list[Path]) -> BinaryIO:
+def opened(path: Path, paths: list[Path]) -> BinaryIO:
     """A new file beside `path`, so that a rename is one step within one file system.
 
     Its name is appended to `made` before the file is there: whatever interrupts the call, the
@@ -43,17 +43,17 @@ def opened(path: Path, made: list[Path]) -> BinaryIO:
         while len(os.fsencode(name)) > _LONGEST:
             name = f".{name[2:]}"
         temporary = folder / name
-        made.append(temporary)
+        paths.append(temporary)
         try:
             handle = os.open(temporary, _FLAGS, 0o666)
         except FileExistsError:  # of an earlier process of our number
-            made.pop()
+            paths.pop()
             continue
-        held = _locked(handle)
-        if held is None or (held and _is_at(handle, temporary)):
+        file = _locked(handle)
+        if file is None or (file and _is_at(handle, temporary)):
             return open(handle, "w+b")
         os.close(handle)  # somebody else swept it before it was locked
-        made.pop()
+        paths.pop()
 
 
 def sweep(folder: Path) -> list[Path]:

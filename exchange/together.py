@@ -19,8 +19,8 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
     what `check` raises.
     """
     at = {path: path.resolve() for path in files}  # a link stays a link
-    made = {folder for path in at.values() for folder in path.parents if not folder.exists()}
-    done: list[tuple[Path, Path | None]] = []  # what was written, and what was there before
+    new_folders = {folder for path in at.values() for folder in path.parents if not folder.exists()}
+    replaced: list[tuple[Path, Path | None]] = []  # what was written, and what was there before
     path = Path()
     with contextlib.ExitStack() as stack:
         try:
@@ -31,19 +31,19 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
             for path in files:
                 check(path)
             for path in files:
-                there = at[path].exists()
-                old = _beside(at[path], at[path].read_bytes(), stack) if there else None
+                exists = at[path].exists()
+                old = _beside(at[path], at[path].read_bytes(), stack) if exists else None
                 _put(parts[path], at[path], is_new=old is None)
-                done.append((at[path], old))
+                replaced.append((at[path], old))
             _sync(path.parent for path in at.values())
         except BaseException as error:
-            for target, old in reversed(done):
+            for target, old in reversed(replaced):
                 if old is None:
                     target.unlink(missing_ok=True)
                 else:
                     os.replace(old, target)
             stack.close()
-            remove_folders(sorted(made, key=lambda folder: -len(folder.parts)))
+            remove_folders(sorted(new_folders, key=lambda folder: -len(folder.parts)))
             if isinstance(error, OSError):
                 raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
             raise
@@ -51,9 +51,9 @@ def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> Non
 
 def _beside(target: Path, data: bytes, stack: contextlib.ExitStack) -> Path:
     """A file beside its target, on the disk; it goes with the stack."""
-    made: list[Path] = []
-    file = temporary.opened(target, made)
-    part = made[-1]
+    paths: list[Path] = []
+    file = temporary.opened(target, paths)
+    part = paths[-1]
     stack.callback(part.unlink, missing_ok=True)
     stack.enter_context(file)
     file.write(data)

@@ -81,11 +81,11 @@ def _encode(block: NDArray[Any], format: WaveFormat) -> bytes:
     import numpy as np
 
     floats = {"float": "<f4", "double": "<f8"}
-    wanted = np.dtype(floats.get(str(format.bits), "<i4"))
-    if block.dtype != wanted:
-        raise TypeError(f"samples for {format.bits} bits come as {wanted.name}")
+    sample_type = np.dtype(floats.get(str(format.bits), "<i4"))
+    if block.dtype != sample_type:
+        raise TypeError(f"samples for {format.bits} bits come as {sample_type.name}")
     if format.bits in ("float", "double"):
-        return block.astype(wanted, copy=False).tobytes()
+        return block.astype(sample_type, copy=False).tobytes()
     octets = np.ascontiguousarray(block, dtype="<i4").view(np.uint8).reshape(-1, 4)
     return octets[:, 4 - BYTES[format.bits] :].tobytes()
 
@@ -104,9 +104,9 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     n_channels, bits = info.format.n_channels, info.format.bits
     with open_regular(path) as file:
         file.seek(info.offset)
-        left = info.n_frames
-        while left:
-            count = min(left, _BLOCK)
+        n_frames = info.n_frames
+        while n_frames:
+            count = min(n_frames, _BLOCK)
             data = file.read(count * info.format.frame_bytes)
             if bits in ("float", "double"):
                 form = "<f4" if bits == "float" else "<f8"
@@ -117,7 +117,7 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
                 octets[:, 4 - width :] = np.frombuffer(data, np.uint8).reshape(-1, width)
                 flat = octets.view("<i4")[:, 0] / 2.0**31
             yield flat.reshape(count, n_channels)
-            left -= count
+            n_frames -= count
 
 
 def hash_samples(path: Path) -> str:
@@ -126,11 +126,11 @@ def hash_samples(path: Path) -> str:
     digest = hashlib.sha256()
     with open_regular(path) as file:
         file.seek(info.offset)
-        left = info.n_frames * info.format.frame_bytes
-        while left:
-            data = file.read(min(left, 1 << 20))
+        n_bytes = info.n_frames * info.format.frame_bytes
+        while n_bytes:
+            data = file.read(min(n_bytes, 1 << 20))
             digest.update(data)
-            left -= len(data)
+            n_bytes -= len(data)
     return digest.hexdigest()
 
 

@@ -83,14 +83,14 @@ class WaveInfo:
     @property
     def score(self) -> str | None:
         """Hash of the score that this was rendered from, when it is a render of ergon."""
-        found = _SCORE.search(self.description)
-        return found[1] if found and self.originator == ORIGINATOR else None
+        match = _SCORE.search(self.description)
+        return match[1] if match and self.originator == ORIGINATOR else None
 
     @property
     def plan(self) -> str | None:
         """Hash of the plan by which it was computed."""
-        found = _PLAN.search(self.description)
-        return found[1] if found and self.originator == ORIGINATOR else None
+        match = _PLAN.search(self.description)
+        return match[1] if match and self.originator == ORIGINATOR else None
 
     @property
     def title(self) -> str:
@@ -160,7 +160,7 @@ def parse(file: BinaryIO) -> WaveInfo:
         name, size = chunk[:4], int.from_bytes(chunk[4:], "little")
         if name == b"data":
             if format is None:
-                raise NotWaveError("samples come before their format")
+                raise NotWaveError("the samples come before their format")
             size = long_size if size == 0xFFFFFFFF and container == "RF64" else size
             offset = file.tell()
             size = min(size, file.seek(0, 2) - offset)
@@ -203,5 +203,5 @@ def _parse_format(content: bytes) -> WaveFormat:
     }
     bits = forms.get((tag, n_bits))
     if bits is None or not n_channels or not rate:
-        raise NotWaveError(f"samples of {n_bits} bits with format tag {tag} are not read here")
+        raise NotWaveError(f"samples of {n_bits} bits with format tag {tag} are not supported")
     return WaveFormat(rate, n_channels, bits)

@@ -92,15 +92,15 @@ class Assembly:
             self.network.start(index, position.get(index, 0.0), velocity.get(index, 0.0))
 
 
-def _members(assembly: Assembly, first: int, given: Any) -> dict[int, float]:
+def _members(assembly: Assembly, first: int, value: Any) -> dict[int, float]:
     """MATs that start elsewhere than at 0, with their values."""
     count = assembly.network.count(first)
-    if isinstance(given, float):
-        return dict.fromkeys(range(first, first + count), given) if given else {}
-    found: dict[int, float] = {}
-    for start in given if isinstance(given, tuple) else (given,):
-        found.update(dict.fromkeys(_range(assembly, first, count, start), start.value))
-    return found
+    if isinstance(value, float):
+        return dict.fromkeys(range(first, first + count), value) if value else {}
+    by_mat: dict[int, float] = {}
+    for start in value if isinstance(value, tuple) else (value,):
+        by_mat.update(dict.fromkeys(_range(assembly, first, count, start), start.value))
+    return by_mat
 
 
 def _range(assembly: Assembly, first: int, count: int, start: Start) -> range:

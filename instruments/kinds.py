@@ -86,7 +86,7 @@ def _mats(ca: bool) -> dict[str, Record]:
     v0 = Field("V0", k.SPEED, "velocity at the beginning", 0.0)
     stiff = Field("K", stiffness, "stiffness")
     damp = Field("Z", damping, "viscosity")
-    rest = Field("rest", k.POSITION, "elongation at which the spring pulls nothing", 0.0)
+    rest = Field("rest", k.POSITION, "elongation at which the spring has no force", 0.0)
     pitch = Field("f", k.PITCH, "damped frequency, instead of K")
     decay = Field("t60", k.DURATION, "time to fall by 60 dB, instead of Z", shown="no decay")
     cel = (m, stiff, damp, pitch, decay, x0, v0, rest)
@@ -115,7 +115,7 @@ def _but(ca: bool) -> tuple[Field, ...]:
         Field("K", exponent_stiffness, "stiffness (magic chooses its own)"),
         Field("Z", k.NUMBER if ca else k.DAMPING, "viscosity while they touch", 0.0),
         Field("gap", k.POSITION, "distance at which they touch", 0.0),
-        Field("side", choice("below", "above"), "from which side the first one comes", "below"),
+        Field("side", choice("below", "above"), "side from which the first MAT comes", "below"),
         Field(
             "contact",
             choice("plain", "exact", "magic"),
@@ -178,7 +178,7 @@ def _generators() -> dict[str, Record]:
         Field("f", k.PITCHES, "frequencies, spread by logarithm", required=True),
         Field("t60", k.DURATIONS, "decays: low for high f where even", required=True),
         Field("spread", choice("random", "even"), "how f and t60 are spread", "even"),
-        Field("place", choice("line", "spiral"), "where the members lie on the bench", "line"),
+        Field("place", choice("line", "spiral"), "positions of the members on the bench", "line"),
         *starts,
     )
     return {
@@ -199,7 +199,10 @@ class Source(Shape):
         if not isinstance(node, Scalar):
             return wrong_shape(self, node, name, context)
         if re.fullmatch(r"[a-z]+\d+\.\d+", node.text):
-            message = f"{context.of(name)}: a device's axis is not built yet; a take or a constant"
+            message = (
+                f"{context.of(name)}: an axis of a device is not "
+                "built yet; write a take or a constant"
+            )
             context.error("E108", message, node.place)
             return MISSING
         if re.match(r"[+-]?[.\d]", node.text):
@@ -215,28 +218,28 @@ class Source(Shape):
         return f"a take, or {self.constant.what}"
 
 
-def _input(unit: Text, what: str) -> Record:
+def _input(unit: Text, quantity: str) -> Record:
     fields = (
         Field("to", ENDPOINT, "the MAT that it drives", required=True),
-        Field("from", Source(unit), f"where its {what} comes from", required=True),
+        Field("from", Source(unit), f"where its {quantity} comes from", required=True),
         Field("at", k.WHEN, "when a take begins", shown="the beginning"),
         Field("scale", k.NUMBER, "factor of a take", 1.0),
     )
-    return Record("module", f"an imposed {what}", fields)
+    return Record("module", f"an imposed {quantity}", fields)
 
 
 def _all() -> dict[str, Kind]:
     families: dict[str, Family] = dict.fromkeys(("MAS", "SOL", "CEL"), "mat")
     si, ca = _mats(False), _mats(True)
-    found = {
+    kinds = {
         name: Kind(name, families.get(name, "link"), table, ca[name]) for name, table in si.items()
     }
     for name, table in _generators().items():
-        found[name] = Kind(name, "generator", table, table)
+        kinds[name] = Kind(name, "generator", table, table)
     inputs = {"ENX": _input(k.POSITION, "position"), "ENF": _input(k.PUSH, "force")}
     for name, table in inputs.items():
-        found[name] = Kind(name, "input", table, table)
-    return found
+        kinds[name] = Kind(name, "input", table, table)
+    return kinds
 
 
 KINDS = _all()

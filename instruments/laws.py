@@ -54,26 +54,26 @@ def resolved(
             or text in fields["constants"]
         ):
             continue
-        known = laws.get(text)
-        if known is None:
+        law = laws.get(text)
+        if law is None:
             message = f"{who}: no law is called {quote(text)}"
             place = locate(name, 0, len(text))
             collector.error("E301", message, place, word=text, names=tuple(laws))
             return module
-        constants |= known.constants
+        constants |= law.constants
         if name == "law":
-            fields["law"] = known.law
-            fields["damping"] = fields["damping"] or known.damping
+            fields["law"] = law.law
+            fields["damping"] = fields["damping"] or law.damping
         else:
-            fields["damping"] = known.damping
+            fields["damping"] = law.damping
     written = fields["constants"]
     fields["constants"] = {**constants, **written}
     used = set(_WORDS.findall(f"{fields['law'] or ''} {fields['damping'] or ''}")) - _KNOWN
-    others = [word for word in module.fields if word != "constants"]
+    fields_of_kind = [word for word in module.fields if word != "constants"]
     for name in written:
         if name not in used:
             message = f"{who}: the law has no constant {quote(name)}"
-            names = (*others, *sorted(used))
+            names = (*fields_of_kind, *sorted(used))
             collector.error("E101", message, module.places[name], word=name, names=names)
             return module
     if check(fields, who, locate, collector):

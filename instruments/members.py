@@ -24,12 +24,14 @@ def members(text: str, count: int, called: str) -> tuple[int | Literal["centre"]
     if text in words:
         return words[text]
     if not _MEMBERS.fullmatch(text):
-        raise TextError(f"{quote(text)} names no members; 3, 3..8, 3..last, all, last, centre do")
+        raise TextError(
+            f"{quote(text)} is not a choice of members; write 3, 3..8, 3..last, all, last or centre"
+        )
     low, _, high = text.partition("..")
     first = int(low)
     last = count - 1 if high == "last" else int(high or low)
     if max(first, last) >= count:
         raise TextError(f"{called} has members 0 to {count - 1:,}")
     if last < first:
-        raise TextError(f"{text} runs downwards")
+        raise TextError(f"{text} runs downwards; write the lower number first")
     return first, last - first + 1

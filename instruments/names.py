@@ -97,10 +97,12 @@ class Scene:
             return None
         if len(candidates) == 1:
             return candidates[0]
-        some = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
-        message = f"{who}: {quote(name)} has {len(candidates)} modules that could be meant"
+        examples = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
+        message = (
+            f"{who}: {quote(name)} is ambiguous: it has {len(candidates)} modules of this kind"
+        )
         self.collector.error(
-            "E304", f"{message}; say which: {some}" if some else message, name.place
+            "E304", f"{message}; write one of them: {examples}" if examples else message, name.place
         )
         return None
 
@@ -121,7 +123,9 @@ class Scene:
         problem = ""
         if some is None:
             if count > 1:
-                problem = f"{called} has {count:,} masses; say which: {called}.0, {called}.centre"
+                problem = (
+                    f"{called} has {count:,} masses; write one of them: {called}.0, {called}.centre"
+                )
         elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL"):
             problem = f"{called} is one {module.kind}; it has no members"
         else:
@@ -130,7 +134,7 @@ class Scene:
             except TextError as error:
                 problem = error.message
         if not problem and size > 1 and not several:
-            problem = f"one MAT is wanted, not {size:,}"
+            problem = f"one MAT is expected here, but {size:,} are named"
         if problem:
             self.collector.error("E304", f"{who}: {problem}", name.place)
             return None

@@ -63,8 +63,8 @@ def _compile(text: str) -> Any:
     import numba
     from numba import types
 
-    room, whole = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
-    function = ctypes.CFUNCTYPE(None, room, whole, whole, whole, whole)
+    room, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
+    function = ctypes.CFUNCTYPE(None, room, integer, integer, integer, integer)
     names: dict[str, Any] = {name: function(at) for name, at in _core.law_functions()}
     names["sqrt"] = math.sqrt
     exec(compile(text, "<law>", "exec"), names)

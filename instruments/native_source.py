@@ -43,13 +43,15 @@ def source(rows: Sequence[Row]) -> str:
 
 
 def _operands(row: Row) -> tuple[int, ...]:
-    name, *of = row
+    name, *operands = row
     if name == "constant":
         return ()
     if name == "whole_power":
-        return (of[0],)
+        return (operands[0],)
     text = _OPERATIONS.get(name, "")
-    return tuple(of[: _FUNCTIONS.get(name, 3 if "{2}" in text else 2 if "{1}" in text else 1)])
+    return tuple(
+        operands[: _FUNCTIONS.get(name, 3 if "{2}" in text else 2 if "{1}" in text else 1)]
+    )
 
 
 @dataclass(slots=True)
@@ -94,7 +96,7 @@ class _Writer:
                 yield from _whole_power(f"r{_FIRST + i}", names[0], row[2])
             else:
                 yield f"r{_FIRST + i} = {_OPERATIONS[row[0]].format(*names)}"
-        for at in sorted(self._kept(stage)):
+        for at in sorted(self._shared(stage)):
             yield f"room[{_place(at)} + i] = {self._name(at, link)}"
         if self.stage[-1] == stage:
             yield f"out[{link}] = r{_FIRST + len(self.rows) - 1}"
@@ -105,9 +107,9 @@ class _Writer:
                 places = ", ".join(str(_place(at)) for at in (a, b, _FIRST + i))
                 yield f"{name}(room, {places}, m)"
 
-    def _kept(self, stage: int) -> set[int]:
+    def _shared(self, stage: int) -> set[int]:
         """What the room must hold after a loop: a function or a later loop reads it."""
-        kept = set()
+        operands = set()
         for i, row in enumerate(self.rows):
             is_call = row[0] in _FUNCTIONS
             for at in _operands(row):
@@ -117,8 +119,8 @@ class _Writer:
                     made_here = self.stage[at - _FIRST] == stage and not self._is_call(at)
                     is_read = made_here and (is_call or self.stage[i] > stage)
                 if is_read:
-                    kept.add(at)
-        return kept
+                    operands.add(at)
+        return operands
 
     def _is_computed(self, at: int) -> bool:
         return at >= _FIRST and self.rows[at - _FIRST][0] != "constant"

@@ -161,8 +161,10 @@ def module(name: str, kind: str, values: Values) -> Module:
 def _needs(*names: str) -> Any:
     def check(kind: str, values: Values) -> None:
         if not values.written(*names):
-            wanted = " or ".join(names)
-            values.error("E103", f"{values.context.of('')}: {with_article(kind)} needs {wanted}")
+            alternatives = " or ".join(names)
+            values.error(
+                "E103", f"{values.context.of('')}: {with_article(kind)} needs {alternatives}"
+            )
 
     return check
 
@@ -170,7 +172,7 @@ def _needs(*names: str) -> Any:
 def _cel(kind: str, values: Values) -> None:
     tuned, plain = values.written("f", "t60"), values.written("K", "Z")
     if tuned and plain:
-        message = f"{values.context.of(tuned[0])}: {plain[0]} is given too; "
+        message = f"{values.context.of(tuned[0])}: {plain[0]} is written too; "
         message += "a CEL has K and Z, or f and t60"
         values.error("E111", message, tuned[0])
     elif not values.written("f", "K"):
@@ -180,21 +182,24 @@ def _cel(kind: str, values: Values) -> None:
 def _but(kind: str, values: Values) -> None:
     magic = values["contact"] == "magic"
     if magic and (extra := values.written("K", "Z")):
-        message = f"{values.context.of(extra[0])}: a magic contact chooses K and Z itself"
+        message = f"{values.context.of(extra[0])}: a magic contact has no K and Z; remove it"
         values.error("E111", message, extra[0])
     if not magic:
         _needs("K")(kind, values)
         if extra := values.written("restitution", "steps"):
-            message = f"{values.context.of(extra[0])}: only a magic contact has one"
+            message = f"{values.context.of(extra[0])}: only a magic contact has this field"
             values.error("E111", message, extra[0])
     if magic and values["clamp"] and values["restitution"] < 1:
-        message = f"{values.context.of('clamp')}: a magic contact with restitution < 1 must pull"
+        message = (
+            f"{values.context.of('clamp')}: a magic contact with "
+            "restitution < 1 must pull, so clamp must be false"
+        )
         values.error("E111", message, "clamp")
 
 
 def _lnl(kind: str, values: Values) -> None:
     if values.written("law") and values.written("points"):
-        message = f"{values.context.of('points')}: a law is given too; an LNL has one of them"
+        message = f"{values.context.of('points')}: `law` is written too; keep one of the two"
         values.error("E111", message, "points")
 
 
@@ -214,7 +219,9 @@ def instrument(values: Values) -> Instrument:
     if values.kind and (body := values.given[values.kind]) is not MISSING:
         modules.append(module("", values.kind, _retuned(values, body)))
     elif extra := values.written("f", "t60", "M"):
-        message = f"{values.context.of(extra[0])}: only a single generator can be retuned here"
+        message = (
+            f"{values.context.of(extra[0])}: only an instrument of one generator has this field"
+        )
         values.error("E111", message, extra[0])
     for name, body in (values["modules"] or {}).items():
         if body is not MISSING:
@@ -222,11 +229,14 @@ def instrument(values: Values) -> Instrument:
     if not values.kind and not values.written("modules"):
         values.error("E103", f"{values.context.of('')} has no modules")
     if values.kind and values.written("modules"):
-        message = f"{values.context.of('modules')}: it is a {values.kind} already"
+        message = (
+            f"{values.context.of('modules')}: the instrument is a "
+            f"{values.kind} already; keep one of the two"
+        )
         values.error("E111", message, "modules")
     outputs = tuple(
-        Output(heard.name, heard.kind, heard.names, heard.nearest, heard.place)
-        for heard in values["out"] or ()
+        Output(output.name, output.kind, output.names, output.nearest, output.place)
+        for output in values["out"] or ()
     )
     return Instrument(values.context.name, tuple(modules), outputs, _ca_rate(values), values.place)
 
@@ -234,10 +244,14 @@ def instrument(values: Values) -> Instrument:
 def _ca_rate(values: Values) -> float | None:
     if values["units"] != "ca":
         if values.written("at"):
-            values.error("E111", f"{values.context.of('at')}: it belongs to units: ca", "at")
+            values.error(
+                "E111", f"{values.context.of('at')}: only `units: ca` has this field", "at"
+            )
         return None
     if not values.written("at"):
-        message = f"{values.context.of('units')}: ca needs its rate, such as at: 44100Hz"
+        message = (
+            f"{values.context.of('units')}: `ca` needs the rate of the network, such as at: 44100Hz"
+        )
         values.error("E103", message, "units")
     return values["at"] or 44100.0
 

@@ -36,8 +36,8 @@ def modules(
             _drive(module, part, scene, takes, fields, driven, who)
         elif module.kind in GENERATORS:
             _starts(module, who, scene.collector)
-        made = replace(module, fields=fields)
-        result.append(lawful(made, laws, bodies.get(module.name), who, scene.collector))
+        resolved = replace(module, fields=fields)
+        result.append(lawful(resolved, laws, bodies.get(module.name), who, scene.collector))
     return tuple(result)
 
 
@@ -61,7 +61,7 @@ def _ends(module: Module, part: Part, scene: Scene, who: str) -> tuple[Target, .
     names = module.fields["between"] or ()
     ends = tuple(end for name in names if (end := scene.target(name, "mat", who, part)) is not None)
     if len(ends) == 2 and _point(ends[0]) == _point(ends[1]):
-        message = f"{who}: a link joins two different points, and both its ends are {ends[0].text}"
+        message = f"{who}: both ends are {ends[0].text}; a link joins two different points"
         scene.collector.error("E304", message, ends[1].place)
     return ends
 
@@ -70,8 +70,8 @@ def _starts(module: Module, who: str, collector: Collector) -> None:
     """The members of a generator that start elsewhere are members that it has."""
     count = member_count(module.kind, module.fields)
     for name in ("X0", "V0"):
-        given = module.fields[name]
-        for start in given if isinstance(given, tuple) else (given,):
+        starts = module.fields[name]
+        for start in starts if isinstance(starts, tuple) else (starts,):
             if isinstance(start, Start):
                 try:
                     members(str(start.at), count, module.name or "it")
@@ -102,7 +102,7 @@ def _drive(
         if full in takes:
             fields["from"] = Name(full, source.place)
         else:
-            message = f"{who}: no take is called {quote(source)}, and it is no constant"
+            message = f"{who}: {quote(source)} is neither a take nor a number"
             scene.collector.error(
                 "E301", message, source.place, word=str(source), names=tuple(takes)
             )
@@ -111,7 +111,7 @@ def _drive(
     first = driven.setdefault(_point(target), module.name)
     if first != module.name:
         message = (
-            f"{who}: only forces add, and {first} imposes the position of {target.text} already"
+            f"{who}: {first} already imposes the position of {target.text}; only forces add up"
         )
         scene.collector.error("E304", message, module.place)
 
@@ -127,28 +127,28 @@ def outputs(
     for output in written:
         called = f"{part.name}.{output.name}" if output.name else part.name
         who = f"{output.kind} of {quote(called)}"
-        wanted = "mats" if output.kind == "SOX" else "links"
+        family = "mats" if output.kind == "SOX" else "links"
         names: tuple[Any, ...] = output.targets
-        found = (_heard(name, wanted, who, part, scene) for name in names)
+        found = (_output_target(name, family, who, part, scene) for name in names)
         targets = tuple(target for target in found if target is not None)
         room = None
         if isinstance(output.nearest, str):
             room = layout(output.nearest, output.place)
             if not any(module.kind == "BANK" for module in part.modules.values()):
-                message = f"{who}: `nearest` is for the members of a BANK"
+                message = f"{who}: `nearest` needs the members of a BANK"
                 scene.collector.error("E304", message, output.place)
         result.append(replace(output, targets=targets, nearest=room))
     return tuple(result)
 
 
-def _heard(name: Name, wanted: Any, who: str, part: Part, scene: Scene) -> Target | None:
+def _output_target(name: Name, family: Any, who: str, part: Part, scene: Scene) -> Target | None:
     """SOF also hears the ground's spring of a CEL or of a bank's members."""
-    if wanted == "links":
+    if family == "links":
         head = name.split(".")[0] if name not in part.modules else name
         module = part.modules.get(str(head)) or part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):
             return scene.target(name, "mats", who, part)
-    return scene.target(name, wanted, who, part)
+    return scene.target(name, family, who, part)
 
 
 def _locator(module: Module, body: Values | None) -> Callable[[str, int, int], Place]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ergon import _core
 from ergon.scores.staging.gliding import Glide
-from ergon.scores.staging.stage import OVER, acting
+from ergon.scores.staging.scene import OVER, acting
 
 if TYPE_CHECKING:
     import numpy as np

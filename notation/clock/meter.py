@@ -47,7 +47,7 @@ def parse_meter(text: str) -> Meter:
         )
     if int(match[2]) not in _UNITS:
         raise TextError(
-            "a beat is a 1, 2, 4, 8, 16, 32 or 64th note",
+            "the unit of a meter is 1, 2, 4, 8, 16, 32 or 64",
             offset=start + match.start(2),
             length=len(match[2]),
         )
@@ -68,7 +68,7 @@ class Bars:
         if at > self._starts[-1] + SAME:
             bar, beat = self.bar_beat(at)
             if beat > 1.0 + SAME:
-                raise TextError(f"a meter begins on a bar, not on {bar}|{beat:g}")
+                raise TextError(f"a meter begins on a bar line, not at {bar}|{beat:g}")
             self._starts.append(self.start(bar))
             self._bars.append(bar)
             self._meters.append(meter)
@@ -80,8 +80,8 @@ class Bars:
         i = max(0, bisect_right(self._starts, beats + SAME) - 1)
         per_bar = self._meters[i].beats
         into = beats - self._starts[i]
-        whole = int((into + SAME) // per_bar)
-        return self._bars[i] + whole, max(0.0, into - whole * per_bar) + 1.0
+        n_bars = int((into + SAME) // per_bar)
+        return self._bars[i] + n_bars, max(0.0, into - n_bars * per_bar) + 1.0
 
     def start(self, bar: float) -> float:
         """The beat of the piece on which `bar` begins; bar 2.5 begins halfway through bar 2."""

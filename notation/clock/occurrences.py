@@ -23,7 +23,7 @@ def parse_times(text: str) -> int:
     word = text.strip()
     if not re.fullmatch(r"[0-9]{1,7}", word) or not 1 <= int(word) <= MAX_OCCURRENCES:
         raise TextError(
-            f"'{word[:40]}' is not a number of times, from 1 to {MAX_OCCURRENCES:,}",
+            f"'{word[:40]}' is not a number of repetitions from 1 to {MAX_OCCURRENCES:,}",
             length=max(1, len(text)),
         )
     return int(word)
@@ -52,9 +52,9 @@ def starts(
         times = 1
     if times != 1 and not max(step.bars, step.beats, step.seconds) > 0.0:
         raise TextError(
-            "what is played lasts no time: say how far apart, such as every: 1"
+            "the gesture has no duration; write the time between repetitions, such as every: 1"
             if every is None
-            else "'every' must be longer than nothing"
+            else "'every' must be above 0"
         )
     count = room + 1 if times is None else times
     stop = float("inf") if until is None else until - SAME
@@ -64,16 +64,16 @@ def starts(
         if stop < at + step.beats * most:
             most = max(0, ceil((stop - at) / step.beats))
         elif count > room:
-            raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
+            raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
         return [at + step.beats * index for index in range(most)]
-    found: list[float] = []
+    beats: list[float] = []
     beat = at
-    while len(found) < count and beat < stop:
-        if len(found) == room:
-            raise TextError(f"more than {MAX_OCCURRENCES:,} occurrences in the piece")
-        if not len(found) % 1024:
+    while len(beats) < count and beat < stop:
+        if len(beats) == room:
+            raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
+        if not len(beats) % 1024:
             poll()
-        found.append(beat)
+        beats.append(beat)
         # Counting from `at` does not drift; bars, beats and seconds together must follow the tempo.
-        beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(found)))
-    return found
+        beat = tempo.after(beat, step) if mixed else tempo.after(at, step.times(len(beats)))
+    return beats

@@ -79,7 +79,7 @@ def parse_position(text: str) -> Position:
         beat = time_of(match[2], match[3], start + match.start(2))
         if bar < 1 or beat < 1.0:
             raise TextError(
-                "bars and beats count from 1: the beginning is 1|1",
+                "bars and beats count from 1; the beginning of the piece is 1|1",
                 offset=start,
                 length=len(match[1]) + 1 + len(match[2]),
             )
@@ -88,7 +88,7 @@ def parse_position(text: str) -> Position:
         length = _length(match, 1, start)
         if length.bars:
             raise TextError(
-                f"bars count from 1: write {match[1]}|1 for the bar, or add bars to a mark",
+                f"a number of bars is not a position; write {match[1]}|1, or a mark and a length",
                 offset=start,
                 length=len(word),
                 suggestion=f"{match[1]}|1",

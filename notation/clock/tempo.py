@@ -111,7 +111,11 @@ class TempoMap:
         for i, entry in enumerate(entries):
             at = self.resolve(entry.at)
             if at < latest - SAME:
-                raise TempoError("tempo entries go in order of time", i, "at")
+                raise TempoError(
+                    "this entry is earlier than the entry above it; write entries in order of time",
+                    i,
+                    "at",
+                )
             latest = max(at, latest)
             self._place(i, entry, latest)
 
@@ -119,7 +123,10 @@ class TempoMap:
         """Beats from the start. Raises TextError (offsets in the position's text)."""
         beats = self._resolve(position, ())
         if beats < -SAME:
-            raise TextError("this is before the beginning", length=max(1, len(position.text)))
+            raise TextError(
+                "this position is before the beginning of the piece",
+                length=max(1, len(position.text)),
+            )
         return max(0.0, beats)
 
     def after(self, beats: float, length: Length) -> float:
@@ -172,7 +179,8 @@ class TempoMap:
         if entry.meter is not None:
             if inside and self._ramp_in_bars:
                 raise TempoError(
-                    "the meter changes inside a ramp measured in bars: give its length in beats",
+                    "the meter changes during a ramp whose length "
+                    "is in bars; write the length in beats",
                     i,
                     "meter",
                 )
@@ -182,26 +190,28 @@ class TempoMap:
                 raise TempoError(error.message, i, "at") from None
         if entry.bpm is None:
             if entry.bpm_end is not None or entry.over is not None:
-                raise TempoError("a ramp says where it begins: bpm: 60 -> 96", i, "over")
+                raise TempoError(
+                    "the ramp has no tempi; write both, such as bpm: 60 -> 96", i, "over"
+                )
             return
         if inside:
-            raise TempoError("this begins before the ramp above has ended", i, "at")
+            raise TempoError("this entry begins before the ramp above it ends", i, "at")
         if (entry.bpm_end is None) != (entry.over is None):
             raise TempoError(
-                "`over` belongs to a ramp: bpm: 60 -> 96"
+                "`over` needs a ramp, such as bpm: 60 -> 96"
                 if entry.bpm_end is None
                 else "a ramp needs a length, such as over: 4bar",
                 i,
                 "over" if entry.bpm_end is None else "bpm",
             )
         if at <= self._latest_bpm + SAME:
-            raise TempoError("an entry above gives the tempo from here on already", i, "at")
+            raise TempoError("an entry above sets the tempo at this position already", i, "at")
         self._latest_bpm = at
         self._append(at, entry.bpm, entry.bpm, MAX_TIME)
         if entry.bpm_end is not None and entry.over is not None:
             span = self._span(at, entry.bpm, entry.bpm_end, entry.over)
             if not 0.0 < span <= MAX_TIME:
-                raise TempoError("a ramp lasts longer than nothing", i, "over")
+                raise TempoError("the length of a ramp must be above 0", i, "over")
             self._ramp_end, self._ramp_in_bars = at + span, entry.over.bars != 0.0
             self._append(at, entry.bpm, entry.bpm_end, span)
             self._append(at + span, entry.bpm_end, entry.bpm_end, MAX_TIME)
@@ -230,7 +240,8 @@ class TempoMap:
                 base = start + (position.beat - 1.0)
                 if position.beat >= per_bar + 1:
                     raise TextError(
-                        f"bar {position.bar} has {per_bar} beats",
+                        f"beat {position.beat:g} does not exist; bar "
+                        f"{position.bar} has {per_bar} beats",
                         length=max(1, len(position.text)),
                     )
             return self.after(base, position.plus)
@@ -241,10 +252,12 @@ class TempoMap:
                 suggestion=nearest(mark, self._marks),
             )
         if len(chain) == MAX_CHAIN:
-            raise TextError(f"more than {MAX_CHAIN} marks placed by one another", length=len(mark))
+            raise TextError(
+                f"a chain of more than {MAX_CHAIN} marks refer to one another", length=len(mark)
+            )
         if mark in chain:
             circle = " -> ".join((*chain[chain.index(mark) :], mark))
-            raise TextError(f"marks placed by each other: {circle}", length=len(mark))
+            raise TextError(f"marks refer to one another in a circle: {circle}", length=len(mark))
         base = self._resolve(self._marks[mark], (*chain, mark))
         return base if mark == position.text else self.after(base, position.plus)
 

@@ -127,7 +127,7 @@ class Record(Shape):
 
     def _read_kind(self, values: Values, word: str, key: Scalar, child: Node) -> None:
         if values.kind:
-            message = f"{values.context.of('')} is {values.kind} already; it has one kind"
+            message = f"{values.context.of('')} has two kinds, {values.kind} and {word}; keep one"
             values.context.error("E111", message, key.place)
             return
         values.kind = word
@@ -177,8 +177,8 @@ class Record(Shape):
                 values.context.error("E103", message, values.place)
             complete &= not f.required or f.name in values.given
         if self.kind_required and not values.kind and not values.strange:
-            some = ", ".join(list(self.kinds)[:16])
-            message = f"{values.context.of('')} has no kind (one of {some})"
+            examples = ", ".join(list(self.kinds)[:16])
+            message = f"{values.context.of('')} has no kind (one of {examples})"
             values.context.error("E103", message, values.place)
         if self.kind_required and (not values.kind or values.given[values.kind] is MISSING):
             complete = False

@@ -34,10 +34,10 @@ def _units(dimension: q.Dimension) -> str:
 
 def quantity(dimension: q.Dimension, doc: str = "") -> Text:
     """A number with a unit, as an SI float."""
-    what = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
+    words = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
     units = f" *({_units(dimension)}){'?' if dimension.bare else ''}" if dimension.units else ""
     pattern = f"^({_NUMBER}{units}{'' if dimension.bare else '|0'})$"
-    return Text(_cached(lambda text: q.quantity(text, dimension)), what, pattern)
+    return Text(_cached(lambda text: q.quantity(text, dimension)), words, pattern)
 
 
 def span(dimension: q.Dimension, example: str) -> Text:
@@ -53,19 +53,19 @@ def span(dimension: q.Dimension, example: str) -> Text:
         return value, value
 
     one = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
-    what = f"{with_article(dimension.name)} or a range, such as {example}"
-    return Text(_cached(parse), what, rf"^{one}(\.\.{one})?$")
+    words = f"{with_article(dimension.name)} or a range, such as {example}"
+    return Text(_cached(parse), words, rf"^{one}(\.\.{one})?$")
 
 
 def integer(low: int, high: int, example: str) -> Text:
     """A whole number."""
-    what = f"a whole number from {low:,} to {high:,}, such as {example}"
-    return Text(_cached(lambda text: q.integer(text, low, high)), what, f"^{_NUMBER}$")
+    words = f"a whole number from {low:,} to {high:,}, such as {example}"
+    return Text(_cached(lambda text: q.integer(text, low, high)), words, f"^{_NUMBER}$")
 
 
 def _title(text: str) -> str:
     if len(text) > MAX_TITLE:
-        raise TextError(f"longer than {MAX_TITLE} characters", length=1, code="E202")
+        raise TextError(f"the text has more than {MAX_TITLE} characters", length=1, code="E202")
     return " ".join(text.split())
 
 
@@ -93,6 +93,7 @@ PUSH = quantity(q.PUSH, "a force of either sign, such as -5N")
 HARDENING = quantity(q.HARDENING)
 HERTZ = quantity(q.FREQUENCY)
 RATE = quantity(q.RATE)
+TICK_RATE = quantity(q.TICK_RATE)
 DURATION = quantity(q.DURATION)
 PAUSE = quantity(q.INSTANT)  # a duration that may be none
 LEVEL = quantity(q.LEVEL)

@@ -77,6 +77,7 @@ IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs")
 HARDENING = _dimension("hardening", _HARDENING, "4e8N/m3", "not negative")
 FREQUENCY = _dimension("frequency", "Hz kHz:3", "220Hz", "positive", high=1e6)
 RATE = _dimension("rate", "Hz kHz:3", "44100Hz", "positive", low=1e3, high=2e6)
+TICK_RATE = _dimension("rate of ticks", "Hz kHz:3", "1kHz", "positive", low=1.0, high=1e5)
 DURATION = _dimension(
     "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", bare=False
 )
@@ -117,7 +118,7 @@ def quantity(text: str, dimension: Dimension) -> float:
     power = _power(unit, word, len(word) - len(unit), dimension)
     if match.re is _FRACTION:
         if int(match[2]) == 0:
-            raise TextError("a number divided by zero", length=len(word), code="E202")
+            raise TextError("the number divides by zero", length=len(word), code="E202")
         value = float(Fraction(int(match[1]), int(match[2])) * Fraction(10) ** power)
     else:
         value = float(f"{match[1]}e{int(match[2] or 0) + power}")
@@ -128,15 +129,15 @@ def bounded(value: float, word: str, dimension: Dimension) -> float:
     """The value when it lies within the dimension's bounds. Raises TextError E202."""
     reason = ""
     if not math.isfinite(value) or abs(value) > MAX_SIZE:
-        reason = "too large to mean anything"
+        reason = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
     elif dimension.sign == "positive" and value <= 0:
-        reason = f"not positive; {with_article(dimension.name)} is, such as {dimension.example}"
+        reason = f"not positive; write a positive {dimension.name}, such as {dimension.example}"
     elif dimension.sign == "not negative" and value < 0:
-        reason = f"negative; {with_article(dimension.name)} is not, such as {dimension.example}"
+        reason = f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
     elif value < dimension.low:
-        reason = f"below {dimension.low:g}{dimension.si}, the least that it can be"
+        reason = f"below the minimum of {dimension.low:g}{dimension.si}"
     elif value > dimension.high:
-        reason = f"above {dimension.high:g}{dimension.si}, the most that it can be"
+        reason = f"above the maximum of {dimension.high:g}{dimension.si}"
     if reason:
         raise TextError(f"{quote(word)} is {reason}", length=len(word), code="E202")
     return value
@@ -158,9 +159,9 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
     if unit[0] in ":_," or unit[0].isdigit():
         raise _not_a_number(word, dimension)
     if not units:
-        message = f"{with_article(dimension.name)} has no unit; {quote(unit)} is one too many"
+        message = f"{with_article(dimension.name)} has no unit; remove {quote(unit)}"
         raise TextError(message, offset=offset, length=length, code="E203")
-    measures = next((name for known, name in _ALL_UNITS if known == unit), None)
+    measures = next((name for of_dimension, name in _ALL_UNITS if of_dimension == unit), None)
     if measures is None:
         near = nearest(unit, dimension.units)
         message = f"unknown unit {quote(unit)} ({with_article(dimension.name)} has {units})"
@@ -172,9 +173,15 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
 def _trimmed(text: str) -> str:
     word = text.strip()
     if not word:
-        raise TextError("nothing is written here; a value is expected", code="E201")
+        raise TextError(
+            "no value is written here; write a number, with its unit where it has one", code="E201"
+        )
     if len(word) > MAX_TEXT:
-        raise TextError(f"{quote(word)} is too long for a value", length=MAX_TEXT, code="E201")
+        raise TextError(
+            f"{quote(word)} has more than {MAX_TEXT} characters; a value is shorter",
+            length=MAX_TEXT,
+            code="E201",
+        )
     if not word.replace("µ", "u").replace("μ", "u").replace("♯", "#").replace("♭", "b").isascii():
         message = f"{quote(word)} has a character that belongs to no number or unit"
         raise TextError(message, length=len(word), code="E201")
@@ -182,12 +189,12 @@ def _trimmed(text: str) -> str:
 
 
 def _not_a_number(word: str, dimension: Dimension) -> TextError:
-    what = with_article(dimension.name)
-    message = f"{quote(word)} is not a number; {what} is written like {dimension.example}"
+    noun = with_article(dimension.name)
+    message = f"{quote(word)} is not a number; {noun} is written like {dimension.example}"
     if re.fullmatch(r"\d+:[\d:.]+", word):
         message = f"{quote(word)} is a clock time; write seconds (90s), or bar|beat where one fits"
     elif re.fullmatch(r"[+-]?[\d_,]+\D*", word) and ("_" in word or "," in word):
-        message = f"{quote(word)}: digits are written without '_' or ',', the point is '.'"
+        message = f"{quote(word)}: write digits without '_' and ',', and '.' as the decimal point"
     elif re.fullmatch(r"[+-]?\.?(nan|inf|infinity)", word, re.IGNORECASE):
         message = f"{quote(word)} is not a finite number"
     return TextError(message, length=len(word), code="E201")
@@ -271,6 +278,6 @@ def integer(text: str, low: int, high: int) -> int:
     else:
         raise TextError(f"{quote(word)} is not a whole number", length=len(word), code="E201")
     if not low <= value <= high:
-        message = f"{quote(word)} is outside {low:,} to {high:,}"
+        message = f"{quote(word)} lies outside the range from {low:,} to {high:,}"
         raise TextError(message, length=len(word), code="E202")
     return value

@@ -68,8 +68,10 @@ class Context:
     def text_error(self, error: TextError, node: Scalar, field_name: str, inside: bool) -> None:
         """Report a mistake inside a scalar at its characters."""
         if inside:  # "unknown word 'smoth' in gesture 'knock'"
-            what, semicolon, more = error.message.partition(";")
-            message = f"{what} in {self.owner}{semicolon}{more}" if self.owner else error.message
+            sentence, semicolon, more = error.message.partition(";")
+            message = (
+                f"{sentence} in {self.owner}{semicolon}{more}" if self.owner else error.message
+            )
         else:
             message = f"{self.of(field_name)}: {error.message}"
         place = node.place_at(error.offset, error.length)
@@ -192,7 +194,9 @@ class ListOf(Shape):
             wanted = f"{self.least}" if self.least == self.most else f"at least {self.least}"
             if len(items) > self.most > self.least:
                 wanted = f"at most {self.most:,}"
-            message = f"{context.of(name)}: {wanted} expected, {len(items)} written"
+            message = (
+                f"{context.of(name)}: the number of items is {len(items)}, but must be {wanted}"
+            )
             context.error("E106", message, node.place)
             return MISSING
         read = (self.item.read(item, name, context) for item in items)
@@ -318,10 +322,12 @@ def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
 
 def wrong_shape(shape: Shape, node: Node, name: str, context: Context) -> Any:
     """Report a mapping, list or text that stands where another is expected."""
-    written = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(type(node), "a text")
+    shape_name = {document.Mapping: "a mapping", document.Sequence: "a list"}.get(
+        type(node), "a text"
+    )
     if isinstance(node, Scalar) and node.is_empty:
         message = f"{context.of(name)} is empty; expected: {shape.words()}"
     else:
-        message = f"{context.of(name)} is {written}; expected: {shape.words()}"
+        message = f"{context.of(name)} is {shape_name}; expected: {shape.words()}"
     context.error("E106", message, node.place)
     return MISSING

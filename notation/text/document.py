@@ -210,11 +210,11 @@ def compose(text: str, file: str, collector: Collector, first_row: int = 0) -> D
     """Nodes of a YAML text; `root` is None when nothing is written or the text is refused."""
     document = Document(file, text, first_row=first_row)
     if len(text) > MAX_BYTES:
-        message = f"the file has more than {MAX_BYTES // 2**20} MB; long gestures are takes"
+        message = f"the file has more than {MAX_BYTES // 2**20} MB; write a long gesture as a take"
         collector.error("E105", message, Place(file, 1, 1))
         return document
     if max(text.count("\n"), text.count("\r")) > MAX_LINES:
-        message = f"the file has more than {MAX_LINES:,} lines; long gestures are takes"
+        message = f"the file has more than {MAX_LINES:,} lines; write a long gesture as a take"
         collector.error("E105", message, Place(file, 1, 1))
         return document
     try:
@@ -268,7 +268,7 @@ class _Composer:
             elif isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    message = "a second document begins here ('---'); a file is one score"
+                    message = "a second document begins here ('---'); a file holds one score"
                     raise _Refused("E104", message, _start(event), 3)
         self.document.size = self.total
         return self.root
@@ -285,7 +285,7 @@ class _Composer:
         self.no_tag(event)
         self.count(1, _start(event))
         if len(self.stack) >= MAX_DEPTH:
-            message = f"nested more than {MAX_DEPTH} deep"
+            message = f"the nesting is deeper than {MAX_DEPTH} levels"
             raise _Refused("E105", message, _start(event))
         self.stack.append(_Open(event, []))
 
@@ -303,14 +303,19 @@ class _Composer:
         start, name = _start(event), event.anchor or ""
         length = len(name) + 1
         if any(frame.event.anchor == name for frame in self.stack):
-            message = f"alias {quote('*' + name)} stands inside what it stands for"
+            message = f"alias {quote('*' + name)} refers to the value that contains it"
             raise _Refused("E104", message, start, length)
         if name not in self.anchors:
-            message = f"no anchor '&{name[:40]}' above; a word that begins with '*' needs quotes"
+            message = (
+                f"no anchor '&{name[:40]}' is defined above; write "
+                "a word that begins with '*' in quotes"
+            )
             raise _Refused("E104", message, start, length)
         node, size, height = self.anchors[name]
         if len(self.stack) + height > MAX_DEPTH:
-            raise _Refused("E105", f"nested more than {MAX_DEPTH} deep by an alias", start, length)
+            raise _Refused(
+                "E105", f"an alias makes the nesting deeper than {MAX_DEPTH} levels", start, length
+            )
         self.count(size, start)
         self.add(node, None, size, height)
 
@@ -325,14 +330,14 @@ class _Composer:
     def count(self, size: int, index: int) -> None:
         self.total += size
         if self.total > MAX_NODES:
-            message = f"more than {MAX_NODES:,} entries, aliases written out"
+            message = f"the file has more than {MAX_NODES:,} entries, with aliases expanded"
             raise _Refused("E105", message, index)
 
     def entries(self, children: list[Node]) -> dict[str, tuple[Scalar, Node]]:
         entries: dict[str, tuple[Scalar, Node]] = {}
         for key, value in zip(children[::2], children[1::2], strict=True):
             if not isinstance(key, Scalar):
-                self.collector.error("E106", "a name is expected before ':'", key.place)
+                self.collector.error("E106", "the text before ':' must be a name", key.place)
             elif key.text == "<<" and key.style is None:
                 message = "merge keys ('<<') are not part of the score language; use 'like:'"
                 self.collector.error("E104", message, key.place)
@@ -346,7 +351,7 @@ class _Composer:
 
     def no_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
         if event.tag is not None and event.tag != "!":
-            message = f"tag {quote(event.tag)}: tags are refused, a score is plain text"
+            message = f"tag {quote(event.tag)} is not allowed in a score; remove it"
             raise _Refused("E104", message, _start(event))
 
 

@@ -43,7 +43,7 @@ def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) ->
     if len(chain) > len(path):
         number = chain[-2].index(path[-1]) if path else None
         if number is None:
-            raise EditError("a whole text is not a value")
+            raise EditError("a whole file cannot be set; name a field of it")
         splices = edit.changes.replaced(chain[-2], number, text)
         in_flow = chain[-2].flow
     else:
@@ -114,8 +114,8 @@ def rows(text: str) -> list[str]:
 def add_row(document: Document, path: Path, text: str) -> str:
     """Add a line at the end of a table, as far in as those above it. Raises EditError."""
     edit = _Edit(document)
-    written, span = edit.table(path)
-    lines = [*rows(written), text]
+    table, span = edit.table(path)
+    lines = [*rows(table), text]
     if not span.is_block:
         return put(document, path, json.dumps("\n".join(lines), ensure_ascii=False))
     lay = edit.layout
@@ -140,8 +140,8 @@ def put_row(document: Document, path: Path, row: int, text: str | None) -> str:
 def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) -> str:
     """Set lines of a table by their numbers, or take them away. Raises EditError."""
     edit = _Edit(document)
-    written, span = edit.table(path)
-    lines: list[str | None] = [*rows(written)]
+    table, span = edit.table(path)
+    lines: list[str | None] = [*rows(table)]
     splices, lay = [], edit.layout
     places = edit.changes.rows(span) if span.is_block else []
     for row, text in changes.items():
@@ -158,10 +158,10 @@ def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) 
                 else (start + indent, stop - len(comment))
             )
             splices.append(Splice(*place, text or ""))
-    left = [line for line in lines if line is not None]
+    rows_kept = [line for line in lines if line is not None]
     if not span.is_block:
-        return put(document, path, quoted("\n".join(left)))
-    return edit.checked_rows(splices, path, left)
+        return put(document, path, quoted("\n".join(rows_kept)))
+    return edit.checked_rows(splices, path, rows_kept)
 
 
 def quoted(text: str) -> str:
@@ -200,8 +200,10 @@ class _Edit:
         for depth, name in enumerate(path):
             span = chain[-1]
             if span.kind == "alias":
-                shared = f"{named(path[:depth])} is `*{span.value}`, which stands for what is "
-                raise EditError(f"{shared}written elsewhere; write it out to change it here")
+                shared = f"{named(path[:depth])} is the alias `*{span.value}` of a value "
+                raise EditError(
+                    f"{shared}that stands elsewhere; replace the alias by the value first"
+                )
             number = span.index(name)
             if number is None:
                 break
@@ -212,7 +214,7 @@ class _Edit:
         """The text and the span of a table."""
         chain = self.follow(path)
         if len(chain) <= len(path) or chain[-1].kind != "scalar":
-            raise EditError(f"{named(path)} is no table")
+            raise EditError(f"{named(path)} is not a table")
         return chain[-1].value, chain[-1]
 
     def indent_of(self, path: Path) -> int:
@@ -221,12 +223,14 @@ class _Edit:
         number = parent.index(path[-1])
         return self.layout.column(self.layout.mark(parent, number or 0))
 
-    def checked(self, splices: list[Splice], wanted: Tree) -> str:
+    def checked(self, splices: list[Splice], expected: Tree) -> str:
         """The new text, which says what is wanted and nothing else."""
         text = self.layout.spliced(splices)
-        again = read(text, self.document.file)
-        if tree(again.root) != wanted:
-            raise EditError("this cannot be changed without changing something else; write it out")
+        reread = read(text, self.document.file)
+        if tree(reread.root) != expected:
+            raise EditError(
+                "the change would alter other values too; edit the text of the score instead"
+            )
         return text
 
     def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
@@ -236,7 +240,7 @@ class _Edit:
         for name in path:
             node = _child(node, name)
         if not isinstance(node, Scalar) or rows(node.text) != [*rows("\n".join(lines))]:
-            raise EditError("this line cannot stand in the table")
+            raise EditError("the line is not a row of the table")
         return self.checked(splices, _with(self.tree, path, lambda _: node.text.rstrip("\n")))
 
 
@@ -272,23 +276,25 @@ def _value(text: str, in_flow: bool) -> Tree:
     raise EditError(f"{quote(text)} is not one value")
 
 
-def tree(node: Node | None, known: dict[int, Tree] | None = None) -> Tree:
+def tree(node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
     """What a node says, its aliases followed: texts, lists and mappings of them."""
     if node is None:
         return None
-    known = {} if known is None else known
-    if id(node) not in known:
-        said: Tree
+    by_node = {} if by_node is None else by_node
+    if id(node) not in by_node:
+        value: Tree
         if isinstance(node, document.Mapping):
-            said = {name: tree(child, known) for name, (_, child) in node.entries.items()} or None
+            value = {
+                name: tree(child, by_node) for name, (_, child) in node.entries.items()
+            } or None
         elif isinstance(node, document.Sequence):
-            said = [tree(child, known) for child in node.items] or None
+            value = [tree(child, by_node) for child in node.items] or None
         else:
             assert isinstance(node, Scalar)
             text = node.text.rstrip("\n") if node.style in ("|", ">") else node.text
-            said = None if node.is_empty else text
-        known[id(node)] = said
-    return known[id(node)]
+            value = None if node.is_empty else text
+        by_node[id(node)] = value
+    return by_node[id(node)]
 
 
 def _with(tree: Tree, path: Path, change: Callable[[Any], Tree]) -> Tree:
@@ -309,12 +315,12 @@ def _without(said: Tree, paths: list[Path]) -> Tree:
     """The tree without what paths name, all of one parent, or one path alone."""
     parents = {tuple(path[:-1]) for path in paths}
     if len(parents) > 1:
-        raise EditError("what is taken away together stands together")
-    gone = {path[-1] for path in paths}
+        raise EditError("entries can be removed together only from one list or mapping")
+    names = {path[-1] for path in paths}
 
     def dropped(parent: Any) -> Tree:
         if isinstance(parent, list):
-            return [item for i, item in enumerate(parent) if i not in gone] or None
-        return {name: value for name, value in parent.items() if name not in gone} or None
+            return [item for i, item in enumerate(parent) if i not in names] or None
+        return {name: value for name, value in parent.items() if name not in names} or None
 
     return _with(said, parents.pop(), dropped)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from ergon.common.errors import ErgonError
 from ergon.common.terminal import json_text, printable
 from ergon.notation.text.spelling import nearest
 from ergon.notation.text.values import Place
@@ -21,8 +22,8 @@ Severity = Literal["error", "warning", "note"]
 _SEVERITIES: dict[str, Severity] = {"E": "error", "W": "warning", "N": "note"}
 
 
-class TextError(ValueError):
-    """A mistake inside one scalar; `offset` and `length` count characters of its text."""
+class TextError(ErgonError, ValueError):
+    """A mistake inside one text; `offset` and `length` count characters of the text."""
 
     def __init__(
         self,
@@ -102,8 +103,8 @@ class Collector:
         self._counts[diagnostic.severity] += 1
         if len(self._found) < MAX_KEPT:
             # The search waits for `finish`: of 10,000 mistakes only 20 are shown.
-            known = (word, *names) if word is not None else ()
-            self._found[code, message, place] = (diagnostic, known)
+            candidates = (word, *names) if word is not None else ()
+            self._found[code, message, place] = (diagnostic, candidates)
 
     def file(self, name: str) -> None:
         """Files are reported in the order in which they were opened."""
@@ -115,7 +116,7 @@ class Collector:
 
     def finish(self) -> list[Diagnostic]:
         """Everything found, in file order: at most 20 of each severity, with suggestions."""
-        found = sorted(
+        in_order = sorted(
             self._found.values(),
             key=lambda item: (
                 self._files.get(item[0].place.file, len(self._files)),
@@ -126,10 +127,10 @@ class Collector:
         )
         shown: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         result = []
-        for diagnostic, known in found:
+        for diagnostic, names in in_order:
             shown[diagnostic.severity] += 1
             if shown[diagnostic.severity] <= MAX_SHOWN:
-                result.append(_with_suggestion(diagnostic, known))
+                result.append(_with_suggestion(diagnostic, names))
         return result
 
     def left_out(self) -> dict[Severity, int]:
@@ -137,15 +138,15 @@ class Collector:
         return {kind: max(0, n - MAX_SHOWN) for kind, n in self._counts.items()}
 
 
-def _with_suggestion(diagnostic: Diagnostic, known: tuple[str, ...]) -> Diagnostic:
-    if diagnostic.suggestion is not None or not known:
+def _with_suggestion(diagnostic: Diagnostic, names: tuple[str, ...]) -> Diagnostic:
+    if diagnostic.suggestion is not None or not names:
         return diagnostic
-    suggestion = nearest(known[0], known[1 : 1 + _MAX_NAMES])
-    if suggestion == known[0]:
+    suggestion = nearest(names[0], names[1 : 1 + _MAX_NAMES])
+    if suggestion == names[0]:
         suggestion = None
     help = diagnostic.help
-    if suggestion is None and help is None and 1 < len(known) <= _MAX_LISTED + 1:
-        help = f"known here: {', '.join(known[1:])}"
+    if suggestion is None and help is None and 1 < len(names) <= _MAX_LISTED + 1:
+        help = f"known here: {', '.join(names[1:])}"
     return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help)
 
 
@@ -169,8 +170,8 @@ def with_article(noun: str) -> str:
 def concise(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """One line: `file:line:column: error[E101] …     did you mean 'players'?`."""
     d = diagnostic
-    asked = f"     did you mean {quote(d.suggestion)}?" if d.suggestion else ""
-    return f"{d.place}: {d.severity}[{d.code}] {d.message}{asked}"
+    question = f"     did you mean {quote(d.suggestion)}?" if d.suggestion else ""
+    return f"{d.place}: {d.severity}[{d.code}] {d.message}{question}"
 
 
 def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
@@ -182,9 +183,9 @@ def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) ->
     lines = [f"{d.place}: {d.severity}[{d.code}] {d.message}"]
     number = f" {d.place.line} | "
     text, before, marked = _window(source.line(d.place.line), d.place)
-    asked = f" did you mean {quote(d.suggestion)}?" if d.suggestion else ""
+    question = f" did you mean {quote(d.suggestion)}?" if d.suggestion else ""
     lines.append(number + text)
-    lines.append(" " * (len(number) - 2) + "| " + " " * before + "^" * marked + asked)
+    lines.append(" " * (len(number) - 2) + "| " + " " * before + "^" * marked + question)
     if d.help:
         lines.append(" " * (len(number) - 2) + f"= {d.help}")
     return "\n".join(lines)

@@ -20,7 +20,7 @@ from ergon.notation.text.values import Place
 
 MAX_FILES = 256  # that one score reads
 _LIBRARY = {"instruments": INSTRUMENTS}
-_HELP = "copy it into the folder of the score, or say --trust"
+_HELP = "copy the file into the folder of the score, or use --trust"
 
 
 def is_file(path: Path) -> bool:
@@ -104,15 +104,15 @@ class Files:
         return None
 
     def _candidates(self, name: str, folder: Path) -> list[Path]:
-        found = [folder / name]
+        paths = [folder / name]
         parts = PurePosixPath(name).parts
         if parts and ".." not in parts and not Path(name).is_absolute():
             if folder != self.home:
-                found.append(self.home / name)
+                paths.append(self.home / name)
             if parts[0] in _LIBRARY and len(parts) > 1:
-                found.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
-            found.append(SHIPPED / name)
-        return found
+                paths.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
+            paths.append(SHIPPED / name)
+        return paths
 
     def _holds(self, path: Path) -> bool:
         return str(path) in self._overlay
@@ -123,7 +123,7 @@ class Files:
         """The file that a name in a file of `folder` stands for; None after a report."""
         path = self.find(name, folder, is_text=is_text)
         if path is None:
-            message = f"{who}no file {name} beside {asked.file} or in the library"
+            message = f"{who}there is no file {name} beside {asked.file} or in the library"
             self._refuse("E107", message, name, asked)
             return None
         return path if self._is_inside(path, name, asked, who) else None
@@ -158,7 +158,7 @@ class Files:
         if name in self.documents:
             return self.documents[name]
         if len(self.documents) >= MAX_FILES:
-            self._refuse("E105", f"more than {MAX_FILES} files", name, asked)
+            self._refuse("E105", f"the score uses more than {MAX_FILES} files", name, asked)
             return None
         if name in self._overlay:
             return self.text(name, self._overlay[name], path.parent)

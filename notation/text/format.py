@@ -49,11 +49,12 @@ def formatted(text: str) -> str:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         raise TextError(
-            f"only a score that can be read can be formatted: {getattr(error, 'problem', error)}",
+            "the score cannot be read, so it cannot be formatted: "
+            f"{getattr(error, 'problem', error)}",
             offset=min(mark.index, len(text)) if mark else 0,
             code="E100",
         ) from None
-    raise TextError("this score cannot be formatted without changing what it means", code="E100")
+    raise TextError("this score cannot be formatted without a change of its meaning", code="E100")
 
 
 def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
@@ -62,7 +63,7 @@ def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
     keys: list[bool] = []  # whether the next scalar of that collection is a key
     for event in yaml.parse(text, Loader=_LOADER):
         if len(path) > MAX_DEPTH:  # libyaml takes quadratic time over brackets
-            raise TextError(f"nested more than {MAX_DEPTH} deep", code="E105")
+            raise TextError(f"the nesting is deeper than {MAX_DEPTH} levels", code="E105")
         if isinstance(event, yaml.CollectionEndEvent):
             path.pop()
             keys.pop()
@@ -81,12 +82,12 @@ def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
 
 def _texts(text: str) -> list[_Text]:
     """The scalars that span lines."""
-    found = []
+    blocks = []
     for event, path in _events(text):
         start, end = event.start_mark, event.end_mark
         if isinstance(event, yaml.ScalarEvent) and start and end and start.line != end.line:
-            found.append(_Text(start.index, end.index, path, event.style))
-    return found
+            blocks.append(_Text(start.index, end.index, path, event.style))
+    return blocks
 
 
 def _meaning(text: str) -> list[object]:
@@ -106,7 +107,7 @@ def _meaning(text: str) -> list[object]:
 def _spaced(text: str) -> str:
     """Set the spaces between the tokens of flow maps and lists that share a line."""
     pieces: list[str] = []
-    done = depth = 0
+    at = depth = 0
     before: yaml.Token | None = None
     for token in yaml.scan(text, Loader=_LOADER):
         if isinstance(token, yaml.KeyToken):  # no character of its own in the flow
@@ -114,11 +115,11 @@ def _spaced(text: str) -> str:
         if before is not None and depth:
             gap = slice(before.end_mark.index, token.start_mark.index)
             if not text[gap].strip(" "):
-                pieces += (text[done : gap.start], _gap(before, token))
-                done = gap.stop
+                pieces += (text[at : gap.start], _gap(before, token))
+                at = gap.stop
         depth += isinstance(token, _OPENERS) - isinstance(token, _CLOSERS)
         before = token
-    return "".join((*pieces, text[done:]))
+    return "".join((*pieces, text[at:]))
 
 
 def _gap(before: yaml.Token, after: yaml.Token) -> str:
@@ -132,15 +133,15 @@ def _gap(before: yaml.Token, after: yaml.Token) -> str:
 def _aligned(text: str) -> str:
     """Align the columns of tables that are not."""
     pieces: list[str] = []
-    done = 0
+    at = 0
     for block in _texts(text):
         if not block.columns:
             continue
         first = text.find("\n", block.start) + 1
         lines = text[first : block.end].split("\n")
-        pieces += (text[done:first], "\n".join(_columns(lines, block.columns)))
-        done = block.end
-    return "".join((*pieces, text[done:]))
+        pieces += (text[at:first], "\n".join(_columns(lines, block.columns)))
+        at = block.end
+    return "".join((*pieces, text[at:]))
 
 
 def _columns(lines: list[str], columns: int) -> list[str]:
@@ -190,13 +191,13 @@ def _is_aligned(
 
 def _trimmed(text: str) -> str:
     """Take away spaces at ends of lines, where they are not text, and end with one newline."""
-    kept = [(block.start, block.end) for block in _texts(text) if not block.columns]
+    blocks = [(block.start, block.end) for block in _texts(text) if not block.columns]
     pieces: list[str] = []
     done = i = 0
     for match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", text, re.MULTILINE):
-        while i < len(kept) and kept[i][1] <= match.start():
+        while i < len(blocks) and blocks[i][1] <= match.start():
             i += 1
-        if i == len(kept) or match.end() <= kept[i][0]:
+        if i == len(blocks) or match.end() <= blocks[i][0]:
             pieces.append(text[done : match.start()])
             done = match.end()
     trimmed = "".join((*pieces, text[done:]))

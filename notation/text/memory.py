@@ -37,8 +37,8 @@ class Memory:
         elif key in self._before:
             made = self._now[key] = self._before[key]
         else:
-            told = self._collector.told
+            n_reports = self._collector.told
             made = make()
-            if self._collector.told == told:
+            if self._collector.told == n_reports:
                 self._now[key] = made
         return made

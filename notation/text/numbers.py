@@ -21,8 +21,8 @@ def time_of(number: str, part: str | None, offset: int) -> float:
         length += 1 + len(part)
         divisor = float(part)
         if divisor == 0.0:
-            raise TextError("a time divided by zero", offset=offset, length=length)
+            raise TextError("the time divides by zero", offset=offset, length=length)
         value /= divisor
     if not value <= MAX_TIME:
-        raise TextError("this time is too large", offset=offset, length=length)
+        raise TextError("the time is too large", offset=offset, length=length)
     return value

@@ -51,12 +51,14 @@ def remembered(
     entries: dict[str, tuple[Scalar, Node]] = {}
     total, begin = 1, 0
     for name, first, end in _cut(text):
-        row, own = whole.row(first), text[first:end]
+        row, section_text = whole.row(first), text[first:end]
         if not entries:
             begin = first
             if not _HEAD.fullmatch(text, 0, first):
                 break
-        section = memory.made((file, row, own), partial(_section, own, file, folder, row))
+        section = memory.made(
+            (file, row, section_text), partial(_section, section_text, file, folder, row)
+        )
         if section is None or section.name.text != name or name in entries:
             break
         entries[name] = section.name, section.value
@@ -71,9 +73,13 @@ def remembered(
 def _section(text: str, file: str, folder: Path, row: int) -> _Section | None:
     """A section alone, if it can be read so."""
     collector = Collector()
-    own = compose(text, file, collector, row)
-    own.folder = folder
-    if collector.told or not isinstance(own.root, document.Mapping) or len(own.root.entries) != 1:
+    section = compose(text, file, collector, row)
+    section.folder = folder
+    if (
+        collector.told
+        or not isinstance(section.root, document.Mapping)
+        or len(section.root.entries) != 1
+    ):
         return None
-    (entry,) = own.root.entries.values()
-    return _Section(*entry, own.size)
+    (entry,) = section.root.entries.values()
+    return _Section(*entry, section.size)

@@ -56,8 +56,8 @@ class Span:
     def index(self, name: str | int) -> int | None:
         """The number of a child under a name or at an index; None where there is none."""
         if self.kind == "mapping":
-            found = (i for i, key in enumerate(self.keys) if key.value == name)
-            return next(found, None)
+            indices = (i for i, key in enumerate(self.keys) if key.value == name)
+            return next(indices, None)
         if self.kind == "sequence" and isinstance(name, int) and 0 <= name < len(self.items):
             return name
         return None
@@ -80,8 +80,8 @@ class Layout:
 
     def line_end(self, index: int) -> int:
         """Where the line of a character ends, its break not counted."""
-        found = _END_OF_LINE.search(self.text, index)
-        return found.start() if found else len(self.text)
+        match = _END_OF_LINE.search(self.text, index)
+        return match.start() if match else len(self.text)
 
     def next_line(self, index: int) -> int:
         """Where the line after that of a character begins."""
@@ -98,13 +98,13 @@ class Layout:
 
     def token(self, index: int) -> int:
         """The next character from `index` on that is neither space nor comment."""
-        found = _BLANK.match(self.text, index)
-        return found.end() if found else index
+        match = _BLANK.match(self.text, index)
+        return match.end() if match else index
 
     def header_end(self, span: Span) -> int:
         """Where the `|` of a block ends, its indicators counted."""
-        found = _HEADER.match(self.text, span.start)
-        return found.end() if found else span.start + 1
+        match = _HEADER.match(self.text, span.start)
+        return match.end() if match else span.start + 1
 
     def mark(self, parent: Span, number: int) -> int:
         """Where a child begins: its name, or its dash in a block sequence."""
@@ -134,11 +134,11 @@ class Layout:
     def spliced(self, splices: list[Splice]) -> str:
         """The text with all replacements made."""
         pieces: list[str] = []
-        done = 0
+        at = 0
         for splice in sorted(splices, key=lambda splice: splice.start):
-            pieces += (self.text[done : splice.start], splice.text)
-            done = max(done, splice.end)  # two that are taken away may share a comma or a break
-        return "".join((*pieces, self.text[done:]))
+            pieces += (self.text[at : splice.start], splice.text)
+            at = max(at, splice.end)  # two that are taken away may share a comma or a break
+        return "".join((*pieces, self.text[at:]))
 
 
 @lru_cache(maxsize=8)  # what was checked is what the next edit begins with
@@ -186,8 +186,8 @@ def _span(text: str, event: yaml.NodeEvent) -> Span:
     style = event.style if event.style in ("'", '"', "|", ">") else None
     if style in ("|", ">"):  # the empty lines below a block are nobody's
         last = start + len(text[start:end].rstrip())
-        found = _END_OF_LINE.search(text, last)
-        end = found.start() if found else last
+        match = _END_OF_LINE.search(text, last)
+        end = match.start() if match else last
     return Span("scalar", start, end, style=style, value=event.value)
 
 

@@ -6,12 +6,12 @@ from difflib import get_close_matches
 LONGEST_WORD = 64  # difflib is quadratic, and nobody mistypes a word longer than this
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest(word: str, names: Iterable[str]) -> str | None:
     """Return the known word that `word` begins or resembles, None when nothing is near."""
     if not word or len(word) > LONGEST_WORD:
         return None
     lowered = word.lower()
-    candidates = {name.lower(): name for name in known}
+    candidates = {name.lower(): name for name in names}
     begun = [name for name in candidates if name.startswith(lowered)]
     if len(begun) == 1:
         return candidates[begun[0]]

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spans import Layout, Span, Splice
 
 Path = Sequence[str | int]
 
 
-class EditError(Exception):
+class EditError(ErgonError):
     """Why a text cannot be edited so, in one sentence."""
 
 
@@ -75,10 +76,10 @@ class Changes:
     ) -> list[Splice]:
         """An entry that is not there yet, below the last of what is."""
         if not chain:
-            whole = self.layout.newline.join(self.nested(path, text, 0, is_item))
+            value = self.layout.newline.join(self.nested(path, text, 0, is_item))
             source = self.layout.text
             lead = self.layout.newline if source and not source.endswith(("\n", "\r")) else ""
-            return [Splice(len(source), len(source), lead + whole + self.layout.newline)]
+            return [Splice(len(source), len(source), lead + value + self.layout.newline)]
         node, rest = chain[-1], path[len(chain) - 1 :]
         if node.is_empty and len(chain) > 1:
             return self.filled(chain[-2], node, path[len(chain) - 2], rest, text, is_item)
@@ -169,7 +170,9 @@ class Changes:
             after = ("," if node.flow else "") + lay.newline + " " * lay.column(start)
             return [Splice(start, start, lead + after)]
         if not node.flow:
-            raise EditError("no line begins here for one more to stand above")
+            raise EditError(
+                "an entry cannot be inserted above this one, which does not begin a line"
+            )
         return [Splice(start, start, f"{text}, ")]
 
     def wrapped(self, parent: Span, node: Span, text: str) -> list[Splice]:
@@ -177,10 +180,13 @@ class Changes:
         lay = self.layout
         if node.flow or parent.flow or node.kind == "scalar":
             if node.is_block:
-                raise EditError("a text of several lines is not the first of a list")
+                raise EditError("a text of several lines cannot become an item of a list")
             return [Splice(node.start, node.start, "["), Splice(node.end, node.end, f", {text}]")]
         if node.kind == "alias" or not lay.begins_line(node.start):
-            raise EditError("this is written in a way that cannot become a list")
+            raise EditError(
+                "the value cannot become a list as it is written; "
+                "edit the text of the score instead"
+            )
         indent, splices = lay.column(node.start), []
         start = lay.line_start(node.start)
         while start <= node.end:
@@ -203,7 +209,9 @@ class Changes:
                 return [Splice(start, lay.line_end(end), "")]
             after = lay.mark(parent, 1)
             if "#" in lay.text[lay.line_end(end) : after]:
-                raise EditError("a comment stands between this and the next; move it first")
+                raise EditError(
+                    "a comment stands between this entry and the next; move the comment first"
+                )
             return [Splice(start, after, "")]
         first, after = lay.line_start(start), lay.next_line(end)
         is_end = after == len(lay.text)

@@ -12,23 +12,32 @@ PURE_PARSER_LIMIT = 200_000  # characters: the pure parser's better message cost
 
 # libyaml and PyYAML say what the parser wanted; a composer needs what to do.
 _SENTENCES = (
-    ("found character '\\t'", "a tab: YAML indents with spaces only"),
-    ("tab character", "a tab: YAML indents with spaces only"),
+    ("found character '\\t'", "the line is indented by a tab; indent it by spaces"),
+    ("tab character", "the line is indented by a tab; indent it by spaces"),
     ("<block end>", "this line is indented differently from the lines that it belongs to"),
     ("did not find expected key", "this line is indented differently from the lines around it"),
-    ("mapping values are not allowed", "a second ':' or a wrong indentation: no name fits here"),
-    ("could not find expected ':'", "a name without ':' after it"),
+    (
+        "mapping values are not allowed",
+        "a name cannot stand here: there is a second ':' or a wrong indentation",
+    ),
+    ("could not find expected ':'", "the name has no ':' after it"),
     ("expected ',' or ']'", "a list that begins with '[' is not closed with ']'"),
     ("expected ',' or '}'", "a group that begins with '{' is not closed with '}'"),
-    ("found character '@'", "YAML does not let a word begin with '@'"),
-    ("found character '`'", "YAML does not let a word begin with a backquote"),
-    ("found character '%'", "YAML does not let a word begin with '%'"),
+    ("found character '@'", "a word that begins with '@' needs quotes"),
+    ("found character '`'", "a word that begins with a backquote needs quotes"),
+    ("found character '%'", "a word that begins with '%' needs quotes"),
     ("undefined alias", "a word that begins with '*' is an alias in YAML; this one has no anchor"),
-    ("while scanning an alias", "a word that begins with '*' is an alias in YAML: quote it"),
-    ("while scanning an anchor", "a word that begins with '&' is an anchor in YAML: quote it"),
+    (
+        "while scanning an alias",
+        "a word that begins with '*' is an alias in YAML; write it in quotes",
+    ),
+    (
+        "while scanning an anchor",
+        "a word that begins with '&' is an anchor in YAML; write it in quotes",
+    ),
     ("quoted scalar", "a quoted text is not closed"),
-    ("special characters are not allowed", "a control character: a score is plain text"),
-    ("control characters are not allowed", "a control character: a score is plain text"),
+    ("special characters are not allowed", "the text has a control character; remove it"),
+    ("control characters are not allowed", "the text has a control character; remove it"),
 )
 
 
@@ -66,11 +75,11 @@ def _index_of(error: Exception, unclosed: bool = False) -> int:
 def decode(data: bytes, file: str, collector: Collector) -> str | None:
     """UTF-8 text of a file's bytes, with or without BOM; None after saying what is wrong."""
     if len(data) > MAX_BYTES:
-        message = f"the file has more than {MAX_BYTES // 2**20} MB; long gestures are takes"
+        message = f"the file has more than {MAX_BYTES // 2**20} MB; write a long gesture as a take"
         collector.error("E105", message, Place(file, 1, 1))
         return None
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        message = "the file is UTF-16; save it as UTF-8"
+        message = "the file is in UTF-16; save it in UTF-8"
         collector.error("E107", message, Place(file, 1, 1))
         return None
     try:
@@ -79,6 +88,6 @@ def decode(data: bytes, file: str, collector: Collector) -> str | None:
         line_start = data.rfind(b"\n", 0, error.start) + 1
         column = len(data[line_start : error.start].decode("utf-8", "replace")) + 1
         place = Place(file, data.count(b"\n", 0, error.start) + 1, column)
-        message = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        message = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file in UTF-8"
         collector.error("E107", message, place)
         return None

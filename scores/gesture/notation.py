@@ -101,7 +101,7 @@ class _Group:
         if len(self.events) + count * len(group.events) > self.most:
             raise TextError(_too_many("this group makes", self.most), offset=offset, length=1)
         if max(self.beats + count * group.beats, self.seconds + count * group.seconds) > MAX_TIME:
-            raise TextError("this group would last thirty years", offset=offset, length=1)
+            raise TextError("this group lasts too long", offset=offset, length=1)
         for i in range(count):
             beats = self.beats + i * group.beats
             seconds = self.seconds + i * group.seconds
@@ -117,7 +117,7 @@ class _Group:
         early = beats < self.beats - SAME or seconds < self.seconds - SAME
         if early and beats <= self.beats + SAME and seconds <= self.seconds + SAME:
             raise TextError(
-                "times go backwards: this point lies before the one it follows",
+                "this point is earlier than the point before it; times must rise",
                 offset=offset,
                 length=length,
             )
@@ -137,7 +137,9 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
         if opened:
             _need_point(stack, token.start(1), opened)
             if len(stack) > MAX_DEPTH:
-                raise TextError(f"groups may lie at most {MAX_DEPTH} deep", offset=token.start(1))
+                raise TextError(
+                    f"groups are nested more than {MAX_DEPTH} deep", offset=token.start(1)
+                )
             stack.append(_Group(token.start(1), most))
         elif closed:
             _no_pending(pending)
@@ -157,10 +159,10 @@ def parse(text: str, curve: str = "smooth", most: int = MAX_EVENTS) -> Notation:
             curve = curve_word(word, offset)
             pending = (word, offset)
         if len(stack[-1].events) > most:
-            raise TextError(_too_many("this has", most), offset=token.start())
+            raise TextError(_too_many("this notation has", most), offset=token.start())
     _no_pending(pending)
     if len(stack) > 1:
-        raise TextError("this group is not closed: write ( … )*4", offset=stack[-1].offset)
+        raise TextError("this group is not closed; write ( … )*4", offset=stack[-1].offset)
     return _joined(stack[0].events)
 
 
@@ -199,7 +201,7 @@ def _need_point(stack: list[_Group], offset: int, word: str) -> None:
 def _no_pending(pending: tuple[str, int] | None) -> None:
     if pending is not None:
         word, offset = pending
-        raise TextError(f"'{word}' leads into no point", offset=offset, length=len(word))
+        raise TextError(f"'{word}' has no point after it", offset=offset, length=len(word))
 
 
 def _close(stack: list[_Group], token: re.Match[str], count: str | None) -> None:
@@ -207,10 +209,10 @@ def _close(stack: list[_Group], token: re.Match[str], count: str | None) -> None
     if len(stack) == 1:
         raise TextError("')' closes no group", offset=offset)
     if count is None:
-        raise TextError("a group says how often it plays: ( … )*4", offset=offset)
+        raise TextError("this group has no number of repetitions; write ( … )*4", offset=offset)
     if not re.fullmatch(r"[0-9]{1,9}", count) or int(count) == 0:
         raise TextError(
-            f"'{count}' is not a number of times: write ( … )*4",
+            f"'{count}' is not a number of repetitions; write ( … )*4",
             offset=token.start(3),
             length=len(count),
         )
@@ -237,7 +239,8 @@ def _joined(events: list[_Event]) -> Notation:
             still = abs(x - last.x) <= SAME
             if event.curve == "hold" and not still:
                 raise TextError(
-                    f"'hold' stays at {_millimetres(last.x)}; it cannot go to {_millimetres(x)}",
+                    f"'hold' keeps the position {_millimetres(last.x)}; "
+                    f"this point is at {_millimetres(x)}",
                     offset=event.offset,
                     length=event.length,
                     suggestion="smooth",
@@ -248,7 +251,7 @@ def _joined(events: list[_Event]) -> Notation:
                 if still:
                     continue
                 raise TextError(
-                    "two positions at one instant",
+                    "this point has the same time as the point before it",
                     offset=event.offset,
                     length=event.length,
                 )
@@ -259,10 +262,10 @@ def _joined(events: list[_Event]) -> Notation:
     return Notation(tuple(points), tuple(checks))
 
 
-def _too_many(what: str, most: int) -> str:
+def _too_many(subject: str, most: int) -> str:
     if most > 0:
-        return f"{what} more than {most:,} points"
-    return f"all gestures of a piece have at most {MAX_EVENTS:,} points"
+        return f"{subject} more than {most:,} points"
+    return f"the gestures of the piece have more than {MAX_EVENTS:,} points together"
 
 
 def _millimetres(x: float) -> str:

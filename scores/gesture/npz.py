@@ -47,9 +47,9 @@ class _Bounded(io.BufferedReader):
     """A file of which nobody reads much at once: zipfile believes the size of a directory."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        left = os.fstat(self.fileno()).st_size - self.tell()
-        if min(left, left if size is None or size < 0 else size) > _READ_MAX:
-            raise zipfile.BadZipFile("its directory is too large")
+        n_bytes = os.fstat(self.fileno()).st_size - self.tell()
+        if min(n_bytes, n_bytes if size is None or size < 0 else size) > _READ_MAX:
+            raise zipfile.BadZipFile("the directory of the archive is too large")
         return super().read(size)
 
 
@@ -63,17 +63,17 @@ class Npz:
         self._members = archive.infolist()
         self.names = [member.filename.removesuffix(".npy") for member in self._members]
         if len(self._members) > MAX_CHANNELS + 1:
-            raise TakeError(f"more than {MAX_CHANNELS:,} columns", path)
+            raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
         if sum(member.file_size for member in self._members) > MAX_BYTES:
-            raise TakeError("more than 1 GB when it is unpacked", path)
+            raise TakeError("the file has more than 1 GB when it is unpacked", path)
         # Members that lie over one another would together have more bytes than the file.
         if sum(member.compress_size for member in self._members) > size:
-            raise TakeError("its members have more bytes than the file", path)
+            raise TakeError("the members of the archive have more bytes than the file", path)
         for name, member in zip(self.names, self._members, strict=True):
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                raise TakeError(f"'{name[:40]}' is packed by a method that is not read", path)
+                raise TakeError(f"'{name[:40]}' is compressed by an unsupported method", path)
             if member.file_size > _RATIO_MAX * member.compress_size:
-                raise TakeError(f"'{name[:40]}' cannot be as large as it says", path)
+                raise TakeError(f"'{name[:40]}' has an impossible size", path)
 
     def row(self, index: int) -> Row | None:
         """What the header of an array says; None where it is no row of numbers.
@@ -97,24 +97,24 @@ class Npz:
             raise TakeError(f"more than {MAX_SAMPLES:,} samples in '{name[:40]}'", self._path)
         missing = head.tell() + shape[0] * dtype.itemsize - member.file_size
         if missing:
-            how = "cut short" if missing > 0 else "longer than its header says"
-            raise TakeError(f"'{name[:40]}' is {how}", self._path)
+            state = "cut short" if missing > 0 else "longer than its header says"
+            raise TakeError(f"'{name[:40]}' is {state}", self._path)
         return Row(name, shape[0], dtype, head.tell(), member)
 
     def blocks(self, row: Row) -> Iterator[Floats]:
         """The numbers of a row, some at a time. Raises TakeError."""
-        left = row.length
+        n_values = row.length
         with _as_take_error(self._path), self._archive.open(row.member) as file:
             file.read(row.offset)
             while True:
                 # At the end nothing is asked for once more: so the checksum is looked at.
-                data = file.read(min(left, _BLOCK) * row.dtype.itemsize or 1)
-                if not left:
+                data = file.read(min(n_values, _BLOCK) * row.dtype.itemsize or 1)
+                if not n_values:
                     return
                 numbers = np.frombuffer(data, dtype=row.dtype)
-                if len(numbers) != min(left, _BLOCK):
+                if len(numbers) != min(n_values, _BLOCK):
                     raise TakeError(f"'{row.name[:40]}' is cut short", self._path)
-                left -= len(numbers)
+                n_values -= len(numbers)
                 with np.errstate(all="ignore"):
                     yield numbers.astype(np.float64)
 

@@ -27,7 +27,7 @@ def curve_word(word: str, offset: int) -> str:
     if word in CURVES:
         return word
     if _ONLY_POSITION.fullmatch(word):
-        raise TextError(f"'{word}' has no time: write {word}@1/4", offset=offset, length=len(word))
+        raise TextError(f"'{word}' has no time; write {word}@1/4", offset=offset, length=len(word))
     raise TextError(
         f"unknown word '{word[:40]}'; curves are {', '.join(CURVES)}",
         offset=offset,
@@ -62,7 +62,8 @@ def instant(number: str, part: str | None, unit: str, offset: int) -> tuple[floa
     length = len(number) if part is None else len(number) + 1 + len(part)
     if unit in ("bar", "bars"):
         raise TextError(
-            "a bar's length depends on where the gesture is played: write beats",
+            "a gesture has no bars, because their length depends "
+            "on where it is played; write beats",
             offset=offset + length,
             length=len(unit),
             code="E203",
@@ -80,7 +81,9 @@ def explained_point(word: str, offset: int) -> TextError:
     position, _, time = word.partition("@")
     if not position:
         return TextError(
-            f"a point names its position first: 0mm{word}", offset=offset, length=len(word)
+            f"the position is missing; write for instance 0mm{word}",
+            offset=offset,
+            length=len(word),
         )
     if not _ONLY_POSITION.fullmatch(position):
         return TextError(
@@ -95,7 +98,7 @@ def _explained_time(time: str, offset: int, word: str) -> TextError:
         return TextError(f"'{word[:40]}' has no time after its @", offset=offset - 1)
     if time.startswith("-") and _ONLY_TIME.fullmatch(time[1:]):
         return TextError(
-            "times count from the gesture's start; `do: [shift -1/8]` plays it earlier",
+            "a time cannot be negative; `do: [shift -1/8]` plays the gesture earlier",
             offset=offset,
             length=len(time),
         )
@@ -117,7 +120,7 @@ def explained_row(line: str, offset: int) -> TextError:
     first = words[0]
     if "@" in first.group():
         return TextError(
-            "a table's row is `t x`, without @: 1/8 6mm",
+            "a row of a table is `t x` without '@', such as 1/8 6mm",
             offset=offset + first.start(),
             length=len(first.group()),
         )

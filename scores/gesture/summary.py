@@ -48,7 +48,7 @@ def summary(path: Path) -> Table:
     """Summarise a `.csv` or `.npz` file in one pass. Raises TakeError or OSError."""
     table = _npz(path) if path.suffix.lower() == ".npz" else _csv(path)
     if not table.n_rows:
-        raise TakeError("there are no numbers in it", path)
+        raise TakeError("the file has no numbers", path)
     return table
 
 
@@ -60,18 +60,21 @@ def _csv(path: Path) -> Table:
             separator = next((s for s in ",;\t" if s in header), ",")
             columns = tuple(Column(name.strip()) for name in header.split(separator))
             if len(columns) > MAX_CHANNELS:
-                raise TakeError(f"more than {MAX_CHANNELS:,} columns", path)
+                raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
             block: list[list[float]] = []
             n_rows = 0
             for number, line in rows:
                 cells = line.split(separator)
                 if len(cells) != len(columns):
-                    what = f"{len(cells)} values in a file of {len(columns)} columns"
-                    raise TakeError(what, path, number)
+                    reason = (
+                        f"the number of values in this line is {len(cells)}, but "
+                        f"the file has {len(columns)} columns"
+                    )
+                    raise TakeError(reason, path, number)
                 try:
                     block.append([float(cell) for cell in cells])
                 except ValueError:
-                    raise TakeError("this is no row of numbers", path, number) from None
+                    raise TakeError("this line is not a row of numbers", path, number) from None
                 if len(block) * len(columns) >= _BLOCK:
                     n_rows += _added(columns, block)
             n_rows += _added(columns, block)

@@ -45,7 +45,7 @@ def opened(path: Path) -> BufferedReader:
     file = open_regular(path)
     if os.fstat(file.fileno()).st_size > MAX_BYTES:
         file.close()
-        raise TakeError("more than 1 GB", path)
+        raise TakeError("the file has more than 1 GB", path)
     return file
 
 
@@ -55,6 +55,6 @@ def lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
     while line := file.readline(MAX_LINE):
         number += 1
         if len(line) == MAX_LINE:
-            raise TakeError(f"a line of more than {MAX_LINE:,} characters", path, number)
+            raise TakeError(f"this line has more than {MAX_LINE:,} characters", path, number)
         if (text := line.strip(" \r\n")) and text[0] != "#":
             yield number, text

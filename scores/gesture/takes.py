@@ -60,13 +60,15 @@ def read(
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        known = ", ".join(_READERS)
-        raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {known}", path)
+        suffixes = ", ".join(_READERS)
+        raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {suffixes}", path)
     if rate is not None and not 0.0 < rate <= MAX_RATE:
-        raise TakeError(f"a rate lies above 0 and up to {MAX_RATE:,.0f} Hz", path, field="rate")
+        raise TakeError(
+            f"the rate must be above 0 and at most {MAX_RATE:,.0f} Hz", path, field="rate"
+        )
     try:
         if not path.is_file():
-            raise TakeError("there is no such file", path)
+            raise TakeError("the file does not exist", path)
         # Of large numbers a damaged file has many; what comes of them is judged below.
         with np.errstate(all="ignore"):
             samples = reader(path, channel, rate, full_scale)
@@ -94,7 +96,10 @@ def _read_csv(path: Path, channel: str | None, rate: float | None, _: float) -> 
                 cells = line.split(separator)
                 if len(cells) != len(names):
                     raise TakeError(
-                        f"{len(cells)} values in a file of {len(names)} columns", path, number
+                        f"the number of values in this line is {len(cells)}, but "
+                        f"the file has {len(names)} columns",
+                        path,
+                        number,
                     )
                 x = _number(cells[c], path, number)
                 if timed:
@@ -103,7 +108,7 @@ def _read_csv(path: Path, channel: str | None, rate: float | None, _: float) -> 
                         raise TakeError("times must rise", path, number)
                     ts.append(instant)
                 if len(xs) == MAX_SAMPLES:
-                    raise TakeError(f"more than {MAX_SAMPLES:,} samples", path, number)
+                    raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path, number)
                 xs.append(x)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
@@ -121,7 +126,7 @@ def _number(cell: str, path: Path, line: int) -> float:
     except ValueError:
         value = math.nan
     if not abs(value) <= 1e15 or "_" in cell:  # also refuses nan
-        raise TakeError(f"'{cell.strip()[:40]}' is not a number that can be played", path, line)
+        raise TakeError(f"'{cell.strip()[:40]}' is not a number that a take can hold", path, line)
     return value
 
 
@@ -133,13 +138,13 @@ def _columns(names: list[str], path: Path, line: int | None) -> dict[str, tuple[
         word = word.strip()
         if not bracket or not unit.endswith("]") or not word:
             raise TakeError(
-                f"'{name[:40]}' does not say its unit: the header reads t [s],x [mm]", path, line
+                f"'{name[:40]}' has no unit; write a header such as t [s],x [mm]", path, line
             )
         if word in columns:
             raise TakeError(f"two columns are called '{word[:40]}'", path, line)
         columns[word] = (i, unit[:-1].strip())
     if len(columns) > MAX_CHANNELS:
-        raise TakeError(f"more than {MAX_CHANNELS:,} columns", path, line)
+        raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path, line)
     return columns
 
 
@@ -152,7 +157,12 @@ def _chosen(
         channel = channels[0]
     listed = ", ".join(channels[:8])
     if channel is None:
-        raise TakeError(f"say which channel: one of {listed}" if listed else "no channel", path)
+        raise TakeError(
+            f"the file has several channels; write `channel` as one of {listed}"
+            if listed
+            else "no channel",
+            path,
+        )
     if channel not in channels:
         raise TakeError(
             f"no channel '{channel[:40]}'; there are {listed}",
@@ -163,18 +173,21 @@ def _chosen(
     return columns[channel]
 
 
-def _divisor(unit: str, units: dict[str, float], what: str, path: Path) -> float:
+def _divisor(unit: str, units: dict[str, float], quantity: str, path: Path) -> float:
     if not unit or unit not in units:
-        known = ", ".join(filter(None, units))
-        raise TakeError(f"unit '{unit[:40]}' does not measure {what} (use {known})", path)
+        unit_names = ", ".join(filter(None, units))
+        raise TakeError(f"unit '{unit[:40]}' does not measure {quantity} (use {unit_names})", path)
     return units[unit]
 
 
 def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
     if timed and rate is not None:
-        raise TakeError("the file says its own times; leave out the rate", path, field="rate")
+        raise TakeError("the file has times of its own; remove `rate`", path, field="rate")
     if not timed and rate is None:
-        raise TakeError("no column 't [s]': say the rate of the samples, such as rate: 1kHz", path)
+        raise TakeError(
+            "the file has no column 't [s]'; write the rate of the samples, such as rate: 1kHz",
+            path,
+        )
 
 
 def _checked(t: Floats, x: Floats, path: Path) -> Samples:
@@ -188,7 +201,7 @@ def _checked(t: Floats, x: Floats, path: Path) -> Samples:
         number = int(apart.argmin()) + 2
         raise TakeError(f"sample {number} follows the one before in less than a microsecond", path)
     if x.size and float(np.abs(x).max()) > MAX_POSITION:
-        raise TakeError(f"positions of more than {MAX_POSITION:,.0f} m", path)
+        raise TakeError(f"the file has positions of more than {MAX_POSITION:,.0f} m", path)
     return Samples(t, x)
 
 
@@ -201,9 +214,9 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: f
             _check_rate(True, rate, path)
             names = {str(i + 1): (i, "m") for i in range(file.channels)}
             if file.channels > MAX_CHANNELS:
-                raise TakeError(f"more than {MAX_CHANNELS:,} channels", path)
+                raise TakeError(f"the file has more than {MAX_CHANNELS:,} channels", path)
             if file.frames > MAX_SAMPLES:  # as declared; what is read is bounded below
-                raise TakeError(f"more than {MAX_SAMPLES:,} samples", path)
+                raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
             column, _ = _chosen(names, channel, path)
             size = max(1, (1 << 20) // file.channels)
             blocks = []
@@ -211,7 +224,7 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, full_scale: f
             while len(block := file.read(size, dtype="float64", always_2d=True)):
                 n_samples += len(block)
                 if n_samples > MAX_SAMPLES:
-                    raise TakeError(f"more than {MAX_SAMPLES:,} samples", path)
+                    raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
                 blocks.append(block[:, column].copy())
             x = np.concatenate(blocks) if blocks else np.empty(0)
             return _checked(np.arange(len(x)) / float(file.samplerate), x * full_scale, path)
@@ -296,9 +309,9 @@ def _axis(recording: _core.Recording, channel: str | None, path: Path) -> int:
     """The axis of a name: its own, or its player's or key's where they have no other."""
     columns = {name: (i, "m") for i, name in enumerate(recording.names)}
     if channel not in columns:
-        found = [i for i, axis in enumerate(recording.axes) if channel and channel in axis]
-        if len(found) == 1:
-            return found[0]
+        indices = [i for i, axis in enumerate(recording.axes) if channel and channel in axis]
+        if len(indices) == 1:
+            return indices[0]
     return _chosen(columns, channel, path)[0]
 
 

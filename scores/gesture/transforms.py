@@ -95,7 +95,11 @@ def parse_do(text: str, start: int = 0) -> Transform:
     if len(arguments) != len(verb.arguments):
         over = arguments[len(verb.arguments)] if len(arguments) > len(verb.arguments) else None
         where, length = (over[1], len(over[0])) if over else (offset, len(word))
-        raise TextError(f"write it as: {verb.example}", offset=where, length=length)
+        raise TextError(
+            f"'{word}' has another number of values; write for instance {verb.example}",
+            offset=where,
+            length=length,
+        )
     fields: dict[str, float | Time] = {}
     for (argument, at), (name, read) in zip(arguments, verb.arguments, strict=True):
         fields[name] = read(argument, at, verb.example)
@@ -186,14 +190,16 @@ def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _S
     How the first that is left is reached is a matter of joining.
     """
     start = t.time.beats * beat + t.time.seconds
-    late = (i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME)
-    first = next(late, None)
+    later = (i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME)
+    first = next(later, None)
     if first is None:
         end = _moved(points[-1], NOW, points[-1].x)
-        return _Shaped((end,), "from: nothing is left but its end")
+        return _Shaped(
+            (end,), "from: the start lies after the last point, so only the last position remains"
+        )
     at = [Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first:]]
-    kept = [_moved(p, where, p.x) for p, where in zip(points[first:], at, strict=True)]
-    return _Shaped((replace(kept[0], curve=points[0].curve), *kept[1:]))
+    moved = [_moved(p, where, p.x) for p, where in zip(points[first:], at, strict=True)]
+    return _Shaped((replace(moved[0], curve=points[0].curve), *moved[1:]))
 
 
 def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _Shaped:
@@ -240,19 +246,21 @@ def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -
     theirs that is no hold.
     """
     q = t.amount
-    kept: list[Point] = []
+    result: list[Point] = []
     for p in points:
         at = Time(floor((p.at.beats + p.at.seconds / beat) / q + 0.5) * q, 0.0)
         curve = p.curve
-        if kept and at.beats <= kept[-1].at.beats:
-            other = kept.pop()
-            at, curve = other.at, other.curve if curve == "hold" else curve
-        kept.append(Point(at, p.x, curve, p.offset, p.length))
-    lost = len(points) - len(kept)
-    if not lost:
-        return _Shaped(tuple(kept))
-    plural = "points fall" if lost > 1 else "point falls"
-    return _Shaped(tuple(kept), f"quantise {q:g}: {lost} {plural} together with the next")
+        if result and at.beats <= result[-1].at.beats:
+            previous = result.pop()
+            at, curve = previous.at, previous.curve if curve == "hold" else curve
+        result.append(Point(at, p.x, curve, p.offset, p.length))
+    n_lost = len(points) - len(result)
+    if not n_lost:
+        return _Shaped(tuple(result))
+    plural = "points fall" if n_lost > 1 else "point falls"
+    return _Shaped(
+        tuple(result), f"quantise {q:g}: {n_lost} {plural} on the time of the next point"
+    )
 
 
 def _moved(p: Point, at: Time, x: float) -> Point:
@@ -297,9 +305,9 @@ def _reach(word: str, offset: int, example: str) -> float:
     return metres(match[1], match[2], offset)
 
 
-def _misread(word: str, offset: int, what: str, example: str) -> TextError:
+def _misread(word: str, offset: int, kind: str, example: str) -> TextError:
     return TextError(
-        f"'{word[:40]}' is not {what}; write for instance: {example}",
+        f"'{word[:40]}' is not {kind}; write for instance {example}",
         offset=offset,
         length=max(1, len(word)),
     )

@@ -61,7 +61,7 @@ def parse(text: str, start: int = 0) -> PlayWords:
     words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
     if not words or words[0].text in (*OPTIONS, "do", ","):
         raise TextError(
-            "a play begins with what is played: knock every 1",
+            "the gesture or take is missing; write for instance knock every 1",
             offset=start + (words[0].offset if words else 0),
             length=len(words[0].text) if words else 1,
         )
@@ -83,7 +83,7 @@ def parse(text: str, start: int = 0) -> PlayWords:
             wanting, i = word, i + 1
         elif word in OPTIONS:
             if word in options:
-                raise TextError(f"'{word}' is said twice", offset=place, length=len(word))
+                raise TextError(f"'{word}' is written twice", offset=place, length=len(word))
             value = words[i + 1] if i + 1 < len(words) else None
             if OPTIONS[word] is None:
                 options[word], i = Word("true", place), i + 1
@@ -98,7 +98,7 @@ def parse(text: str, start: int = 0) -> PlayWords:
         elif OPTIONS.get(words[i - 1].text, "") is None:
             flag = words[i - 1].text
             raise TextError(
-                f"'{flag}' stands alone; leave out '{word[:40]}'",
+                f"'{flag}' takes no value; remove '{word[:40]}'",
                 offset=place,
                 length=len(word),
             )
@@ -137,19 +137,21 @@ def parse_row(row: str, offset: int = 0) -> Row:
     if len(cells) == 1:
         example = f"{at} knock" if at[0].isdigit() else f"1|1 {at}"
         raise TextError(
-            f"a row says where and what is played; write {example[:40]}",
+            f"a row has a position and a gesture or take; write {example[:40]}",
             offset=offset + lead,
             length=len(at),
         )
     if (
         len(cells) == 2 and "," not in cells[1] and cells[1] not in _KNOWN
     ):  # most rows of most tables
-        what = Word(cells[1], offset + row.index(cells[1], lead + len(at)))
-        return Row(Word(at, offset + lead), PlayWords(what, {}))
+        name = Word(cells[1], offset + row.index(cells[1], lead + len(at)))
+        return Row(Word(at, offset + lead), PlayWords(name, {}))
     play = parse(row[lead + len(at) :], offset + lead + len(at))
     if "at" in play.options:
         raise TextError(
-            "a row says where it is by its first word", offset=play.options["at"].offset, length=1
+            "a row begins with a position, such as 3|1 or B",
+            offset=play.options["at"].offset,
+            length=1,
         )
     return Row(Word(at, offset + lead), play)
 

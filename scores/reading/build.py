@@ -38,14 +38,14 @@ _BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "floa
 
 def _one_of(values: Values, *groups: tuple[str, ...]) -> bool:
     """Whether fields of exactly one group are written; reports two, or none."""
-    written = [group for group in groups if values.written(*group)]
-    if len(written) > 1:
-        a, b = values.written(*written[0])[0], values.written(*written[1])[0]
-        values.error("E111", f"{values.context.of(b)}: {a} is given too; one of them", b)
-    elif not written:
-        wanted = " or ".join(group[0] for group in groups)
-        values.error("E103", f"{values.context.of('')} needs {wanted}")
-    return len(written) == 1
+    present = [group for group in groups if values.written(*group)]
+    if len(present) > 1:
+        a, b = values.written(*present[0])[0], values.written(*present[1])[0]
+        values.error("E111", f"{values.context.of(b)}: {a} is written too; keep one of the two", b)
+    elif not present:
+        alternatives = " or ".join(group[0] for group in groups)
+        values.error("E103", f"{values.context.of('')} needs {alternatives}")
+    return len(present) == 1
 
 
 def key(values: Values, files: Files) -> Key:
@@ -56,15 +56,19 @@ def key(values: Values, files: Files) -> Key:
     modules: tuple[Module, ...] = ()
     if values.written("modules"):
         if extra := values.written(*cel):
-            message = f"{values.context.of(extra[0])}: its modules are given too; one of them"
+            message = (
+                f"{values.context.of(extra[0])}: `modules` is written too; keep one of the two"
+            )
             values.error("E111", message, extra[0])
         if not values.written("struck"):
-            message = f"{values.context.of('')} does not say which of its modules is struck"
+            message = (
+                f"{values.context.of('')} has no `struck`; write the module that ergons strike"
+            )
             values.error("E103", message)
-        written = (values["modules"] or {}).items()
+        bodies = (values["modules"] or {}).items()
         modules = tuple(
             module(name, body.kind, body.given[body.kind])
-            for name, body in written
+            for name, body in bodies
             if body is not MISSING
         )
     else:
@@ -92,10 +96,10 @@ def _calibrated(values: Values, files: Files) -> Values:
     if measured is MISSING:
         return values
     given, nodes = dict(values.given), dict(values.nodes)
-    own = values.context.place  # a measured value yields only to what the key itself writes
+    key_place = values.context.place  # a measured value yields only to what the key itself writes
     for name in ("M", "K", "Z", "travel"):
         node = values.nodes.get(name)
-        is_own = node is not None and own is not None and _inside(node.place, values)
+        is_own = node is not None and key_place is not None and _inside(node.place, values)
         if name in measured.given and not is_own:
             given[name], nodes[name] = measured.given[name], measured.nodes[name]
     return Values(values.record, values.node, values.context, given, nodes, values.free)
@@ -105,8 +109,8 @@ def _inside(place: Place, values: Values) -> bool:
     """Whether a place lies in the node of these values, not in one that `like` brought."""
     node = values.node
     first, last = node.place, node.document.place(max(node.start, node.end - 1))
-    here = (place.line, place.column)
-    return place.file == first.file and (first.line, first.column) <= here <= (
+    position = (place.line, place.column)
+    return place.file == first.file and (first.line, first.column) <= position <= (
         last.line,
         last.column,
     )
@@ -117,19 +121,21 @@ def gesture(values: Values, room: int = notation.MAX_EVENTS) -> Gesture | None:
     if not _one_of(values, ("notation",), ("points",)):
         return None
     name = values.written("notation", "points")[0]
-    written = values.given.get(name)
-    if not isinstance(written, Scalar):
+    text = values.given.get(name)
+    if not isinstance(text, Scalar):
         return None
     parse = notation.parse if name == "notation" else notation.parse_table
     try:
-        read = parse(written.text, values["curve"], room)
+        read = parse(text.text, values["curve"], room)
     except TextError as error:
-        values.context.text_error(error, written, name, inside=True)
+        values.context.text_error(error, text, name, inside=True)
         return None
     do = values["do"] or ()
-    how = manner(values.given)
-    own = values.context
-    return Gesture(own.name, read.points, read.bar_checks, do, how, values.place, written)
+    manner_of_gesture = manner(values.given)
+    context = values.context
+    return Gesture(
+        context.name, read.points, read.bar_checks, do, manner_of_gesture, values.place, text
+    )
 
 
 def take(values: Values, files: Files) -> TakeFile:
@@ -138,7 +144,7 @@ def take(values: Values, files: Files) -> TakeFile:
     file, folder = v["file"], v.nodes["file"].document.folder
     path = folder / file
     if path.suffix.lower() == ".gms":
-        v.error("E108", f"{who}GMS files are not read yet", "file")
+        v.error("E108", f"{who}ergon does not read GMS files yet", "file")
     elif path.suffix.lower() not in (".take", ".csv", ".wav", ".npz"):
         v.error("E206", f"{who}a take is a .take, .csv, .wav or .npz file", "file")
     else:
@@ -164,13 +170,26 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
             "E103", f"{v.context.of('')} needs both mass and speed", v.written("mass", "speed")[0]
         )
     if v.written("rate") and (extra := v.written("every", "times")):
-        v.error("E111", f"{v.context.of(extra[0])}: rate is given too; one of them", extra[0])
+        v.error(
+            "E111",
+            f"{v.context.of(extra[0])}: `rate` is written too; keep one of the two",
+            extra[0],
+        )
     if v.written("for") and v.written("until"):
-        v.error("E111", f"{v.context.of('until')}: `for` is given too; one of them", "until")
+        v.error(
+            "E111", f"{v.context.of('until')}: `for` is written too; keep one of the two", "until"
+        )
     if v.written("rate") and not v.written("for", "until"):
-        v.error("E103", f"{v.context.of('rate')}: say how long: `for` or `until`", "rate")
+        v.error(
+            "E103",
+            f"{v.context.of('rate')}: the strikes have no end; write `for` or `until`",
+            "rate",
+        )
     if not v.written("rate", "every") and (many := v.written("times", "for", "until")):
-        message = f"{v.context.of(many[0])}: say how far apart: `every`, or `rate` by chance"
+        message = (
+            f"{v.context.of(many[0])}: the time between strikes is missing; "
+            "write `every`, or `rate` for strikes by chance"
+        )
         v.error("E103", message, many[0])
     return Strikes(
         name=v.context.name,
@@ -192,12 +211,12 @@ def player(values: Values) -> Player:
     """A player; a note says what plays for a live one."""
     v = values
     if v["hand"] == "live":
-        what = f"its stand-in {v['standin']}" if v["standin"] else "its part"
+        substitute = f"its stand-in {v['standin']}" if v["standin"] else "its part"
         who = v.context.of("")
-        message = f"{who}: {what} plays where no hand is; `ergon duet` puts one there"
+        message = f"{who}: {substitute} plays in place of a real hand; `ergon duet` connects one"
         v.error("N401", message, "hand")
-    own = v.context
-    return Player(own.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
+    context = v.context
+    return Player(context.name, v["hand"], v["key"], v["device"], v["standin"], v["tick"], v.place)
 
 
 def coupling(values: Values, number: int) -> Coupling | None:
@@ -207,10 +226,10 @@ def coupling(values: Values, number: int) -> Coupling | None:
     if not isinstance(link, Values) or len(v["couple"]) != 2:
         return None
     a, b = v["couple"]
-    made = module(f"duet{number}", v.kind, link)
+    link_module = module(f"duet{number}", v.kind, link)
     until = v["until"]
     at = v["at"] or START
-    return Coupling(made, _unresolved(a), _unresolved(b), at, until, v.node.place)
+    return Coupling(link_module, _unresolved(a), _unresolved(b), at, until, v.node.place)
 
 
 def _unresolved(name: Any) -> Target:
@@ -256,17 +275,17 @@ def mix(values: Values | None, files: Files) -> Mix:
                 message = f"{route.part}: `nearest` needs a layout in the mix"
                 values.context.error("E103", message, route.place)
         elif max(route.to) > channels:
-            message = f"channel {max(route.to)} is more than the mix has ({channels})"
+            message = f"channel {max(route.to)} does not exist; the mix has {channels}"
             values.context.error("E202", message, route.place)
     if room is not None and values.written("channels") and speakers > channels:
-        message = f"the layout has {speakers} loudspeakers, the mix {channels} channels"
+        message = f"the layout has {speakers} loudspeakers, but the mix has {channels} channels"
         values.error("E202", message, "channels")
     master = values["master"]
-    made = None
+    master_of_mix = None
     if isinstance(master, Values):
         m = master
-        made = Master(m["normalise"], m["limit"], m["gain"], m.node.place)
-    return Mix(channels, room, routes, made, values.place)
+        master_of_mix = Master(m["normalise"], m["limit"], m["gain"], m.node.place)
+    return Mix(channels, room, routes, master_of_mix, values.place)
 
 
 def _route(values: Values) -> Route:
@@ -282,7 +301,7 @@ def accuracy(values: Values | None) -> Accuracy:
     if values.written("method") or values.written("error") or values.written("cents"):
         _one_of(values, ("method",), ("error",), ("cents",))
     if values.written("upto") and not values.written("cents"):
-        values.error("E103", f"{values.context.of('upto')} goes with cents", "upto")
+        values.error("E103", f"{values.context.of('upto')} needs `cents`", "upto")
     return Accuracy(*(values[name] for name in ("method", "error", "cents", "upto", "cpu")))
 
 

@@ -62,7 +62,7 @@ class Checker:
         """The whole piece; its values are good only when nothing was reported."""
         score = self.score
         if not score.written("ergon"):
-            message = "no format version: write `ergon: 1` in the first line"
+            message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
         times = Times(score, self.collector)
         self._played()
@@ -112,7 +112,9 @@ class Checker:
                 self._gesture(name, entry)
             if name in tables["takes"]:
                 place = _place_of(entry) or self.score.place
-                message = f"{quote(name)} is a gesture and a take; a part could not tell which"
+                message = (
+                    f"{quote(name)} is the name of a gesture and of a take; rename one of them"
+                )
                 self.collector.error("E303", message, place)
         for name, entry in tables["takes"].items():
             if entry.brought is None:
@@ -149,21 +151,24 @@ class Checker:
         for section in ("keys", "instruments"):
             for name, entry in self.names.tables[section].items():
                 if name in self._written:
-                    message = f"{quote(name)} is a key and an instrument; names are unique"
+                    message = (
+                        f"{quote(name)} is the name of a key and of "
+                        "an instrument; rename one of them"
+                    )
                     self.collector.error("E303", message, _place_of(entry) or self.score.place)
                     continue
                 values, selves = self.uses.resolved(section, entry)
                 if values is None:
                     self.scene.broken.add(name)
                     continue
-                made = _called(self._made(section, entry, values), name)
-                struck = made.struck if isinstance(made, Key) else None
-                modules = {module.name: module for module in made.modules}
+                part_object = _called(self._made(section, entry, values), name)
+                struck = part_object.struck if isinstance(part_object, Key) else None
+                modules = {module.name: module for module in part_object.modules}
                 written = values["modules"] or {}
                 broken = frozenset(n for n, body in written.items() if body is MISSING)
                 part = Part(name, modules, struck, entry.prefix, broken, selves)
                 self.scene.parts[name] = part
-                self._written[name] = (entry, made)
+                self._written[name] = (entry, part_object)
                 self.bodies[name] = _bodies(values)
                 self.written[name] = values
 
@@ -209,7 +214,7 @@ class Checker:
                 )
             todo += sorted(self.scene.reached - done)
             if total > MAX_MATS:
-                message = f"more than {MAX_MATS:,} masses in the piece"
+                message = f"the piece has more than {MAX_MATS:,} masses"
                 self.collector.error("E105", message, made.place)
                 break
         order = list(self._written)
@@ -222,7 +227,8 @@ class Checker:
         if struck is None or struck.kind not in ("MAS", "CEL"):
             place = key.struck.place if isinstance(key.struck, Name) else key.place
             message = (
-                f"key {quote(key.name)} is struck at {quote(key.struck)}, which is no MAS or CEL"
+                f"key {quote(key.name)} is struck at {quote(key.struck)}, "
+                "which is not a MAS or CEL of the key"
             )
             names_of = tuple(n for n, m in names.items() if m.kind in ("MAS", "CEL"))
             if key.struck and key.struck not in self.scene.parts[key.name].broken:
@@ -230,11 +236,11 @@ class Checker:
 
     def _laws(self, home: Names, modules: tuple[Module, ...]) -> dict[str, LawText]:
         """Laws that a part may name: those of its own file, and those that ship."""
-        wanted = any(
+        has_named_law = any(
             m.kind == "LNL" and (is_name(m.fields["law"]) or is_name(m.fields["damping"]))
             for m in modules
         )
-        if not wanted:
+        if not has_named_law:
             return {}
         tables = [self.names.tables["laws"], home.tables["laws"]]
         files, folder = self.uses.files, self.names.document.folder
@@ -267,27 +273,27 @@ class Checker:
         return player
 
     def _plays(self) -> list[Play]:
-        found: list[Play] = []
+        plays: list[Play] = []
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
         for name, part in (self.score["parts"] or {}).items():
             if name not in (self.score["players"] or {}):
                 message = f"no player is called {quote(name)}"
                 place = entries[name][0].place
-                known = tuple(self.score["players"] or {})
-                self.collector.error("E301", message, place, word=name, names=known)
+                player_names = tuple(self.score["players"] or {})
+                self.collector.error("E301", message, place, word=name, names=player_names)
             if part is MISSING:
                 continue
             for play in part:
                 if isinstance(play.what, Name):
                     self._reach_played(play.what, f"part of {quote(name)}")
-                found.append(play)
-        return found
+                plays.append(play)
+        return plays
 
     def _strikes(self, values: Values) -> Strikes:
         who = f"strikes {quote(values.context.name)}"
-        found = (self.scene.target(name, "mats", who) for name in values["to"] or ())
-        return build.strikes(values, tuple(t for t in found if t is not None))
+        targets = (self.scene.target(name, "mats", who) for name in values["to"] or ())
+        return build.strikes(values, tuple(t for t in targets if t is not None))
 
     def _coupling(self, values: Any, number: int) -> Coupling | None:
         made = build.coupling(values, number) if isinstance(values, Values) else None
@@ -305,7 +311,7 @@ class Checker:
         if a is None or b is None:
             return None
         if (a.part, a.module) == (b.part, b.module):
-            message = "coupling: a link joins two different points, and this is one key twice"
+            message = "coupling: a key cannot be coupled with itself; name two keys"
             self.collector.error("E304", message, b.place)
         laws = self._laws(self.names, (made.link,))
         who = f"{made.link.kind} of a coupling"
@@ -332,9 +338,9 @@ class Checker:
             names = tuple(output.name for output in entry[1].outputs)
             if not names or (out is not None and out not in names):
                 message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
-                known = tuple(f"{part}.{name}" for name in names if name)
+                output_names = tuple(f"{part}.{name}" for name in names if name)
                 self.collector.error(
-                    "E301", message, route.place, word=str(route.part), names=known
+                    "E301", message, route.place, word=str(route.part), names=output_names
                 )
             self.scene.reached.add(part)
             routes.append(replace(route, part=part, out=out))

@@ -18,12 +18,17 @@ DO = Either(
 )
 # What holds where neither says a thing is DEFAULT_MANNER.
 OF_GESTURE = (
-    Field("touch", choice("open", "tracked"), "ergons for the free key, or exact", shown="open"),
+    Field(
+        "touch",
+        choice("open", "tracked"),
+        "how the key follows: by ergons on the free key, or exactly",
+        shown="open",
+    ),
     Field("ergons", choice("event", "particle"), "impulses, or masses with a BUT", shown="event"),
-    Field("grain", k.DURATION, "one ergon this often", shown="every audio sample"),
-    Field("join", k.PAUSE, "how long before its first point it leads in", shown="20ms"),
+    Field("grain", k.DURATION, "time between ergons", shown="every audio sample"),
+    Field("join", k.PAUSE, "duration of the path from the key to the first point", shown="20ms"),
     Field("force_limit", k.FORCE, "the strongest force of one ergon", shown="none"),
-    Field("layer", k.TRUTH, "sound with the gesture before instead of cutting it", shown="false"),
+    Field("layer", k.TRUTH, "play over the earlier gesture instead of cutting it", shown="false"),
 )
 OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # unsaid: the gesture's own
 _NAMES = frozenset(field.name for field in OF_GESTURE)

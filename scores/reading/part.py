@@ -28,8 +28,8 @@ MAX_ROWS = 1_000_000
 
 
 def _unused_rate(context: Context, place: Place) -> None:
-    said = "gestures are struck at the audio rate; a rate of its own is a key's, and written there"
-    message = f"{context.of('rate')}: {said}"
+    reason = "a part entry has no rate, so the value is not used; write `rate` on the key"
+    message = f"{context.of('rate')}: {reason}"
     context.error("N403", message, place)
 
 
@@ -61,10 +61,10 @@ def _made(
 _AT = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
     Field("every", k.LENGTH, "time between repetitions", shown="its own length"),
-    Field("times", k.TIMES, "how often", shown="once, or until `until`"),
-    Field("until", k.WHEN, "no repetition begins from here on"),
+    Field("times", k.TIMES, "number of repetitions", shown="once, or until `until`"),
+    Field("until", k.WHEN, "position from which on no repetition begins"),
     *OF_ENTRY,
-    Field("rate", k.RATE, "accepted and not used: a rate is its key's"),
+    Field("rate", k.RATE, "not used: the rate of the key holds"),
 )
 PLAY = Record(
     "part entry",
@@ -96,7 +96,7 @@ class Part(Shape):
         plays = []
         for number, (row, offset) in enumerate(words.rows(node.text)):
             if number >= MAX_ROWS:
-                context.error("E105", f"more than {MAX_ROWS:,} rows", node.place)
+                context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
                 break
             play = _row(row, offset, node, context)
             if play is not None:
@@ -135,12 +135,12 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     what, until = row.play.what, row.play.options.get("until")
     at = _place(row.at, node)
     # In a literal block both words stand in one line of the file.
-    further = at.column + what.offset - row.at.offset
-    beside = Place(at.file, at.line, further, len(what.text)) if node.style == "|" else None
+    column = at.column + what.offset - row.at.offset
+    place = Place(at.file, at.line, column, len(what.text)) if node.style == "|" else None
     return _made(
         given,
         context,
-        Name(what.text, beside or _place(what, node)),
+        Name(what.text, place or _place(what, node)),
         at,
         _place(until, node) if until else None,
     )

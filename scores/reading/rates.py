@@ -38,8 +38,8 @@ def _every(audio: float, values: Values, name: str) -> int:
     frames = max(1, round(audio / rate))
     if abs(audio / rate - frames) <= _WHOLE * frames:
         return frames
-    what = "rates: gesture" if name == "gesture" else values.context.of(name)
-    relation = "above" if rate > audio else "no whole fraction of"
-    message = f"{what}: {rate:.10g} Hz is {relation} the audio rate of {audio:.10g} Hz"
+    subject = "rates: gesture" if name == "gesture" else values.context.of(name)
+    relation = "above" if rate > audio else "not a divisor of"
+    message = f"{subject}: {rate:.10g} Hz is {relation} the audio rate, {audio:.10g} Hz"
     values.error("E311", message, name, suggestion=f"{audio / frames:.10g}Hz")
     return 1

@@ -30,27 +30,29 @@ def schedule(
     lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
     result: list[Sequence[float] | None] = []
     for play, at in zip(piece.parts, begins, strict=True):
-        found = None
+        beats = None
         gesture = piece.gestures.get(play.what)
-        length, lost = Time(), _NOTHING
+        length, notes = Time(), _NOTHING
         if gesture is not None:
-            length, lost = _length(piece, gesture, play, at, lengths)
-        for note in lost:
+            length, notes = _length(piece, gesture, play, at, lengths)
+        for note in notes:
             collector.error("W315", f"{quote(play.what)}: {note}", play.place)
-        told = gesture is not None or (_take_can(play, collector) and play.every is not None)
-        if told:
-            found = _found(piece, play, at, length, room, collector)
-            room -= len(found)
+        is_countable = gesture is not None or (
+            _take_can(play, collector) and play.every is not None
+        )
+        if is_countable:
+            beats = _beats(piece, play, at, length, room, collector)
+            room -= len(beats)
         if gesture is not None and gesture.bar_checks and not play.do:
-            _bars(piece, gesture, found[:1] if found else [], collector)
-        result.append(found)
-    left = float(MAX_STRIKES)
+            _bars(piece, gesture, beats[:1] if beats else [], collector)
+        result.append(beats)
+    room_for_strikes = float(MAX_STRIKES)
     for strikes in piece.strikes:
-        left -= _count(strikes, piece, left, collector)
+        room_for_strikes -= _count(strikes, piece, room_for_strikes, collector)
     return tuple(result)
 
 
-def _found(
+def _beats(
     piece: Piece, play: Play, at: float, length: Time, room: int, collector: Collector
 ) -> list[float]:
     tempo = piece.tempo_map
@@ -77,17 +79,20 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
     elif strikes.every is not None:
         step = tempo.seconds(tempo.after(start, strikes.every)) - tempo.seconds(start)
         if step <= 0.0:
-            message = f"strikes {quote(strikes.name)}: 'every' must be longer than nothing"
+            message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
         each = float(strikes.times) if strikes.times is not None else lasting / step
         if strikes.times is None and stop == start:
-            message = f"strikes {quote(strikes.name)}: say how many: `times`, `for` or `until`"
+            message = (
+                f"strikes {quote(strikes.name)}: the number of strikes "
+                "has no limit; write `times`, `for` or `until`"
+            )
             collector.error("E103", message, strikes.place)
     count = each * sum(target.count for target in strikes.to)
     if count <= left:
         return count
-    message = f"strikes {quote(strikes.name)}: more than {MAX_STRIKES:,} of them"
+    message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"
     if count <= MAX_STRIKES:
         message += ", with those above"
     collector.error("E105", message, strikes.place)
@@ -108,7 +113,7 @@ def _length(
     gesture: Gesture,
     play: Play,
     at: float,
-    known: dict[tuple[str, tuple[Transform, ...], float], _Length],
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
 ) -> _Length:
     """The length of a gesture from beat `at` on, after its transformations."""
     chain = (*gesture.do, *play.do)
@@ -116,10 +121,10 @@ def _length(
         return gesture.points[-1].at, ()
     beat = 60.0 / piece.tempo_map.bpm(at)
     memo = gesture.name, play.do, beat
-    if memo not in known:
+    if memo not in lengths:
         points, lost = apply(gesture.points, chain, Middle(), beat)
-        known[memo] = points[-1].at, lost
-    return known[memo]
+        lengths[memo] = points[-1].at, lost
+    return lengths[memo]
 
 
 def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collector) -> None:
@@ -131,7 +136,7 @@ def _bars(piece: Piece, gesture: Gesture, found: list[float], collector: Collect
             _, beat = tempo.bar_beat(beats)
             if abs(beat - 1.0) > 1e-6:
                 on = tempo.written(beats)
-                message = f"'|' in gesture {quote(gesture.name)} is not on a bar, but on {on}"
+                message = f"'|' in gesture {quote(gesture.name)} is not on a bar line, but at {on}"
                 collector.error("W311", message, _check_place(gesture, check))
 
 

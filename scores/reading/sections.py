@@ -99,11 +99,11 @@ KEY = Record(
         Field("Z", k.DAMPING, "viscosity", 0.0),
         Field("f", k.PITCH, "damped frequency, instead of K"),
         Field("t60", k.DURATION, "decay, instead of Z", shown="none"),
-        Field("rest", k.POSITION, "where its spring pulls nothing", 0.0),
+        Field("rest", k.POSITION, "position at which its spring has no force", 0.0),
         Field("X0", k.POSITION, "position at the beginning", 0.0),
         Field("V0", k.SPEED, "velocity at the beginning", 0.0),
-        Field("travel", k.TRAVEL, "where the key can be", shown="anywhere"),
-        Field("reach", k.POSITIVE, "the scene sees this times its movement", 1.0),
+        Field("travel", k.TRAVEL, "range of positions of the key", shown="anywhere"),
+        Field("reach", k.POSITIVE, "factor from the movement of the key to that of the scene", 1.0),
         Field("modules", NamesOf(module_table(False), "module"), MODULES_DOC),
         Field("struck", Reference("a MAT of its modules"), "the MAT that ergons strike"),
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
@@ -114,10 +114,10 @@ TAKE = Record(
     "a captured movement",
     (
         Field("file", k.PATH, "a recording (.take), CSV, WAV or npz", required=True),
-        Field("channel", k.TITLE, "which column, or whose hand", shown="the only one"),
-        Field("trim", k.TRIM, "what is used of it; its first instant becomes zero"),
-        Field("smooth", k.HERTZ, "low-pass, forward and back"),
-        Field("rate", k.HERTZ, "samples a second of a file without a column t [s]"),
+        Field("channel", k.TITLE, "the column, or the player of a recording", shown="the only one"),
+        Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),
+        Field("smooth", k.HERTZ, "cutoff of a low-pass filter, run forward and backward"),
+        Field("rate", k.HERTZ, "sample rate of a file without a column t [s]"),
     ),
 )
 _TARGETS = ListOf(Reference("modules, such as sky.all"), 1, single=True)
@@ -129,10 +129,10 @@ STRIKES = Record(
         Field("at", k.WHEN, "when they begin", required=True),
         Field("for", k.LENGTH, "how long"),
         Field("until", k.WHEN, "when they end, instead of `for`"),
-        Field("rate", k.HERTZ, "strikes a second for each, by chance (Poisson)"),
+        Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
-        Field("times", k.TIMES, "how many, with `every`"),
-        Field("impulse", k.IMPULSES, "impulse of one; from a range by chance"),
+        Field("times", k.TIMES, "number of strikes, with `every`"),
+        Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
     ),
@@ -141,11 +141,11 @@ PLAYER = Record(
     "player",
     "a hand on a key",
     (
-        Field("hand", choice("virtual", "live"), "emulated, or a person's", "virtual"),
+        Field("hand", choice("virtual", "live"), "emulated, or a real hand", "virtual"),
         Field("key", Reference("a key"), "the key that it plays", required=True),
         Field("device", k.TITLE, "a live hand's axis, such as tgr0.3"),
-        Field("standin", Reference("a take or gesture"), "what plays when no hand is there"),
-        Field("tick", k.HERTZ, "how often a device is asked", shown="1000 Hz"),
+        Field("standin", Reference("a take or gesture"), "what plays in place of a real hand"),
+        Field("tick", k.TICK_RATE, "rate at which the device is read", shown="1000 Hz"),
     ),
     refused={
         "follow": "following another player is not built yet",
@@ -160,11 +160,11 @@ def _without_between(table: Record) -> Record:
 
 COUPLING = Record(
     "coupling",
-    "a link between two keys, which feel each other by it",
+    "a link through which two keys act on each other",
     (
         Field("couple", ListOf(Reference("a key"), 2, 2), "the two keys", required=True),
-        Field("at", k.WHEN, "from when", shown="the beginning"),
-        Field("until", k.WHEN, "until when", shown="the end"),
+        Field("at", k.WHEN, "beginning of the link", shown="the beginning"),
+        Field("until", k.WHEN, "end of the link", shown="the end"),
     ),
     kinds={name: _without_between(table) for name, table in tables(False, LINKS).items()},
     kind_required=True,
@@ -175,8 +175,8 @@ TEMPO = Record(
     (
         Field("at", k.WHEN, "where", required=True),
         Field("bpm", k.BPM, "beats a minute, or a ramp: 60 -> 96", shown="goes on"),
-        Field("over", k.LENGTH, "how long the ramp lasts"),
-        Field("meter", k.METER, "beats of a bar, from here on", shown="4/4"),
+        Field("over", k.LENGTH, "length of the ramp"),
+        Field("meter", k.METER, "meter from this position on", shown="4/4"),
     ),
     refused={"link": "Ableton Link is not built yet"},
 )
@@ -226,7 +226,7 @@ RENDER = Record(
     (
         Field("file", k.PATH, "its name, relative to the score, in its folder"),
         Field("bits", choice("16", "24", "float"), "sample format", "24"),
-        Field("tail", k.PAUSE, "how long after the last event", 5.0, shown="5s"),
+        Field("tail", k.PAUSE, "time after the last event", 5.0, shown="5s"),
         Field("channels", _CHANNEL, "as in the mix"),
     ),
 )
@@ -240,20 +240,20 @@ RATES = Record(
 )
 ACCURACY = Record(
     "accuracy",
-    "how exact the sound is, and what it may cost; without it the planner goes by ear",
+    "error and cost that the plan may have; without the section the error stays inaudible",
     (
-        Field("method", choice(*METHODS), "one method for all, whatever its error"),
-        Field("error", k.ERROR, "most error of the waveform, relative to the sound"),
-        Field("cents", k.CENTS, "most error of a pitch", shown="3"),
-        Field("upto", k.HERTZ, "up to which frequency pitches count", shown="5kHz"),
-        Field("cpu", k.SHARE, "most work: 100% is one core at real time"),
+        Field("method", choice(*METHODS), "one method for everything, whatever its error"),
+        Field("error", k.ERROR, "largest error of the waveform, relative to the sound"),
+        Field("cents", k.CENTS, "largest error of a pitch", shown="3"),
+        Field("upto", k.HERTZ, "highest frequency at which pitches count", shown="5kHz"),
+        Field("cpu", k.SHARE, "largest work: 100% is one core at real time"),
     ),
 )
 LAW = Record(
     "law",
     "a law that LNL modules use by name; its constants are defaults",
     (
-        Field("doc", k.TITLE, "what it is, and whose"),
+        Field("doc", k.TITLE, "description and source"),
         Field("law", k.TITLE, "force over elongation d"),
         Field("damping", k.TITLE, "force over elongation d and its rate v"),
     ),
@@ -278,8 +278,11 @@ CALIBRATION = Record(
         Field("M", k.MASS, "mass", required=True),
         Field("K", k.STIFFNESS, "stiffness", required=True),
         Field("Z", k.DAMPING, "viscosity", required=True),
-        Field("travel", k.TRAVEL, "where the key can be"),
-        *(Field(name, k.TITLE, "for people") for name in ("title", "date", "device", "residual")),
+        Field("travel", k.TRAVEL, "range of positions of the key"),
+        *(
+            Field(name, k.TITLE, "for the reader")
+            for name in ("title", "date", "device", "residual")
+        ),
     ),
 )
 LAYOUT = Record(
@@ -287,7 +290,7 @@ LAYOUT = Record(
     "where loudspeakers are",
     (
         Field("ergon", Text(version, "1", "^1$"), "version of the format"),
-        Field("title", k.TITLE, "for people"),
+        Field("title", k.TITLE, "for the reader"),
         Field(
             "speakers",
             ListOf(ListOf(k.POSITION, 2, 3), 1, MAX_CHANNELS),
@@ -309,7 +312,7 @@ SCORE = Record(
     (
         Field("ergon", Text(version, "1", "^1$"), "version of the format"),
         Field("title", k.TITLE, "the piece's name", ""),
-        Field("seed", k.integer(0, MAX_SEED, "7"), "every chance derives from it", 0),
+        Field("seed", k.integer(0, MAX_SEED, "7"), "seed of all random draws", 0),
         Field("use", USE, "files whose names are brought in; with a prefix: {c: file}"),
         Field("rates", RATES, "sample rates"),
         Field("tempo", ListOf(TEMPO, single=True), "the tempo map", shown="60 bpm in 4/4"),
@@ -325,7 +328,7 @@ SCORE = Record(
         Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),
         Field("mix", MIX, "loudspeakers and the ways to them"),
         Field("render", RENDER, "the file that is written"),
-        Field("accuracy", ACCURACY, "what the planner may spend"),
+        Field("accuracy", ACCURACY, "error and cost that the plan may have"),
     ),
     refused={"link": "Ableton Link is not built yet"},
     foreign={

@@ -92,8 +92,8 @@ class Times:
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
-        written: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
-        for values in written:
+        entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
+        for values in entries:
             if isinstance(values, Values):
                 at, until = values["at"], values["until"]
                 start = self._beats(at, lambda v=values: v.place_of("at"))  # type: ignore[misc]
@@ -107,7 +107,7 @@ class Times:
 
     def _order(self, start: float | None, stop: float | None, place: Place) -> None:
         if start is not None and stop is not None and stop <= start:
-            self.collector.error("E305", "this is not after the beginning (`at`)", place)
+            self.collector.error("E305", "`until` must be later than `at`", place)
 
 
 def _first_wrong(entries: list[Entry], marks: dict[str, Position]) -> int:

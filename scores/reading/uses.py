@@ -85,7 +85,7 @@ class Uses:
 
     def _bring(self, names: Names, file: str, place: Place, prefix: str) -> None:
         if len(self._open) > MAX_USES:
-            message = f"`use:` goes more than {MAX_USES} files deep"
+            message = f"`use:` is nested more than {MAX_USES} files deep"
             self.collector.error("E105", message, place)
             return
         document = self.files.required(file, names.document.folder, place)
@@ -111,11 +111,13 @@ class Uses:
     ) -> None:
         full = f"{prefix}.{word}" if prefix else word
         seen = f"{prefix}.{entry.prefix}" if prefix else entry.prefix
-        known = names.tables[section].get(full)
-        if known is None:
+        existing = names.tables[section].get(full)
+        if existing is None:
             names.tables[section][full] = Entry(entry.values, entry.home, seen, place)
-        elif known.values is not entry.values:
-            where = known.values.place if isinstance(known.values, Values) else known.brought
+        elif existing.values is not entry.values:
+            where = (
+                existing.values.place if isinstance(existing.values, Values) else existing.brought
+            )
             message = f"{NOUNS[section]} {quote(full)} of {entry.home.document.file} "
             message += f"is already defined at {where}; give the file a prefix"
             self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
@@ -133,12 +135,14 @@ class Uses:
             if any(values is seen for seen in chain):
                 path = " -> ".join(f"{v.context.name} (line {v.place.line})" for v in chain)
                 path += f" -> {values.context.name}"
-                message = f"{chain[0].context.of('like')}: a circle, {path}"
+                message = f"{chain[0].context.of('like')}: the references form a circle: {path}"
                 self.collector.error("E302", message, chain[0].place_of("like"))
                 return None, frozenset()
             chain.append(values)
             if len(chain) > MAX_LIKE:
-                message = f"{chain[0].context.of('like')}: more than {MAX_LIKE} of them in a chain"
+                message = (
+                    f"{chain[0].context.of('like')}: the chain has more than {MAX_LIKE} members"
+                )
                 self.collector.error("E105", message, chain[0].place_of("like"))
                 return None, frozenset()
             if not values.written("like", "from"):
@@ -156,7 +160,11 @@ class Uses:
         has_from = "from" in values.record.by_name and isinstance(values["from"], Name)
         like = values["like"]
         if has_from and like is not None:
-            values.error("E111", f"{values.context.of('from')}: `like` is given too", "from")
+            values.error(
+                "E111",
+                f"{values.context.of('from')}: `like` is written too; keep one of the two",
+                "from",
+            )
             return None
         if has_from:
             return self._from_file(section, values["from"], values, home)
@@ -179,8 +187,8 @@ class Uses:
             document = self.files.required(file, folder, name.place) if is_there else None
             used = self.read(document, name.place) if document else None
         if not slash or used is None or not used.tables[section]:
-            message = f"{values.context.of('from')}: no file {quote(stem)} in `use:`; "
-            message += "it is written file/name, such as gong/plate"
+            message = f"{values.context.of('from')}: `use:` names no file {quote(stem)}; "
+            message += "write file/name, such as gong/plate"
             self.collector.error("E301", message, name.place, word=stem, names=tuple(home.used))
             return None
         entry = used.tables[section].get(word)
@@ -220,10 +228,10 @@ def _files(score: Values) -> list[tuple[str, Place, str]]:
         items = [(node, prefix) for prefix, node in use.items()]
     else:
         items = [(node, "") for node in (use if isinstance(use, tuple) else (use,))]
-    found = []
+    files = []
     for node, prefix in items:
         if isinstance(node, Scalar):
             file = PATH.read(node, "use", score.context)
             if file is not MISSING:
-                found.append((file, node.place, prefix))
-    return found
+                files.append((file, node.place, prefix))
+    return files

@@ -56,13 +56,13 @@ def glides(
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     found = {}
     for where, values in new.items():
-        known = under_way.get(where)
+        current = under_way.get(where)
         if where not in old or len(old[where]) != len(values):
             continue
-        if known is not None and known.after == values:
-            found[where] = known
+        if current is not None and current.after == values:
+            found[where] = current
         elif old[where] != values:
-            now = old[where] if known is None else known.at(start)
+            now = old[where] if current is None else current.at(start)
             found[where] = Glide(*where, now, values, start, start + seconds)
     return tuple(found.values())
 

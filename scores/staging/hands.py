@@ -16,6 +16,7 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.clock.positions import Position
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place, Point, Time
+from ergon.scores.gesture.sampled import refused_point, sentence
 from ergon.scores.gesture.transforms import Chance, Middle, Transform, apply, apply_to_take
 from ergon.scores.reading.piece import (
     DEFAULT_MANNER,
@@ -169,11 +170,11 @@ class Hands:
         if (gesture := self.piece.gestures.get(play.what)) is not None:
             chain = (*gesture.do, *play.do)
             for start in self._room(play, self._due(play, starts or ()), len(gesture.points)):
-                self._written(play, gesture, chain, start)
+                self._put_gesture(play, gesture, chain, start)
         elif (take := self.takes.get(play.what)) is not None:
             begins = self._due(play, self._ends(play, take) if starts is None else starts)
             for start in self._room(play, begins):
-                self._taken(play, take, start)
+                self._put_take(play, take, start)
 
     def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
         """Those within the window; chance counts the ones before it as well."""
@@ -188,27 +189,27 @@ class Hands:
         _core.poll()
         self._played["occurrences"] += len(starts)
         self._played["points"] += len(starts) * points
-        for what, most in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
-            if self._played[what] > most:
+        for noun, most in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
+            if self._played[noun] > most:
                 if self._played["reports"]:
                     return ()
                 self._played["reports"] += 1
                 message = (
-                    f"{quote(play.what)}: with these {len(starts):,} times {points:,} points the "
-                    f"piece plays more than {most:,} {what}"
+                    f"{quote(play.what)}: with these {len(starts):,} × {points:,} points the "
+                    f"piece plays more than {most:,} {noun}"
                     if points > 1
-                    else f"{quote(play.what)}: with these {len(starts):,} times the piece plays "
-                    f"more than {most:,} {what}"
+                    else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
+                    f"plays more than {most:,} {noun}"
                 )
-                help = "play it less often; a long movement of many points belongs into a take"
+                help = "play the gesture less often, or write a long movement as a take"
                 self.collector.error("E105", message, play.place, help=help)
                 return ()
         return starts
 
     def standin(self, player: Player) -> None:
         """A live hand's stand-in, from the beginning of the piece."""
-        what, place = str(player.standin), player.place
-        play = Play(player.name, what, Position(), None, 1, None, (), Manner(), place, place, None)
+        name, place = str(player.standin), player.place
+        play = Play(player.name, name, Position(), None, 1, None, (), Manner(), place, place, None)
         self.play(play, (0.0,))
 
     def _ends(self, play: Play, take: _core.Take) -> list[float]:
@@ -225,7 +226,7 @@ class Hands:
             self.collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
             return []
 
-    def _written(
+    def _put_gesture(
         self, play: Play, gesture: Gesture, chain: tuple[Transform, ...], start: float
     ) -> None:
         shape = self._shape(play, gesture, chain, start)
@@ -239,7 +240,13 @@ class Hands:
                 index, t, shape.x, shape.curves, sources=shape.sources, **shape.options
             )
         except _core.EngineError as error:
-            self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
+            index = min(refused_point(error), len(shape.sources) - 1)
+            self.collector.error(
+                "E308",
+                f"{quote(play.what)}: {sentence(error)}",
+                self.sources[shape.sources[index]],
+                help=f"{play.player} plays the gesture at {play.place}",
+            )
             return
         self.gestures.append(
             StagedGesture(
@@ -270,11 +277,11 @@ class Hands:
             name = f"{play.player}/{play.what}"
             chance = _core.Chance(self.piece.seed, "parts", name, 0, occurrence)
             return self._shaped(play, gesture, chain, start, chance)
-        said = None if play.manner is UNSAID else play.manner
-        known = (*who, play.do, said, self.piece.tempo_map.bpm(start) if chain else 0.0)
-        if known not in self._shapes:
-            self._shapes[known] = self._shaped(play, gesture, chain, start, Middle())
-        return self._shapes[known]
+        manner = None if play.manner is UNSAID else play.manner
+        key = (*who, play.do, manner, self.piece.tempo_map.bpm(start) if chain else 0.0)
+        if key not in self._shapes:
+            self._shapes[key] = self._shaped(play, gesture, chain, start, Middle())
+        return self._shapes[key]
 
     def _shaped(
         self,
@@ -294,19 +301,19 @@ class Hands:
             array("d", [point.x * reach for point in points]),
             tuple(cast(Curve, point.curve) for point in points),
             [self._source(gesture, point) for point in points],
-            self._said(play, gesture),
+            self._options_of(play, gesture),
         )
 
-    def _said(self, play: Play, gesture: Gesture) -> _Options:
+    def _options_of(self, play: Play, gesture: Gesture) -> _Options:
         """How a gesture is played by a line; lines without words of their own share it."""
         if play.manner is not UNSAID:
             return self._options(play, play.manner.over(gesture.manner).over(DEFAULT_MANNER))
-        known = play.player, gesture.name
-        if known not in self._manners:
-            self._manners[known] = self._options(play, gesture.manner.over(DEFAULT_MANNER))
-        return self._manners[known]
+        key = play.player, gesture.name
+        if key not in self._manners:
+            self._manners[key] = self._options(play, gesture.manner.over(DEFAULT_MANNER))
+        return self._manners[key]
 
-    def _taken(self, play: Play, take: _core.Take, start: float) -> None:
+    def _put_take(self, play: Play, take: _core.Take, start: float) -> None:
         tempo = self.piece.tempo_map
         shape = apply_to_take(play.do, 60.0 / tempo.bpm(start))
         at = tempo.instant(start, shape.shift)
@@ -329,7 +336,7 @@ class Hands:
                 **options,
             )
         except _core.EngineError as error:
-            self.collector.error("E308", f"{quote(play.what)}: {_sentence(error)}", play.place)
+            self.collector.error("E308", f"{quote(play.what)}: {sentence(error)}", play.place)
             return
         self.gestures.append(
             StagedGesture(
@@ -348,7 +355,7 @@ class Hands:
 
     def _options(self, play: Play, manner: Manner) -> _Options:
         limit = manner.force_limit
-        how = {
+        options = {
             "touch": manner.touch,
             "ergons": manner.ergons,
             "grain": manner.grain,
@@ -357,22 +364,16 @@ class Hands:
             "force_limit": None if limit is None else limit / self._reach(play),
             "layer": manner.layer,
         }
-        return cast(_Options, how)  # DEFAULT_MANNER has left nothing unsaid
+        return cast(_Options, options)  # DEFAULT_MANNER has left nothing unsaid
 
     def _source(self, gesture: Gesture, point: Point) -> int:
-        known = gesture.name, point.offset
-        if known not in self._point_sources:
-            self._point_sources[known] = self.sources.add(lambda: gesture.place_of(point))
-        return self._point_sources[known]
+        key = gesture.name, point.offset
+        if key not in self._point_sources:
+            self._point_sources[key] = self.sources.add(lambda: gesture.place_of(point))
+        return self._point_sources[key]
 
     def _key_of(self, play: Play) -> str:
         return self.piece.players[play.player].key
 
     def _reach(self, play: Play) -> float:
         return self.piece.keys[self._key_of(play)].reach
-
-
-def _sentence(error: _core.EngineError) -> str:
-    """The sentence of a refusal, without the name that stands before it."""
-    text, module = str(error), getattr(error, "module", None)
-    return text.removeprefix(f"{module}: ") if module else text

@@ -49,14 +49,14 @@ class LiveHand:
 
 def stand_ins(piece: Piece) -> dict[str, None]:
     """Live players whose take moves their key as it was captured: alone on it, with no part."""
-    written = {play.player for play in piece.parts}
+    players_with_part = {play.player for play in piece.parts}
     keys = [player.key for player in piece.players.values()]
     return {
         player.name: None
         for player in piece.players.values()
         if player.hand == "live"
         and player.standin in piece.takes
-        and player.name not in written
+        and player.name not in players_with_part
         and keys.count(player.key) == 1
     }
 
@@ -74,28 +74,32 @@ def join(
     import numpy as np
 
     every = _every(piece, real, collector)
-    for name, known in real.items():
+    for name, positions_known in real.items():
         player = piece.players[name]
         key = piece.keys[player.key]
         if not _is_alone(piece, player, real, collector):
             continue
-        stood_in = np.zeros(2) if rests else standin(piece, player, every, collector)
-        positions = _known(known, stood_in)
+        standin_path = np.zeros(2) if rests else standin(piece, player, every, collector)
+        positions = _with_standin(positions_known, standin_path)
         mat = assembly.mats[key.name, key.struck]
         index = timeline.hand(mat, every, positions=positions * key.reach)
-        yield LiveHand(name, key.name, index, mat, every, key.reach, positions, len(stood_in))
+        yield LiveHand(name, key.name, index, mat, every, key.reach, positions, len(standin_path))
 
 
-def _known(known: NDArray[np.float64] | None, stood_in: NDArray[np.float64]) -> NDArray[np.float64]:
+def _with_standin(
+    recorded: NDArray[np.float64] | None, standin_path: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """What is known of a hand; before it was there its stand-in, which `known` marks by NaN."""
     import numpy as np
 
-    if known is None:
-        return stood_in
-    late = np.flatnonzero(np.isnan(known))
-    if not len(late):
-        return known
-    return np.concatenate([stood_in[np.minimum(late, len(stood_in) - 1)], known[len(late) :]])
+    if recorded is None:
+        return standin_path
+    unknown = np.flatnonzero(np.isnan(recorded))
+    if not len(unknown):
+        return recorded
+    return np.concatenate(
+        [standin_path[np.minimum(unknown, len(standin_path) - 1)], recorded[len(unknown) :]]
+    )
 
 
 def _every(piece: Piece, real: Real, collector: Collector) -> int:
@@ -103,7 +107,7 @@ def _every(piece: Piece, real: Real, collector: Collector) -> int:
     ticks = {piece.players[name].tick or TICK: piece.players[name] for name in real}
     if len(ticks) > 1:
         player = [*ticks.values()][-1]
-        message = f"{quote(player.name)}: all live hands share one tick"
+        message = f"{quote(player.name)}: live hands have different ticks; write one `tick` for all"
         collector.error("E308", message, player.place)
     return max(1, round(piece.rate / next(iter(ticks), TICK)))
 
@@ -114,8 +118,8 @@ def _is_alone(piece: Piece, player: Player, real: Real, collector: Collector) ->
         if other is player or other.key != player.key or not (plays or other.name in real):
             continue
         message = (
-            f"{quote(other.name)} plays {quote(player.key)} too, which is in the real hand of "
-            f"{quote(player.name)}: a key in a hand goes where the hand goes"
+            f"{quote(other.name)} plays key {quote(player.key)} too, which the real hand of "
+            f"{quote(player.name)} moves; give {quote(other.name)} another key"
         )
         collector.error("E308", message, other.place)
         return False
@@ -138,10 +142,11 @@ def standin(piece: Piece, player: Player, every: int, collector: Collector) -> N
     if n_ticks > MAX_TICKS:
         longest = MAX_TICKS * every / piece.rate
         message = (
-            f"{quote(player.name)}: what plays where no hand is lasts {end:,.0f} s; in ticks of "
-            f"{piece.rate / every:g} Hz the most is {longest:,.0f} s"
+            f"{quote(player.name)}: the part that plays in place "
+            f"of a real hand lasts {end:,.0f} s; "
+            f"with ticks of {piece.rate / every:g} Hz the maximum is {longest:,.0f} s"
         )
-        help = "a lower `tick` allows a longer part"
+        help = "write a lower `tick` or a shorter part"
         collector.error("E308", message, player.place, help=help)
         return np.zeros(2)
     return _path(_core.Simulation(network, hands.timeline), every, n_ticks)
@@ -159,14 +164,14 @@ def leading(
     network, hands = _key(_alone(piece, piece.players[name]), piece.players[name], collector)
     hands.timeline.open()
     after, end = (tick * every / piece.rate for tick in (first, ticks.stop))
-    for whole, window in spans:
-        if name not in whole.players:
+    for piece_of_span, window in spans:
+        if name not in piece_of_span.players:
             continue
-        alone = _alone(whole, whole.players[name])
-        until = min(window.until, whole.tempo_map.beats(end) + SAME)
-        own = hands.other(alone, window._replace(until=until, after=after))
+        alone = _alone(piece_of_span, piece_of_span.players[name])
+        until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
+        span_hands = hands.other(alone, window._replace(until=until, after=after))
         for play, starts in zip(alone.parts, alone.starts, strict=True):
-            own.play(play, starts)
+            span_hands.play(play, starts)
     start = first * every
     simulation = _core.Simulation(network, hands.timeline, start=start, on_fault="mute")
     path = _path(simulation, every, ticks.stop - first)[ticks.start - first :]
@@ -203,7 +208,7 @@ def _path(simulation: _core.Simulation, every: int, n_ticks: int) -> NDArray[np.
 
 def _alone(piece: Piece, player: Player) -> Piece:
     """The piece with nothing in it but one player's part, on a key without a lever."""
-    mine = [
+    own_parts = [
         pair
         for pair in zip(piece.parts, piece.starts, strict=True)
         if pair[0].player == player.name
@@ -213,6 +218,6 @@ def _alone(piece: Piece, player: Player) -> Piece:
         piece,
         keys={key.name: key},
         players={player.name: player},
-        parts=tuple(play for play, _ in mine),
-        starts=tuple(starts for _, starts in mine),
+        parts=tuple(play for play, _ in own_parts),
+        starts=tuple(starts for _, starts in own_parts),
     )

@@ -20,22 +20,22 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
     keys: dict[str, list[StagedGesture]] = {}
     for gesture in gestures:
         keys.setdefault(gesture.key, []).append(gesture)
-    told: set[Place] = set()
+    reported: set[Place] = set()
     for on_key in keys.values():
         line = sorted((g for g in on_key if not g.layer), key=lambda gesture: gesture.start)
         for latest, gesture in pairwise(line):
-            if gesture.start < latest.stop - _SEAM and gesture.place not in told:
-                told.add(gesture.place)
+            if gesture.start < latest.stop - _SEAM and gesture.place not in reported:
+                reported.add(gesture.place)
                 _tell_cut(piece, latest, gesture, collector)
         tracked = [gesture for gesture in line if gesture.tracked]
         for layer in (gesture for gesture in on_key if gesture.layer and tracked):
             under = (g for g in tracked if g.start < layer.stop and layer.start < g.stop)
-            held = next(under, None)
-            if held is not None and layer.place not in told:
-                told.add(layer.place)
+            path = next(under, None)
+            if path is not None and layer.place not in reported:
+                reported.add(layer.place)
                 message = (
-                    f"{quote(layer.name)} is a layer over {quote(held.name)}, which is tracked: "
-                    "the key stays on that path, and nothing of the layer is heard"
+                    f"{quote(layer.name)} is a layer over {quote(path.name)}, which is tracked: "
+                    "the key stays on the tracked path, so the layer has no effect"
                 )
                 collector.error("W313", message, layer.place)
 
@@ -44,8 +44,8 @@ def _tell_cut(
     piece: Piece, latest: StagedGesture, gesture: StagedGesture, collector: Collector
 ) -> None:
     tempo = piece.tempo_map
-    what = "itself" if latest.place == gesture.place else quote(latest.name)
+    subject = "itself" if latest.place == gesture.place else quote(latest.name)
     at, until = (tempo.written(tempo.beats(t)) for t in (gesture.start, latest.stop))
-    message = f"{quote(gesture.name)} at {at} cuts {what}, which lasts until {until}"
-    help = "`layer: true` lets both sound"
+    message = f"{quote(gesture.name)} at {at} cuts {subject}, which lasts until {until}"
+    help = "write `layer: true` to play both"
     collector.error("W310", message, gesture.place, help=help)

@@ -76,21 +76,21 @@ class _Planner:
         if self._store is None:
             return _core.Plan(*self._of, **budget, like=self._like)
         key = _core.Plan.key(*self._of, **budget)
-        kept = self._store.get(key)
-        if kept is not None:
-            choices, digest, told = kept
+        stored = self._store.get(key)
+        if stored is not None:
+            choices, digest, told = stored
             with contextlib.suppress(_core.EngineError):  # no plan of this: make it anew
                 made = _core.Plan(*self._of, **budget, pins=choices, told=told)
                 if made.hash == digest:
                     return made
         self.are_kept = False
         made = _core.Plan(*self._of, **budget)
-        said = [_said(row) for row in made.rows()]
-        self._store.put(key, (made.choices(), made.hash, said))
+        rows = [_row_of(row) for row in made.rows()]
+        self._store.put(key, (made.choices(), made.hash, rows))
         return made
 
 
-def _said(row: _core.PlanRow) -> _Row:
+def _row_of(row: _core.PlanRow) -> _Row:
     """What a pilot told of a row."""
     return row.error_db, row.error_s, row.spectral_db, row.left_out_db, row.because
 
@@ -116,34 +116,44 @@ def make(
     notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]
     if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
         return Planned(made, tuple(notes), planner.are_kept)
-    others = {error: planner.plan(Accuracy(error=error)) for error in _LOOSER}
-    fits = [error for error, other in others.items() if cost(other) <= accuracy.cpu]
+    looser_plans = {error: planner.plan(Accuracy(error=error)) for error in _LOOSER}
+    fits = [error for error, other in looser_plans.items() if cost(other) <= accuracy.cpu]
     if is_free and fits:
-        return Planned(others[fits[0]], is_kept=planner.are_kept)
-    cheapest = min((made, *others.values()), key=cost)
-    hint = f"error: {fits[0]:g}dB would fit" if fits else f"the least is {cost(cheapest):.0%}"
-    excess = f"it takes {cost(made):.0%} of a core, more than the {accuracy.cpu:.0%} it may; {hint}"
-    said = (*notes, ("W402", excess))
-    return Planned(cheapest if is_free else made, said, planner.are_kept)
+        return Planned(looser_plans[fits[0]], is_kept=planner.are_kept)
+    cheapest = min((made, *looser_plans.values()), key=cost)
+    hint = (
+        f"error: {fits[0]:g}dB fits"
+        if fits
+        else f"the cheapest plan takes {_percent(cost(cheapest))}"
+    )
+    allowed = _percent(accuracy.cpu)
+    excess = f"the plan takes {_percent(cost(made))} of a core, above the {allowed} allowed; {hint}"
+    notes_with_cost = (*notes, ("W402", excess))
+    return Planned(cheapest if is_free else made, notes_with_cost, planner.are_kept)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g}%" if share < 0.1 else f"{share:.0%}"
 
 
 def _missed(plan: _core.Plan, error: float | None) -> list[str]:
     """Parts whose error stays above what is asked for, or for some time only; once an island."""
     if error is None:
         return []
-    found: dict[tuple[float, float, float | None], list[str]] = {}
+    islands: dict[tuple[float, float, float | None], list[str]] = {}
     for row in plan.rows():
         db, over = row.error_db, row.error_s
         if db is not None and over is not None and (db > error or row.spectral_db is not None):
-            found.setdefault((db, over, row.spectral_db), []).extend(row.parts)
+            islands.setdefault((db, over, row.spectral_db), []).extend(row.parts)
     return [
-        f"{' + '.join(dict.fromkeys(parts))} stays at {db:.0f} dB over the first {over:.2g} s"
+        f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first {over:.2g} s"
         + (
             f", above the {error:g} dB asked for"
             if spectral is None
-            else f"; then no two ways of computing it agree but by spectrum, to {spectral:.1f} dB"
+            else "; after that the waveform depends on the method, and the spectrum agrees to "
+            f"{spectral:.1f} dB"
         )
-        for (db, over, spectral), parts in found.items()
+        for (db, over, spectral), parts in islands.items()
     ]
 
 

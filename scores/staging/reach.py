@@ -17,7 +17,7 @@ from ergon.instruments.model import Module, Target
 from ergon.notation.text.values import Place
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import heard, targets_of
-from ergon.scores.staging.stage import add_network
+from ergon.scores.staging.scene import add_network
 
 
 class Link(NamedTuple):
@@ -47,7 +47,7 @@ class Tie:
         if self.player is not None:
             reached = f"reaches it by {way}" if way else f"is on {self.key}, to which it listens"
             return f"{self.part} cannot be frozen: {self.player}'s hand {reached}"
-        way = f"{way} ties them" if len(self.links) == 1 else f"{way} tie them"
+        way = f"{way} connects them" if len(self.links) == 1 else f"{way} connect them"
         way = way if self.links else "both listen to one module"
         return f"{self.part} cannot be frozen without {self.other}: {way}"
 
@@ -142,20 +142,20 @@ class _Web:
         """The shortest way to a live hand, or else to an instrument that is not frozen."""
         came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start))
         queue = deque(came)
-        found = None
+        path = None
         while queue:
             mat = queue.popleft()
             if mat in hands:
                 return Tie(part, _way(mat, came), *hands[mat])
-            if mat in others and found is None:
-                found = Tie(part, _way(mat, came), other=others[mat])
+            if mat in others and path is None:
+                path = Tie(part, _way(mat, came), other=others[mat])
             if mat in self._held:
                 continue
             for other, link in self._links.get(mat, ()):
                 if other not in came:
                     came[other] = mat, link
                     queue.append(other)
-        return found
+        return path
 
 
 def _way(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:

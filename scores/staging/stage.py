@@ -3,68 +3,45 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Container, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from ergon import _core
+from ergon.common.errors import ErgonError
 from ergon.instruments import native
 from ergon.instruments.assemble import Assembly
-from ergon.notation.clock.positions import Position
-from ergon.notation.clock.shifted import NEVER, Elsewhere
+from ergon.notation.clock.shifted import NEVER
 from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
-from ergon.scores.reading.piece import Manner, Piece, Play, Player, of_scene
+from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
-from ergon.scores.staging.listening import Listening, listen
+from ergon.scores.staging.listening import Listening
 from ergon.scores.staging.live import LiveHand, join, stand_ins
 from ergon.scores.staging.overlap import check_overlaps
 from ergon.scores.staging.planning import Pins, Store, make
+from ergon.scores.staging.scene import OVER, Scene, acting, build_scene
 from ergon.scores.staging.striking import ANY, Striking
 from ergon.scores.staging.takes import Takes
 from ergon.scores.staging.travel import check_travel
 
 if TYPE_CHECKING:
-    from ergon.scores.gesture.transforms import Transform
     from ergon.scores.staging.live import Real
 
-_WHEN_DIVERGED = "a smaller K or law, a weaker strike or a higher rate keeps it finite"
-OVER = -math.inf
+_WHEN_DIVERGED = "reduce K or the law, weaken the strikes, or raise the rate"
 MAX_SECONDS = 24 * 3600.0  # a day: longer is a slip of the pen
 
 
-class StageError(Exception):
-    """The engine will not play the piece; `diagnostics` say what and where."""
+class StageError(ErgonError):
+    """The engine does not play the piece; `diagnostics` say why, each with its place."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Take what was found."""
         super().__init__("\n".join(found.message for found in diagnostics))
         self.diagnostics = list(diagnostics)
-
-
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """What is: the modules of a piece, the LIA of each coupling, and what is heard of them."""
-
-    piece: Piece
-    assembly: Assembly
-    couplings: Sequence[int]
-    listening: Listening
-
-    @property
-    def network(self) -> _core.Network:
-        """The network that the modules make."""
-        return self.assembly.network
-
-    def of(self, piece: Piece) -> Scene | None:
-        """The same modules as another piece's, if they are the same and heard in the same way."""
-        # Most edits leave even the places as they are; the hash takes ten times as long.
-        if of_scene(self.piece) != of_scene(piece) and self.piece.scene() != piece.scene():
-            return None
-        return replace(self, piece=piece)
 
 
 @dataclass(slots=True)
@@ -176,7 +153,7 @@ def prepare(
     collector = Collector()
     real = stand_ins(piece) | dict(real or {})
     try:
-        scene = (like and like.scene.of(piece)) or _scene(piece, silent)
+        scene = (like and like.scene.of(piece)) or build_scene(piece, silent)
         assembly, couplings = scene.assembly, scene.couplings
         timeline = _core.Timeline(assembly.network, piece.rate)
         takes = Takes(piece, collector, like.takes if like else {})
@@ -194,12 +171,6 @@ def prepare(
     if collector.has_errors():
         raise StageError(collector.finish())
     return Ready(scene, timeline, n_frames, hands, collector, live)
-
-
-def _scene(piece: Piece, silent: Container[str]) -> Scene:
-    assembly = Assembly(seed=piece.seed)
-    couplings = add_network(piece, assembly)
-    return Scene(piece, assembly, couplings, listen(piece, assembly, silent))
 
 
 @lasting
@@ -283,53 +254,13 @@ def _stay(piece: Piece, plan: _core.Plan, collector: Collector) -> None:
     """Report parts that have a rate of their own and go at the audio rate all the same (N403)."""
     for name, why in dict.fromkeys(plan.stay()):
         part = piece.keys.get(name) or piece.instruments[name]
-        message = f"rate of {quote(name)}: it goes at the audio rate: {why}"
+        message = f"rate of {quote(name)} is not used: {why}"
         collector.error("N403", message, part.place)
 
 
 def _refused(piece: Piece, collector: Collector, error: _core.EngineError) -> StageError:
     collector.error("E309", str(error.args[0]), _place(piece, error))
     return StageError(collector.finish())
-
-
-def solo(
-    piece: Piece, name: str, key: str, do: tuple[Transform, ...] = (), manner: Manner | None = None
-) -> Stage:
-    """One gesture or take alone on a key, at the beginning of the piece."""
-    where = piece.keys[key].place
-    hand = Player(key, "virtual", key, None, None, None, where)
-    what = piece.gestures.get(name) or piece.takes[name]
-    play = Play(
-        hand.name,
-        name,
-        Position(),
-        every=None,
-        times=1,
-        until=None,
-        do=do,
-        manner=manner or Manner(),
-        place=what.place,
-        at_place=what.place,
-        until_place=None,
-    )
-    alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())
-    return stage(alone)
-
-
-def add_network(piece: Piece, assembly: Assembly) -> list[int]:
-    """Keys, instruments and couplings; returns the LIA of each coupling."""
-    # Links reach the <M> points of other parts: all of those first.
-    for name, key in piece.keys.items():
-        assembly.part(name, key.modules, reach=key.reach, every=key.every)
-    for name, made in piece.instruments.items():
-        assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every)
-    for name, key in piece.keys.items():
-        assembly.joins(name, key.modules, reach=key.reach)
-    for name, made in piece.instruments.items():
-        assembly.joins(name, made.modules, ca_rate=made.ca_rate)
-    if piece.duet:
-        assembly.network.part("duet")
-    return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
 
 
 def _length(piece: Piece, live: Sequence[LiveHand]) -> float:
@@ -347,26 +278,26 @@ def _play(
 ) -> float:
     """Put everything virtual that happens on the timeline; returns when the last of it ends [s]."""
     timeline = hands.timeline
-    held = {piece.players[name].key for name in real}
+    live_keys = {piece.players[name].key for name in real}
     for name, key in piece.keys.items():
-        if name not in held:
+        if name not in live_keys:
             hands.key(name, assembly.mats[name, key.struck])
     _drives(piece, assembly, hands)
     for played, window in spans:
-        own = hands if window is ALL else hands.other(played, window)
+        span_hands = hands if window is ALL else hands.other(played, window)
         for play, starts in zip(played.parts, played.starts, strict=True):
-            if played.players[play.player].key not in held:
-                own.play(play, starts)
-    written = {*real, *(play.player for play in piece.parts)}
+            if played.players[play.player].key not in live_keys:
+                span_hands.play(play, starts)
+    players_with_part = {*real, *(play.player for play in piece.parts)}
     for player in piece.players.values():
-        if player.hand == "live" and player.standin and player.name not in written:
+        if player.hand == "live" and player.standin and player.name not in players_with_part:
             hands.standin(player)
     ends = [gesture.stop for gesture in hands.gestures]
     for played, window in spans:
         within = _within(played, window)
         for strikes in played.strikes:
-            known = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
-            mats = [mat for target in known for mat in assembly.members(target)]
+            targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)
+            mats = [mat for target in targets for mat in assembly.members(target)]
             source = hands.sources.add(partial(_itself, strikes.place))
             striking = Striking(played, timeline, strikes, mats, source, within)
             ends.append(striking.play(hands.collector))
@@ -375,16 +306,6 @@ def _play(
             at, until = NEVER, None
         timeline.couple(link, at, until)
     return max(ends, default=0.0)
-
-
-def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
-    """From when to when [s] each coupling acts; until `OVER` what does so no longer."""
-    tempo = piece.tempo_map
-    for coupling in piece.duet:
-        until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
-        at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        is_over = until is not None and until <= at and isinstance(tempo, Elsewhere)
-        yield at, OVER if is_over else until
 
 
 def _within(piece: Piece, window: Window) -> tuple[float, float]:
@@ -427,12 +348,12 @@ def _frames(piece: Piece, end: float, collector: Collector) -> int:
     """⌈(end + tail)·rate⌉ frames; a whole number of frames is not rounded up by its last bit."""
     seconds = end + piece.render.tail
     if seconds > MAX_SECONDS:
-        message = f"the piece would last {seconds / 3600:.0f} hours; the most is a day"
+        message = f"the piece lasts {seconds / 3600:.0f} hours; the maximum is 24 hours"
         collector.error("E308", message, piece.place)
         return 0
     frames = seconds * piece.rate
-    whole = int(frames + 0.5)
-    return whole if abs(frames - whole) < 1e-6 else int(frames) + 1
+    nearest = int(frames + 0.5)
+    return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
 
 
 def _place(piece: Piece, error: _core.EngineError) -> Place:
@@ -455,13 +376,10 @@ def _itself(place: Place) -> Place:
 __all__ = [
     "Going",
     "Ready",
-    "Scene",
     "Span",
     "Stage",
     "StageError",
     "StagedGesture",
-    "acting",
     "prepare",
-    "solo",
     "stage",
 ]

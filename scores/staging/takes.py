@@ -37,10 +37,10 @@ class Takes:
 
     def _load(self, take: TakeFile) -> _core.Take | None:
         made_of = _made_of(take)
-        if (known := self.files.get(made_of) or self.before.get(made_of)) is None:
+        if (take_read := self.files.get(made_of) or self.before.get(made_of)) is None:
             return self._new(take, made_of)
-        self.files[made_of] = known
-        return known
+        self.files[made_of] = take_read
+        return take_read
 
     def _new(self, take: TakeFile, made_of: Hashable) -> _core.Take | None:
         try:

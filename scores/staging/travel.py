@@ -56,10 +56,10 @@ def check_travel(
             continue
         points = zip(gesture.t, gesture.x, strict=True)
         relative = tuple((round(t - gesture.start, 9), x) for t, x in points)
-        known = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
-        if known in seen:
+        case = gesture.key, gesture.name, relative, gesture.throws, gesture.curves
+        if case in seen:
             continue
-        seen.add(known)
+        seen.add(case)
         rehearsed[gesture.place] += 1
         if gesture.place not in singular and (message := _singular(key, gesture)):
             singular.add(gesture.place)
@@ -97,9 +97,10 @@ def _sentence(
         f"travel of key {quote(key.name)} ({travel})"
     )
     help = (
-        "`smooth` instead of `throw` holds the key on a path"
+        "write `smooth` instead of `throw` to keep the key on a path"
         if span
-        else "a `hold` at the turning point, or more time, keeps a smooth path from overshooting"
+        else "write a `hold` at the turning point, or more time, "
+        "against the overshoot of the smooth path"
     )
     return message, help
 
@@ -173,8 +174,9 @@ def _singular(key: Key, gesture: StagedGesture) -> str | None:
         if abs(math.sin(omega * dt)) < _SINGULAR and omega * dt > math.pi / 2:
             half = math.pi / omega
             return (
-                f"{quote(gesture.name)}: a throw of {dt:.3f} s on key {quote(key.name)} is near a "
-                f"multiple of half its period ({half:.3f} s), where it takes a very strong strike"
+                f"{quote(gesture.name)}: a throw of {dt:.3f} s on key {quote(key.name)} lasts "
+                f"nearly a multiple of half its period ({half:.3f} s), and needs a very strong "
+                "strike; write a shorter or longer throw"
             )
     return None
 

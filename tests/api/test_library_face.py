@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -208,6 +209,26 @@ def test_the_tree_of_errors_is_as_the_page_says():
     assert set(named) == exceptions
     assert all(issubclass(getattr(ergon, name), ergon.ErgonError) for name in named)
     assert issubclass(ergon.DivergedError, ergon.ScoreError)
+
+
+def test_every_public_error_of_the_package_belongs_to_the_tree():
+    stray = set()
+    for path in sorted((Path(ergon.__file__).parent).glob("*/**/*.py")):
+        name = ".".join(path.relative_to(Path(ergon.__file__).parent).with_suffix("").parts)
+        if name.endswith("__main__"):
+            continue
+        module = importlib.import_module(f"ergon.{name.removesuffix('.__init__')}")
+        stray |= {
+            value.__qualname__
+            for value in vars(module).values()
+            if isinstance(value, type)
+            and issubclass(value, Exception)
+            and value.__module__.startswith("ergon.")
+            and value.__module__ != "ergon._core"
+            and not value.__name__.startswith("_")
+            and not issubclass(value, ergon.ErgonError)
+        }
+    assert stray == set()
 
 
 def test_what_the_page_shows(capsys: pytest.CaptureFixture[str]):

@@ -73,3 +73,25 @@ def test_a_hardening_plate_beside_a_law(capsys: pytest.CaptureFixture[str]):
     Path("s.yaml").write_text(text)
     for arguments in COMMANDS.values():
         assert app.run(arguments) == 0, capsys.readouterr().err
+
+
+def test_what_only_a_plan_can_play(capsys: pytest.CaptureFixture[str]):
+    """A spring too stiff for one step a frame: four commands refused what `check` accepted."""
+    Path("s.yaml").write_text(
+        "ergon: 1\n"
+        "keys: {k: {M: 400g, K: 60N/m, Z: 1.2Ns/m}}\n"
+        "instruments:\n  i:\n    modules:\n"
+        "      m: {CEL: {M: 1g, f: 200Hz, t60: 1s}}\n"
+        "      n: {CEL: {M: 1g, f: 300Hz, t60: 1s}}\n"
+        "      r: {REF: {between: [m, n], K: 1e8N/m, Z: 1Ns/m}}\n"
+        "      b: {BUT: {between: [k, m], K: 900N/m, gap: 0mm}}\n"
+        "    out: {SOX: m}\n"
+        "gestures: {go: 0mm@0 smooth 6mm@60ms 0mm@160ms}\n"
+        "players: {ada: {key: k}}\n"
+        "parts: {ada: [{at: 1|1, play: go}]}\n"
+        "render: {tail: 100ms}\n"
+    )
+    for arguments in COMMANDS.values():
+        assert app.run(arguments) == 0, capsys.readouterr().err
+    assert "the scheme is unstable at 44100 Hz" in capsys.readouterr().err
+    assert Path("ergons.csv").read_text().count("\n") > 100

@@ -96,13 +96,13 @@ def test_a_hand_is_played_by_its_name(tmp_path: Path) -> None:
         assert take.t == pytest.approx(np.array([0, 1, 3, 4]) * 44 / 44100, abs=1e-15)
         assert take.damage is None
     assert read(path, "ada").x.tolist() == [2e-3] * 4
-    with pytest.raises(TakeError, match="say which channel: one of rémi, ada"):
+    with pytest.raises(TakeError, match="write `channel` as one of rémi, ada"):
         read(path)
     with pytest.raises(TakeError, match="no channel 'remi'") as caught:
         read(path, "remi")
     assert caught.value.suggestion == "rémi"
     assert caught.value.field == "channel"
-    with pytest.raises(TakeError, match="leave out the rate"):
+    with pytest.raises(TakeError, match="remove `rate`"):
         read(path, "ada", rate=1000.0)
     alone = saved(tmp_path, header(), *(rows(row(t, Axis(0.0))) for t in (1, 2)), end())
     assert read(alone).x.tolist() == [0.0, 0.0]
@@ -146,7 +146,7 @@ def test_what_is_no_take_is_refused(tmp_path: Path, data: bytes, words: str) -> 
 
 def test_a_file_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "folder.take").mkdir()
-    with pytest.raises(TakeError, match="no such file"):
+    with pytest.raises(TakeError, match="the file does not exist"):
         read(tmp_path / "folder.take")
     with pytest.raises(_core.EngineError, match="not a recording"):
         _core.read_recording("/dev/zero")
@@ -223,7 +223,7 @@ def test_a_hand_is_played_back_to_the_sample(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("every", "words"),
     [
-        ([], "nothing was recorded"),
+        ([], "the recording is empty"),
         ([1, 2**40], "too long"),
         ([2**40], "begins too late"),
     ],

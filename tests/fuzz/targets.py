@@ -16,7 +16,7 @@ from benches.mutated import bases, mutated
 from corrupted import corrupted
 from one_bell import SCORE as BELL
 from random_scores import LAWS, Score
-from tests.fuzz import sessions
+from tests.fuzz import commands, sessions
 from tests.fuzz.harness import Target
 from tests.fuzz.texts import damaged, soup, tree
 from tests.scores.test_corrupted_takes import FORMATS, MEANT, internal
@@ -485,6 +485,7 @@ def _read_typed(line: str, _: Path) -> None:
 TARGETS = (
     Target("scores", _score, lambda text, folder: _texts("s.yaml", text), (), 60, limit=30.0),
     Target("score bytes", _score_bytes, _read_score_bytes, (), 100, limit=30.0),
+    Target("commands", commands.case, commands.read, (), 5, 20_000, limit=60.0),
     Target("format", _score, _read_formatted, (TextError,), 30),
     Target("notation", _notation, _read_notation, (TextError,), 2000),
     Target("plays", _plays, lambda text, _: words.parse(text) and None, (TextError,), 2000),

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from one_bell import SCORE
 
+from ergon.common.errors import ErgonError
 from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import prepare
+from ergon.scores.staging.stage import StageError, prepare
 
 
 @pytest.mark.parametrize(
@@ -42,3 +43,33 @@ def test_a_part_of_a_real_hand_may_end_before_the_beginning():
     assert piece is not None
     (hand,) = prepare(piece, {"ada": None}).live
     assert hand.ticks == 2
+
+
+@pytest.mark.parametrize("text", ["0mm@0 3mm@900ms 0mm@1", "0mm@0 throw 1mm@0.0000001"])
+def test_the_library_and_check_refuse_a_gesture_alike(text: str):
+    """`check` marked the word after `play:`, and the library the point."""
+    with pytest.raises(ErgonError) as refused:
+        sampled(notation.parse(text).points, 0.5, 44100.0)
+    assert isinstance(refused.value, TextError)
+    score = SCORE.replace("gestures:", f"gestures:\n  fault: {text}", 1)
+    loaded = load("s.yaml", text=score.replace("play: knock", "play: fault"))
+    assert loaded.piece is not None, loaded.diagnostics
+    with pytest.raises(StageError) as staged:
+        prepare(loaded.piece)
+    (found, *_) = staged.value.diagnostics
+    line = score.splitlines()[found.place.line - 1]
+    first = line.index(text) + refused.value.offset
+    assert found.place.column == first + 1
+    assert found.place.length == refused.value.length
+    words = refused.value.message.split(":")[0]
+    assert found.code == refused.value.code
+    assert words in found.message
+
+
+def test_a_tick_is_no_slower_than_a_second():
+    """`1e-9kHz` made a tick of 4e10 frames, and the path of the stand-in asked for 300 GB."""
+    live = SCORE.replace("hand: virtual", "hand: live, standin: lean, tick: 1e-9kHz")
+    loaded = load("s.yaml", text=live)
+    (error,) = (one for one in loaded.diagnostics if one.severity == "error")
+    assert error.code == "E202"
+    assert "below the minimum of 1Hz" in error.message

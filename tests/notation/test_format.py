@@ -95,7 +95,7 @@ def test_unusual_yaml_keeps_its_meaning(text):
 
 @pytest.mark.parametrize("text", ["[" * 200_000, "{a: " * 50_000, "- " * 100_000])
 def test_depth_is_bounded(text):
-    with pytest.raises(TextError, match="nested more than"):
+    with pytest.raises(TextError, match="the nesting is deeper than"):
         formatted(text)
 
 

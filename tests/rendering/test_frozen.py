@@ -220,7 +220,7 @@ def test_one_of_two_that_are_tied_is_refused():
     )
     (tie,) = ties(tied, ["gong"], ["remi"])
     assert re.fullmatch(
-        r"gong cannot be frozen without sky: gong\.x \(s\.yaml:\d+:\d+\) ties them", str(tie)
+        r"gong cannot be frozen without sky: gong\.x \(s\.yaml:\d+:\d+\) connects them", str(tie)
     )
     assert ties(tied, ["sky", "gong"], ["remi"]) == []
 

@@ -63,7 +63,8 @@ def test_completion_offers_nothing_that_would_be_refused():
 
 
 UNFINISHED = re.compile(
-    "missing|wants|needs|leads into no point|plays or does|K or Z|ramp|is not a tempo|write it as"
+    "missing|wants|needs|has no point after it|plays or does|K or "
+    "Z|ramp|is not a tempo|another number of values"
 )
 
 

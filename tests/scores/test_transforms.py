@@ -147,7 +147,7 @@ def test_quantise_lands_on_multiples_and_stays_playable(rows, q):
 def test_points_that_meet_are_merged_and_said():
     points, notes = shaped("0@0 throw 6@0.9 hold 6@1.1 smooth 0@2", "quantise 1")
     assert points == [(0, 0, 0, "smooth"), (1, 0, 6, "throw"), (2, 0, 0, "smooth")]
-    assert notes == ("quantise 1: 1 point falls together with the next",)
+    assert notes == ("quantise 1: 1 point falls on the time of the next point",)
 
 
 def test_quantise_counts_seconds_as_beats():
@@ -178,7 +178,9 @@ def test_from_leaves_out_the_points_before_it(do, left):
 def test_from_beyond_the_end_leaves_the_end():
     points, notes = shaped("0@0 6@1/8 2@1", "from 3")
     assert points == [(0, 0, 2, "smooth")]
-    assert notes == ("from: nothing is left but its end",)
+    assert notes == (
+        "from: the start lies after the last point, so only the last position remains",
+    )
 
 
 @pytest.mark.parametrize(
@@ -213,8 +215,8 @@ def test_a_take_has_no_points_to_move(do):
     [
         ("scale 0.5, miror", "miror", "unknown transformation", "mirror"),
         ("quantize 1/8", "quantize", "unknown transformation", "quantise"),
-        ("scale", "scale", "write it as: scale 0.5", None),
-        ("mirror 2", "2", "write it as: mirror", None),
+        ("scale", "scale", "write for instance scale 0.5", None),
+        ("mirror 2", "2", "write for instance mirror", None),
         ("stretch 0", "0", "above 0", None),
         ("stretch -2", "-2", "above 0", None),
         ("scale x", "x", "not a number", None),

@@ -50,16 +50,16 @@ def test_transformations_are_words_too():
         ("lean 8", "8", "unknown word", None),
         ("lean every", "every", "needs a value: every 1", None),
         ("lean every times 2", "every", "needs a value", None),
-        ("lean every 1 every 2", "every", "said twice", None),
+        ("lean every 1 every 2", "every", "written twice", None),
         ("lean do", "do", "needs a transformation", None),
         ("lean do scale 0.5,", ",", "needs a transformation", None),
         ("lean do scale 0.5 evry 8", "evry", "unknown word", "every"),
         ("lean do miror", "miror", "unknown transformation", "mirror"),
-        ("lean do scale", "scale", "write it as", None),
+        ("lean do scale", "scale", "another number of values", None),
         ("lean, every 1", ",", "unknown word", None),
-        ("lean layer true", "true", "'layer' stands alone", None),
-        ("every 1", "every", "begins with what", None),
-        ("", "", "begins with what", None),
+        ("lean layer true", "true", "'layer' takes no value", None),
+        ("every 1", "every", "gesture or take is missing", None),
+        ("", "", "gesture or take is missing", None),
     ],
 )
 def test_mistakes_have_a_place(text, marked, words, suggestion):
@@ -168,9 +168,9 @@ def test_occurrences_do_not_drift():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"length": (0, 0), "times": 2}, "lasts no time"),
-        ({"every": "0", "times": 2}, "longer than nothing"),
-        ({"every": "0", "until": 2}, "longer than nothing"),
+        ({"length": (0, 0), "times": 2}, "has no duration"),
+        ({"every": "0", "times": 2}, "above 0"),
+        ({"every": "0", "until": 2}, "above 0"),
         ({"until": 1e9, "every": "1"}, "more than 1,000,000"),
         ({"times": 11, "room": 10}, "more than 1,000,000"),
     ],
@@ -182,6 +182,6 @@ def test_occurrences_are_bounded(options, words):
 
 @pytest.mark.parametrize("text", ["0", "-1", "1.5", "x", "", "99999999", "1000001"])
 def test_times_that_are_none(text):
-    with pytest.raises(TextError, match="number of times"):
+    with pytest.raises(TextError, match="number of repetitions"):
         parse_times(text)
     assert parse_times(" 16 ") == 16

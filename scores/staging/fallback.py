@@ -1,0 +1,91 @@
+"""Stages of pieces that the engine refuses when every module is stepped as written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ergon.notation.clock.positions import Position
+from ergon.scores.reading.piece import Manner, Piece, Play, Player
+from ergon.scores.staging.stage import Stage, StageError, stage
+
+if TYPE_CHECKING:
+    from ergon.scores.gesture.transforms import Transform
+
+# How many times the audio rate ergons are recorded at, at most.
+_FINEST = 64
+
+
+def stage_or_plan(piece: Piece, **options: Any) -> Stage:
+    """Stage every module as written, or by a plan where the engine refuses that.
+
+    So a command that needs no plan accepts what `render` accepts. `options` are those of `stage`.
+    Raises StageError.
+    """
+    try:
+        return stage(piece, **options)
+    except StageError:
+        return stage(piece, planned=True, **options)
+
+
+def stage_recording(piece: Piece, *, seed: int | None = None) -> Stage:
+    """Stage a piece whose simulation records its ergons, which no plan does.
+
+    Where the scheme is unstable at the audio rate, the rate of the stage is the lowest of 2, 4 …
+    64 times the audio rate that the engine accepts. Raises StageError with the mistakes found at
+    the audio rate.
+    """
+    try:
+        return stage(piece, seed=seed, record=True)
+    except StageError as refused:
+        if any(found.code != "E309" for found in refused.diagnostics if found.severity == "error"):
+            raise
+        factor = 2
+        while factor <= _FINEST:
+            try:
+                return stage(_at_multiple(piece, factor), seed=seed, record=True)
+            except StageError:
+                factor *= 2
+        raise
+
+
+def _at_multiple(piece: Piece, factor: int) -> Piece:
+    """The piece at a multiple of its audio rate; parts with a slow rate keep it."""
+    return replace(
+        piece,
+        rate=piece.rate * factor,
+        keys=_slowed(piece.keys, factor),
+        instruments=_slowed(piece.instruments, factor),
+    )
+
+
+def _slowed(parts: Mapping[str, Any], factor: int) -> dict[str, Any]:
+    return {
+        name: part if part.every == 1 else replace(part, every=part.every * factor)
+        for name, part in parts.items()
+    }
+
+
+def solo(
+    piece: Piece, name: str, key: str, do: tuple[Transform, ...] = (), manner: Manner | None = None
+) -> Stage:
+    """One gesture or take alone on a key, at the beginning of the piece."""
+    where = piece.keys[key].place
+    hand = Player(key, "virtual", key, None, None, None, where)
+    what = piece.gestures.get(name) or piece.takes[name]
+    play = Play(
+        hand.name,
+        name,
+        Position(),
+        every=None,
+        times=1,
+        until=None,
+        do=do,
+        manner=manner or Manner(),
+        place=what.place,
+        at_place=what.place,
+        until_place=None,
+    )
+    alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())
+    return stage_or_plan(alone)

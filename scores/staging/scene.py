@@ -1,0 +1,70 @@
+"""The scene of a piece: the network of its modules, its couplings, and what is heard of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from ergon import _core
+from ergon.instruments.assemble import Assembly
+from ergon.notation.clock.shifted import Elsewhere
+from ergon.scores.reading.piece import Piece, of_scene
+from ergon.scores.staging.listening import Listening, listen
+
+OVER = -math.inf  # the end of a coupling that acts no longer
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What is: the modules of a piece, the LIA of each coupling, and what is heard of them."""
+
+    piece: Piece
+    assembly: Assembly
+    couplings: Sequence[int]
+    listening: Listening
+
+    @property
+    def network(self) -> _core.Network:
+        """The network that the modules make."""
+        return self.assembly.network
+
+    def of(self, piece: Piece) -> Scene | None:
+        """The same modules as another piece's, if they are the same and heard in the same way."""
+        # Most edits leave even the places as they are; the hash takes ten times as long.
+        if of_scene(self.piece) != of_scene(piece) and self.piece.scene() != piece.scene():
+            return None
+        return replace(self, piece=piece)
+
+
+def build_scene(piece: Piece, silent: Container[str]) -> Scene:
+    """The scene of a piece; the `silent` instruments are not listened to."""
+    assembly = Assembly(seed=piece.seed)
+    couplings = add_network(piece, assembly)
+    return Scene(piece, assembly, couplings, listen(piece, assembly, silent))
+
+
+def add_network(piece: Piece, assembly: Assembly) -> list[int]:
+    """Keys, instruments and couplings; returns the LIA of each coupling."""
+    # Links reach the <M> points of other parts: all of those first.
+    for name, key in piece.keys.items():
+        assembly.part(name, key.modules, reach=key.reach, every=key.every)
+    for name, made in piece.instruments.items():
+        assembly.part(name, made.modules, ca_rate=made.ca_rate, every=made.every)
+    for name, key in piece.keys.items():
+        assembly.joins(name, key.modules, reach=key.reach)
+    for name, made in piece.instruments.items():
+        assembly.joins(name, made.modules, ca_rate=made.ca_rate)
+    if piece.duet:
+        assembly.network.part("duet")
+    return [assembly.link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
+
+
+def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
+    """From when to when [s] each coupling acts; until `OVER` what does so no longer."""
+    tempo = piece.tempo_map
+    for coupling in piece.duet:
+        until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
+        at = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
+        is_over = until is not None and until <= at and isinstance(tempo, Elsewhere)
+        yield at, OVER if is_over else until
