@@ -13,7 +13,7 @@ from .options import AccuracyOptions
 
 if TYPE_CHECKING:
     from ergon._core import PlanRow
-    from ergon.exchange.plan_file import Choices
+    from ergon.exchange.plan_file import Budget, Choices
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,8 @@ class Plan:
 
     `hash` is of the decisions (64 hex digits); `is_kept`: whether it was found in the cache of
     plans; `seconds`: how long it took to read, plan and stage the score. `inputs` are the files
-    that it was made from.
+    that it was made from; `budget` is what it was made for: `method`, `error` [dB], `cents` and
+    `upto` [Hz], as far as they were given.
     """
 
     rows: tuple[PlanRow, ...]
@@ -31,6 +32,7 @@ class Plan:
     seconds: float
     choices: Choices
     inputs: tuple[Path, ...]
+    budget: Budget
 
     @property
     def cost(self) -> float:
@@ -44,7 +46,7 @@ class Plan:
         """
         from ergon.exchange.plan_file import write
 
-        write(str(path), self.choices, self.hash, force=force, inputs=self.inputs)
+        write(str(path), self.choices, self.hash, self.budget, force=force, inputs=self.inputs)
 
 
 def plan(
@@ -54,8 +56,11 @@ def plan(
     options = options or AccuracyOptions()
     loaded = scores.read(score, options, report)
     staged = scores.stage_piece(loaded, options, report)
-    made = staged.stage.plan
+    made, wished = staged.stage.plan, staged.stage.planned_for
     assert made is not None
+    assert wished is not None
+    names = ("method", "error", "cents", "upto")
+    budget = {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
     return Plan(
         tuple(made.rows()),
         made.hash,
@@ -63,4 +68,5 @@ def plan(
         staged.plan_s,
         made.choices(),
         (*loaded.inputs, *options.files),
+        budget,
     )

@@ -99,8 +99,9 @@ def stage_piece(
     played = piece if rate is None else replace(piece, rate=rate)
     pins = None
     if options is not None:
-        played = replace(played, accuracy=options.accuracy(played.accuracy))
-        pins, seed = options.pins(), options.seed
+        followed, seed = options.followed(), options.seed
+        played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
+        pins = followed.choices if followed is not None else None
     with staging(lambda: loaded, report):
         staged = stage(
             played,

@@ -30,9 +30,13 @@ class Store(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan, what is to be said of it (code and sentence), and whether all of it was kept."""
+    """A plan, the accuracy that it was made for, and what is to be said of it (code and sentence).
+
+    `is_kept`: all of it was kept from before.
+    """
 
     plan: _core.Plan
+    accuracy: Accuracy
     notes: tuple[tuple[str, str], ...] = ()
     is_kept: bool = False
 
@@ -109,22 +113,25 @@ def make(
     it is to be `like` is computed as there.
     """
     if pins is not None:
-        return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins))
+        return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
     planner = _Planner(network, timeline, store, like)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy)
     notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]
     if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
-        return Planned(made, tuple(notes), planner.are_kept)
-    others = {error: planner.plan(Accuracy(error=error)) for error in _LOOSER}
+        return Planned(made, accuracy, tuple(notes), planner.are_kept)
+    looser = {error: Accuracy(error=error) for error in _LOOSER}
+    others = {error: planner.plan(wished) for error, wished in looser.items()}
     fits = [error for error, other in others.items() if cost(other) <= accuracy.cpu]
     if is_free and fits:
-        return Planned(others[fits[0]], is_kept=planner.are_kept)
-    cheapest = min((made, *others.values()), key=cost)
+        return Planned(others[fits[0]], looser[fits[0]], is_kept=planner.are_kept)
+    all_made = ((made, accuracy), *zip(others.values(), looser.values(), strict=True))
+    cheapest, its_accuracy = min(all_made, key=lambda one: cost(one[0]))
     hint = f"error: {fits[0]:g}dB would fit" if fits else f"the least is {cost(cheapest):.0%}"
     excess = f"it takes {cost(made):.0%} of a core, more than the {accuracy.cpu:.0%} it may; {hint}"
     said = (*notes, ("W402", excess))
-    return Planned(cheapest if is_free else made, said, planner.are_kept)
+    chosen = (cheapest, its_accuracy) if is_free else (made, accuracy)
+    return Planned(*chosen, said, planner.are_kept)
 
 
 def _missed(plan: _core.Plan, error: float | None) -> list[str]:
