@@ -12,8 +12,8 @@ from accuracy.audit import Audit, look
 from accuracy.random_scenes import FAMILIES, text
 
 NAMED = Path(__file__).parents[2] / "data" / "accuracy"
-SEEDS = 12  # of each family
-WORKERS = 2
+SEEDS = 8  # of each family
+WORKERS = 4
 _HEAD = """\
 # Accuracy of plans
 

@@ -267,11 +267,12 @@ def _march(
                     new[i] = y[i] + h * total
                 _slopes(t + C[stage] * h, new, k[stage], at, inverse, ground, push, ends, kinds,
                         numbers, leads, pieces)  # fmt: skip
-            top_x, top_v = largest[:n].max(), largest[n:].max()
+            top_x = max(largest[:n].max(), np.abs(new[:n]).max())
+            top_v = max(largest[n:].max(), np.abs(new[n:]).max())
             five, three = 0.0, 0.0
             for i in range(size):
                 own = max(largest[i], abs(new[i]))
-                top = max(top_x if i < n else top_v, own)
+                top = top_x if i < n else top_v
                 scale = tolerance * (own + _SMALL * top) + 1e-30
                 e5, e3 = 0.0, 0.0
                 for j in range(_STAGES + 1):
@@ -279,15 +280,14 @@ def _march(
                     e3 += E3[j] * k[j, i]
                 five += (e5 / scale) ** 2
                 three += (e3 / scale) ** 2
-            error = 0.0
-            if five > 0.0 or three > 0.0:
-                error = h * five / np.sqrt((five + 0.01 * three) * size)
+            # Not a number after a step that left all bounds: it is taken again, shorter.
+            error = h * five / np.sqrt((five + 0.01 * three) * size + 1e-300)
             if error < 1.0 or h <= shortest:
                 t = end if whole else t + h
                 for i in range(size):
                     y[i] = new[i]
                     largest[i] = max(largest[i], abs(new[i]))
-            factor = 0.1  # a step that left all bounds
+            factor = 0.1
             if error == 0.0:
                 factor = 10.0
             elif np.isfinite(error):
