@@ -15,13 +15,7 @@ from scipy.integrate import solve_ivp
 
 HONEST_DB = 1.5
 # Scenes of which a plan is known to say too little; what mends one takes it off this list.
-KNOWN = {
-    "hammer-15",
-    "hammer-9",
-    "multi-0",
-    "multi-16",
-    "string-7",
-}
+KNOWN = {"hammer-15", "hammer-9", "multi-0", "multi-16"}
 SURE_DB = -90.0
 
 
