@@ -5,6 +5,7 @@
 #   make bench      speeds, as ratios to references measured in the same run (docs/benchmarks.md)
 #   make docs       pages that are made from the program: what errors mean, the fields, the verbs, faults, licences
 #   make charts     pictures of error against cost, and of stability (docs/charts)
+#   make accuracy   what plans say of their errors beside what these are (docs/accuracy.md); minutes
 #   make wheel      a wheel for others: any Linux with glibc 2.28 or newer (manylinux_2_28), into out/
 #   make audit      known faults, licences and sources of what is built in (needs the network)
 #   make test-long  the minutes-long tests, and random cases drawn anew
@@ -15,7 +16,7 @@ BIN := $(VENV)/bin
 SUDO := $(shell test "$$(id -u)" = 0 || echo sudo)
 RUST := $(shell find core-rs -name '*.rs' -not -path '*/target/*') Cargo.toml Cargo.lock $(wildcard core-rs/*/Cargo.toml)
 
-.PHONY: demo test check audit bench docs charts wheel test-long clean
+.PHONY: demo test check audit bench docs charts accuracy wheel test-long clean
 
 demo: $(VENV)/built
 	@mkdir -p out
@@ -29,6 +30,7 @@ test-long: $(VENV)/dev
 	PROPTEST_CASES=4096 cargo test --locked --release
 	cargo test --locked --release -p ergon-live --lib -- --ignored
 	$(BIN)/python -m pytest -q
+	$(MAKE) accuracy
 
 check: $(VENV)/dev
 	cargo fmt --all --check
@@ -60,6 +62,9 @@ docs: $(VENV)/dev
 
 charts: $(VENV)/dev
 	$(BIN)/python -m ergon.lab.bundled docs/charts
+
+accuracy: $(VENV)/dev
+	PYTHONPATH=tests/support $(BIN)/python -m accuracy docs/accuracy.md
 
 # Linked against an old glibc by zig: what is linked here asks for the glibc of this machine.
 wheel: $(VENV)/dev

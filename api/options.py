@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from .errors import OptionError
 
 if TYPE_CHECKING:
+    from ergon.exchange.plan_file import PlanFile
     from ergon.scores.reading.piece import Accuracy
-    from ergon.scores.staging.planning import Pins
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,10 +42,13 @@ class AccuracyOptions(ReadOptions):
     plan: Path | str | None = None
     seed: int | None = None
 
-    def accuracy(self, of_score: Accuracy) -> Accuracy:
-        """The accuracy that a piece is computed with. Raises OptionError."""
+    def accuracy(self, of_score: Accuracy, followed: PlanFile | None = None) -> Accuracy:
+        """The accuracy that a piece is computed with. Raises OptionError.
+
+        What is asked for here comes first, then what a plan that is `followed` was made for.
+        """
         from ergon.notation.text.spelling import nearest
-        from ergon.scores.reading.piece import METHODS
+        from ergon.scores.reading.piece import METHODS, Accuracy
         from ergon.scores.staging.planning import wished
 
         given = {"method": self.method, "error": self.error, "cents": self.cents}
@@ -56,6 +59,11 @@ class AccuracyOptions(ReadOptions):
             close = nearest(self.method, METHODS)
             asked = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
             raise OptionError("method", f"there is no '{self.method}'{asked}")
+        if not names and followed is not None and followed.budget is not None:
+            method = followed.budget.get("method")
+            if method is not None and method not in METHODS:
+                raise OptionError("plan", f"there is no method '{method}'", value=str(self.plan))
+            return Accuracy(**followed.budget, cpu=of_score.cpu)  # type: ignore[arg-type]
         return wished(of_score, method=self.method, error=self._error_db(), cents=self.cents)
 
     def _error_db(self) -> float | None:
@@ -75,8 +83,8 @@ class AccuracyOptions(ReadOptions):
         """Files that are read in addition to the score's."""
         return () if self.plan is None else (Path(self.plan),)
 
-    def pins(self) -> Pins | None:
-        """The decisions of the earlier plan, if one is to be followed. Raises OptionError."""
+    def followed(self) -> PlanFile | None:
+        """The earlier plan, if one is to be followed. Raises OptionError."""
         from ergon.exchange.plan_file import NotPlanError, read
 
         if self.plan is None:

@@ -13,7 +13,7 @@ from .options import AccuracyOptions
 
 if TYPE_CHECKING:
     from ergon._core import PlanRow
-    from ergon.exchange.plan_file import Choices
+    from ergon.exchange.plan_file import Budget, Choices
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,8 @@ class Plan:
     `rows` has a row for each part; `choices` are the decisions behind the rows, and `hash` their
     sha256 (64 hex digits). `is_kept` says whether the plan was found in the cache of plans,
     `seconds` how long reading, planning and staging took. `inputs` are the files that the plan was
-    made from.
+    made from. `budget` is the accuracy that the plan was made for: `method`, `error` [dB], `cents`
+    and `upto` [Hz], as far as they were given.
     """
 
     rows: tuple[PlanRow, ...]
@@ -32,6 +33,7 @@ class Plan:
     seconds: float
     choices: Choices
     inputs: tuple[Path, ...]
+    budget: Budget
 
     @property
     def cost(self) -> float:
@@ -45,7 +47,7 @@ class Plan:
         """
         from ergon.exchange.plan_file import write
 
-        write(str(path), self.choices, self.hash, force=force, inputs=self.inputs)
+        write(str(path), self.choices, self.hash, self.budget, force=force, inputs=self.inputs)
 
 
 def plan(
@@ -55,8 +57,11 @@ def plan(
     options = options or AccuracyOptions()
     loaded = scores.read(score, options, report)
     staged = scores.stage_piece(loaded, options, report)
-    made = staged.stage.plan
+    made, wished = staged.stage.plan, staged.stage.planned_for
     assert made is not None
+    assert wished is not None
+    names = ("method", "error", "cents", "upto")
+    budget = {name: getattr(wished, name) for name in names if getattr(wished, name) is not None}
     return Plan(
         tuple(made.rows()),
         made.hash,
@@ -64,4 +69,5 @@ def plan(
         staged.plan_s,
         made.choices(),
         (*loaded.inputs, *options.files),
+        budget,
     )

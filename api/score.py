@@ -99,8 +99,10 @@ def stage_piece(
     played = piece if rate is None else replace(piece, rate=rate)
     build = stage_or_plan
     if options is not None:
-        played = replace(played, accuracy=options.accuracy(played.accuracy))
-        build = partial(stage, planned=True, pins=options.pins(), seed=options.seed)
+        followed = options.followed()
+        played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
+        pins = followed.choices if followed is not None else None
+        build = partial(stage, planned=True, pins=pins, seed=options.seed)
     with staging(lambda: loaded, report):
         staged = build(
             played,

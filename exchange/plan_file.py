@@ -1,13 +1,19 @@
 """A plan as a file: its decisions, island by island, so that a later run follows them.
 
-{"ergon_plan": 1, "hash": …, "choices": [[modules, times, steps, [[numbers of a body] …]] …]}
+{"ergon_plan": 1, "hash": …, "budget": {"method": "ca"},
+ "choices": [[modules, times, steps, [[numbers of a body] …]] …]}
+
+`budget` is what was asked for: `method`, `error` [dB] or `cents` with `upto` [Hz]; nothing of these
+is by ear. A file without it is followed within what the score asks for.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
+from typing import NamedTuple
 
 from ergon.common.errors import ErgonError
 from ergon.common.regular import read_bounded
@@ -19,6 +25,16 @@ _SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
 _NUMBER_MAX = 2**32 - 1
 
 Choices = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
+
+Budget = Mapping[str, str | float]
+_WISHES = ("method", "error", "cents")  # one of these at most
+
+
+class PlanFile(NamedTuple):
+    """What a file holds: the decisions, and within which budget they were made, if it says so."""
+
+    choices: Choices
+    budget: Budget | None
 
 
 class NotPlanError(ErgonError, ValueError):
@@ -34,15 +50,21 @@ def text(choices: Choices, digest: str, **more: object) -> str:
 
 
 def write(
-    path: str, choices: Choices, digest: str, *, force: bool, inputs: Sequence[Path] = ()
+    path: str,
+    choices: Choices,
+    digest: str,
+    budget: Budget,
+    *,
+    force: bool,
+    inputs: Sequence[Path] = (),
 ) -> None:
     """Write a plan; all of it or nothing."""
     with writing(path, binary=True, force=force, inputs=inputs) as file:
-        file.write(text(choices, digest).encode())
+        file.write(text(choices, digest, budget=dict(budget)).encode())
 
 
-def read(path: Path) -> Choices:
-    """The choices of a plan. Raises NotPlanError with a sentence."""
+def read(path: Path) -> PlanFile:
+    """The plan in a file. Raises NotPlanError with a sentence."""
     try:
         data = read_bounded(path, _SIZE_MAX)
         if len(data) > _SIZE_MAX:
@@ -56,7 +78,25 @@ def read(path: Path) -> Choices:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except (ValueError, RecursionError):
         raise NotPlanError("not a plan; `ergon plan SCORE -o FILE` writes one") from None
-    return decided(content)
+    return PlanFile(decided(content), _budget(content.get("budget")))
+
+
+def _budget(value: object) -> Budget | None:
+    if value is None:
+        return None
+    if isinstance(value, dict) and all(map(_is_wish, value, value.values())):
+        is_one = sum(name in value for name in _WISHES) <= 1
+        if is_one and ("cents" in value or "upto" not in value):
+            return value
+    raise NotPlanError('its budget is no budget, such as {"error": -60}')
+
+
+def _is_wish(name: object, value: object) -> bool:
+    if name == "method":
+        return isinstance(value, str)
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return name in ("error", "cents", "upto") and isfinite(value)
 
 
 def decided(content: object) -> Choices:

@@ -30,9 +30,13 @@ class Store(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A plan, what is to be said of it (code and sentence), and whether all of it was kept."""
+    """A plan, the accuracy that it was made for, and what is to be said of it (code and sentence).
+
+    `is_kept`: all of it was kept from before.
+    """
 
     plan: _core.Plan
+    accuracy: Accuracy
     notes: tuple[tuple[str, str], ...] = ()
     is_kept: bool = False
 
@@ -109,18 +113,20 @@ def make(
     it is to be `like` is computed as there.
     """
     if pins is not None:
-        return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins))
+        return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
     planner = _Planner(network, timeline, store, like)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     made = planner.plan(accuracy)
     notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]
     if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
-        return Planned(made, tuple(notes), planner.are_kept)
-    looser_plans = {error: planner.plan(Accuracy(error=error)) for error in _LOOSER}
+        return Planned(made, accuracy, tuple(notes), planner.are_kept)
+    looser = {error: Accuracy(error=error) for error in _LOOSER}
+    looser_plans = {error: planner.plan(wished) for error, wished in looser.items()}
     fits = [error for error, other in looser_plans.items() if cost(other) <= accuracy.cpu]
     if is_free and fits:
-        return Planned(looser_plans[fits[0]], is_kept=planner.are_kept)
-    cheapest = min((made, *looser_plans.values()), key=cost)
+        return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.are_kept)
+    all_made = ((made, accuracy), *zip(looser_plans.values(), looser.values(), strict=True))
+    cheapest, its_accuracy = min(all_made, key=lambda one: cost(one[0]))
     hint = (
         f"error: {fits[0]:g}dB fits"
         if fits
@@ -129,7 +135,8 @@ def make(
     allowed = _percent(accuracy.cpu)
     excess = f"the plan takes {_percent(cost(made))} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*notes, ("W402", excess))
-    return Planned(cheapest if is_free else made, notes_with_cost, planner.are_kept)
+    chosen = (cheapest, its_accuracy) if is_free else (made, accuracy)
+    return Planned(*chosen, notes_with_cost, planner.are_kept)
 
 
 def _percent(share: float) -> str:

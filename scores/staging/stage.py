@@ -16,7 +16,7 @@ from ergon.notation.clock.shifted import NEVER
 from ergon.notation.text.errors import Collector, Diagnostic, quote
 from ergon.notation.text.lasting import lasting
 from ergon.notation.text.values import Place
-from ergon.scores.reading.piece import Piece
+from ergon.scores.reading.piece import Accuracy, Piece
 from ergon.scores.staging.gliding import Glide
 from ergon.scores.staging.hands import ALL, Hands, Sources, StagedGesture, Window
 from ergon.scores.staging.listening import Listening
@@ -46,7 +46,10 @@ class StageError(ErgonError):
 
 @dataclass(slots=True)
 class Stage:
-    """Everything that plays a piece. `diagnostics` are warnings and notes."""
+    """Everything that plays a piece. `diagnostics` are warnings and notes.
+
+    `planned_for` is the accuracy that the plan was made for.
+    """
 
     piece: Piece
     scene: Scene
@@ -59,6 +62,7 @@ class Stage:
     is_plan_kept: bool = False
     live: tuple[LiveHand, ...] = ()
     takes: Mapping[Hashable, _core.Take] = field(default_factory=dict)
+    planned_for: Accuracy | None = None
 
     @property
     def network(self) -> _core.Network:
@@ -206,12 +210,12 @@ def stage(
     if going.spans is not None:
         ready.timeline.open()
     _glide(piece, ready, going)
-    plan, is_kept = None, False
+    plan, is_kept, planned_for = None, False, None
     try:
         if planned:
             other = like.plan if like is not None else None
             made = make(ready.network, ready.timeline, piece.accuracy, pins, store, other)
-            plan, is_kept = made.plan, made.is_kept
+            plan, is_kept, planned_for = made.plan, made.is_kept, made.accuracy
             for code, sentence in made.notes:
                 ready.collector.error(code, f"accuracy: {sentence}", piece.place)
             _stay(piece, plan, ready.collector)
@@ -239,6 +243,7 @@ def stage(
         is_kept,
         ready.live,
         ready.hands.takes.files,
+        planned_for,
     )
 
 

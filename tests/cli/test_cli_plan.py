@@ -8,6 +8,7 @@ from commands import records
 
 from ergon.cli import app
 from ergon.exchange.wave import hash_samples, read_info
+from ergon.scores.reading.piece import METHODS
 
 Capture = pytest.CaptureFixture[str]
 
@@ -106,10 +107,77 @@ def test_a_render_by_a_plan_is_that_render(capsys: Capture) -> None:
     assert f"plan:    sha256 {told}" in capsys.readouterr().out
 
 
+# Four masses in a row: every method has a plan of its own for them.
+ROW = """\
+ergon: 1
+title: A row
+instruments:
+  s:
+    modules:
+      e: {SOL: {}}
+      a: {MAS: {M: 1g, X0: 1mm}}
+      b: {MAS: {M: 1g}}
+      c: {MAS: {M: 1g}}
+      d: {MAS: {M: 1g}}
+      r1: {REF: {between: [e, a], K: 1e5}}
+      r2: {REF: {between: [a, b], K: 1e5}}
+      r3: {REF: {between: [b, c], K: 1e5}}
+      r4: {REF: {between: [c, d], K: 1e5}}
+    out: {SOX: b}
+render: {tail: 0.05s, bits: float}
+"""
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        *(["--method", method] for method in METHODS),
+        ["--error", "-60dB"],
+        ["--cents", "1"],
+        [],
+    ],
+)
+def test_a_plan_is_followed_within_what_it_was_made_for(asked: list[str], capsys: Capture) -> None:
+    """Whatever was asked for when it was written; the score asks for nothing."""
+    Path("row.yaml").write_text(ROW)
+    assert app.run(["plan", "row.yaml", *asked, "-o", "row.json"]) == 0
+    assert app.run(["render", "row.yaml", *asked, "-o", "a.wav"]) == 0
+    assert app.run(["render", "row.yaml", "--plan", "row.json", "-o", "b.wav"]) == 0
+    assert hash_samples(Path("a.wav")) == hash_samples(Path("b.wav"))
+    assert read_info(Path("a.wav")).plan == read_info(Path("b.wav")).plan
+    capsys.readouterr()
+
+
+def test_a_plan_for_a_share_of_a_core_is_followed(capsys: Capture) -> None:
+    """It was made for the error that the share allows."""
+    Path("row.yaml").write_text(ROW.replace("render:", "accuracy: {cpu: 80%}\nrender:"))
+    assert app.run(["plan", "row.yaml", "-o", "row.json"]) == 0
+    assert json.loads(Path("row.json").read_text())["budget"] == {"error": -80.0}
+    assert app.run(["render", "row.yaml", "-o", "a.wav"]) == 0
+    assert app.run(["render", "row.yaml", "--plan", "row.json", "-o", "b.wav"]) == 0
+    assert hash_samples(Path("a.wav")) == hash_samples(Path("b.wav"))
+    capsys.readouterr()
+
+
+def test_a_plan_without_a_budget_is_followed_as_the_score_asks(capsys: Capture) -> None:
+    """Files of earlier versions name none."""
+    Path("row.yaml").write_text(ROW.replace("render:", "accuracy: {method: ca}\nrender:"))
+    assert app.run(["plan", "row.yaml", "-o", "row.json"]) == 0
+    found = json.loads(Path("row.json").read_text())
+    assert found.pop("budget") == {"method": "ca"}
+    Path("row.json").write_text(json.dumps(found))
+    assert app.run(["render", "row.yaml", "--plan", "row.json", "-o", "b.wav"]) == 0
+    capsys.readouterr()
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
         ("{", "not a plan"),
+        ('{"ergon_plan": 1, "choices": [], "budget": {"method": 3}}', "no budget"),
+        ('{"ergon_plan": 1, "choices": [], "budget": {"error": -9, "cents": 3}}', "no budget"),
+        ('{"ergon_plan": 1, "choices": [], "budget": [NaN]}', "no budget"),
+        ('{"ergon_plan": 1, "choices": [], "budget": {"method": "rk4"}}', "no method 'rk4'"),
         ('{"ergon_plan": 2, "choices": []}', "not a plan of version 1"),
         ('{"ergon_plan": 1, "choices": [[1, 2]]}', "whole numbers"),
         ('{"ergon_plan": 1, "choices": [[1, 1, 1, [[-1]]]]}', "whole numbers"),

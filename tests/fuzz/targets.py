@@ -278,7 +278,7 @@ def _plan_text() -> str:
     plan = stage(_bell(), planned=True).plan
     assert plan is not None
     told = [[-60.0, 0.5, None, None, "why"]]
-    return plan_file.text(plan.choices(), plan.hash, key="k", told=told)
+    return plan_file.text(plan.choices(), plan.hash, key="k", told=told, budget={"error": -60.0})
 
 
 PLAN_WORDS = (
@@ -289,6 +289,7 @@ PLAN_WORDS = (
     ",",
     '"choices":',
     '"ergon_plan": 1',
+    '"budget":',
     "true",
     "null",
     "4294967295",
@@ -311,7 +312,7 @@ def _read_plan(text: str, folder: Path) -> Iterator[str]:
     path.write_bytes(text.encode(errors="replace"))
     store = plan_store.PlanStore(folder)
     store.get("k")
-    choices = plan_file.read(path)
+    choices = plan_file.read(path).choices
     try:
         stage(_bell(), planned=True, pins=choices)
     except StageError as error:

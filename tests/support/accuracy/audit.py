@@ -1,0 +1,192 @@
+"""What a plan says of its error, what its error is, and what the cheapest plain setting costs."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from math import inf, log10
+
+import numpy as np
+
+from accuracy import reference
+from accuracy.equations import read
+from ergon import _core
+from ergon.scores.reading.load import load
+from ergon.scores.reading.piece import Accuracy, Piece
+from ergon.scores.staging import planning
+from ergon.scores.staging.stage import Ready, StageError, prepare
+
+BY_EAR = None
+BUDGETS: tuple[float | None, ...] = (BY_EAR, -40.0, -60.0, -80.0)
+PLAIN = (
+    *(("ca", times) for times in (1, 2, 4, 8)),
+    *(("ca2p", times) for times in (1, 2)),
+    *(("bm4", times) for times in (1, 2)),
+    ("modal", 1),
+)
+FLOOR_DB = -150.0  # errors below are rounding, of the reference too
+HEARING = 20e3  # [Hz]: by ear, modes above it are left out and count as no error
+THIRD = 0.1  # [s] of a pilot's 0.3 s: errors are taken up to one, two and three of them
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan of a scene. Errors in dB; `real` over the pilot's time, `whole` over the render.
+
+    `stated` is FLOOR_DB where a plan says that it is exact; `doubt`: how far two tolerances of the
+    reference are apart over the pilot's time. `refused`: why there is no plan or no render; then
+    nothing else is known.
+    """
+
+    budget: float | None
+    stated: float = inf
+    real: float = inf
+    whole: float = inf
+    doubt: float = inf
+    pilot: float = inf
+    cost: float = inf
+    warned: bool = False
+    chaotic: bool = False
+    refused: str = ""
+    how: str = ""
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether there is a render of a motion that is known and not announced as chaotic."""
+        is_sure = self.doubt < max(self.real - 10.0, -120.0)
+        return is_sure and not self.refused and not self.chaotic
+
+    @property
+    def is_met(self) -> bool:
+        """Whether what was asked for is kept."""
+        return self.is_judged and self.real <= self.asked + 0.1
+
+    @property
+    def is_silent_miss(self) -> bool:
+        """Worse than stated by more than 1.5 dB, above what was asked for, and no warning."""
+        return self.is_judged and self.excess > 1.5 and not self.is_met and not self.warned
+
+    @property
+    def excess(self) -> float:
+        """Real error over the stated one [dB]; errors below -100 dB are alike."""
+        return self.real - max(self.stated, -100.0)
+
+    @property
+    def asked(self) -> float:
+        """The budget [dB]; by ear contacts are to be right to about -60 dB."""
+        return -60.0 if self.budget is None else self.budget
+
+
+@dataclass(frozen=True)
+class Plain:
+    """A method at so many times the rate for all of a scene: its real error and its cost."""
+
+    method: str
+    times: int
+    real: float
+    cost: float
+
+
+@dataclass(frozen=True)
+class Audit:
+    """A scene, its plans, and its plain settings."""
+
+    name: str
+    plans: tuple[Plan, ...]
+    plain: tuple[Plain, ...] = field(default=())
+
+    def overspending(self, plan: Plan) -> float | None:
+        """The plan's cost over that of the cheapest plain setting that keeps the budget too."""
+        if plan.budget is None or not plan.is_met:
+            return None
+        costs = [one.cost for one in self.plain if one.real <= plan.asked]
+        return plan.cost / min(costs) if costs else None
+
+
+def look(
+    name: str, text: str, budgets: Iterable[float | None] = BUDGETS, *, plain: bool = True
+) -> Audit:
+    """Everything that is asked of one scene."""
+    loaded = load("scene.yaml", text=text)
+    piece = loaded.piece
+    assert piece is not None, f"{name}: {[one.message for one in loaded.diagnostics]}"
+    n_frames = prepare(piece).n_frames
+    exact = reference.solve(read(text), n_frames)
+    plans = tuple(_plan(piece, budget, exact) for budget in budgets)
+    settings = _plain(piece, exact.sound, plans) if plain else ()
+    return Audit(name, plans, tuple(settings))
+
+
+def error_db(y: np.ndarray, x: np.ndarray, rate: float, seconds: float = inf) -> float:
+    """The metric of plans: ‖y - x‖/‖x - mean‖ [dB] of the worst output, up to `seconds`.
+
+    The worst of three spans, each THIRD longer than the last.
+    """
+    if not np.isfinite(y).all():
+        return inf
+    n_frames = min(len(x), round(min(seconds, 1e6) * rate))
+    worst = 0.0
+    for thirds in (2, 1, 0):
+        end = n_frames - int(thirds * THIRD * rate)
+        if end < 2:
+            continue
+        ours, theirs = y[:end], x[:end]
+        apart = np.sum((ours - theirs) ** 2, axis=0)
+        whole = np.sum((theirs - theirs.mean(axis=0)) ** 2, axis=0)
+        told = apart > 1e-26 * np.sum(x**2, axis=0)  # else it is rounding: nothing sounds yet
+        worst = max([worst, *(apart[told] / np.maximum(whole[told], 1e-300))])
+    return 10.0 * log10(max(worst, 1e-30))
+
+
+def audible(x: np.ndarray, rate: float) -> np.ndarray:
+    """Frames (n_frames, n_out) without what lies above hearing."""
+    lines = np.fft.rfft(x, axis=0)
+    lines[np.fft.rfftfreq(len(x), 1.0 / rate) > HEARING] = 0.0
+    return np.fft.irfft(lines, len(x), axis=0)
+
+
+def _plan(piece: Piece, budget: float | None, exact: reference.Reference) -> Plan:
+    ready = prepare(piece)
+    try:
+        made = planning.make(ready.network, ready.timeline, Accuracy(error=budget))
+        sound = _play(ready, made.plan, len(exact.sound))
+    except (_core.EngineError, StageError) as error:
+        return Plan(budget, refused=f"{type(error).__name__}: {error}")
+    rows = made.plan.rows()
+    errors = [row.error_db for row in rows if row.error_db is not None]
+    left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
+    stated = [*errors, *left_out]
+    pilot = max((row.error_s for row in rows if row.error_s is not None), default=inf)
+    heard = exact.sound
+    if budget is BY_EAR and not errors:
+        sound, heard = audible(sound, piece.rate), audible(heard, piece.rate)
+    return Plan(
+        budget,
+        stated=max(10.0 * log10(sum(10.0 ** (db / 10.0) for db in [*stated, FLOOR_DB])), FLOOR_DB),
+        real=error_db(sound, heard, piece.rate, pilot),
+        whole=error_db(sound, heard, piece.rate),
+        doubt=error_db(exact.rough, exact.sound, piece.rate, pilot),
+        pilot=pilot,
+        cost=planning.cost(made.plan),
+        warned=bool(made.notes),
+        chaotic=any(row.spectral_db is not None for row in rows),
+        how=", ".join(f"{row.what} ×{row.times}" for row in rows if row.cost),
+    )
+
+
+def _plain(piece: Piece, exact: np.ndarray, plans: Iterable[Plan]) -> Iterator[Plain]:
+    pilot = min((plan.pilot for plan in plans if not plan.refused), default=inf)
+    for method, times in PLAIN:
+        ready = prepare(replace(piece, rate=piece.rate * times))
+        try:
+            plan = _core.Plan(ready.network, ready.timeline, method=method)
+            sound = _play(ready, plan, times * len(exact))[::times]
+        except (_core.EngineError, StageError):
+            continue
+        real = error_db(sound[: len(exact)], exact, piece.rate, pilot)
+        yield Plain(method, times, real, planning.cost(plan))
+
+
+def _play(ready: Ready, plan: _core.Plan, n_frames: int) -> np.ndarray:
+    simulation = _core.Simulation(ready.network, ready.timeline, plan=plan)
+    sound = np.empty((n_frames, simulation.n_out))
+    simulation.process(sound)
+    return sound

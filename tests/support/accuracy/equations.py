@@ -1,0 +1,273 @@
+"""The text of a scene as a system of differential equations, read without any part of ergon.
+
+It knows the modules that scenes of the audit use, in SI units, and refuses all others.
+"""
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import yaml
+from oracle.bodies import eigenvalues, string_edges
+from scipy.interpolate import PPoly, make_interp_spline
+
+_UNITS = {"k": 1e3, "m": 1e-3, "u": 1e-6, "": 1.0}
+_NUMBER = re.compile(r"^([-+]?[0-9.]+(?:e[-+]?[0-9]+)?)\s*(.*)$", re.IGNORECASE)
+ELASTIC = {"linear": 1, "cubic": 2, "rope": 3, "detent": 4, "contact": 5}
+DAMPING = {"linear": 1, "cubic": 1, "rope": 2, "bow": 3, "coulomb": 4, "bow-hyperbolic": 5}
+# Constants of each law in the order of a link's numbers: elastic ones from 0, damping from 3.
+_OF_ELASTIC = {"cubic": ("k", "q"), "rope": ("k",), "detent": ("F", "w")}
+_OF_DAMPING = {
+    "cubic": ("z",),
+    "rope": ("z",),
+    "bow": ("F", "a", "u"),
+    "coulomb": ("F", "s"),
+    "bow-hyperbolic": ("F", "r", "v1", "v2", "u"),
+}
+N_NUMBERS = 8
+REST = 2  # where a link's rest or gap stands among its numbers
+
+
+def number(value: Any) -> float:
+    """A number in SI units: 2mm, 1g, 4e3, -5N, 2mNs."""
+    if isinstance(value, int | float):
+        return float(value)
+    found = _NUMBER.match(value)
+    assert found, f"{value} is no number"
+    size, unit = float(found[1]), found[2]
+    if unit in ("g", "mg", "kg"):
+        return size * {"g": 1e-3, "mg": 1e-6, "kg": 1.0}[unit]
+    if unit.startswith("m/") or unit in ("m", "s", "N", "") or len(unit) == 1:
+        return size
+    return size * (_UNITS[unit[0]] if unit[0] in "kmu" and unit != "mm/s" else 1.0)
+
+
+@dataclass
+class Path:
+    """A gesture: the mass that it moves, its image in the free copy of the key, and its spline."""
+
+    mass: int
+    image: int
+    tracked: bool
+    spline: PPoly  # t [s] of the piece, x [m]
+
+
+@dataclass
+class Equations:
+    """Masses, links, outputs and events of a scene (SI).
+
+    `mass` (n,), infinite where fixed; `ground` (n, 2): K and Z; `push` (n,): constant forces;
+    `ends` (n_links, 2); `kinds` (n_links, 2): laws of ELASTIC and DAMPING; `numbers`
+    (n_links, N_NUMBERS); `outputs`: ("SOX" or "SOF", index); `strikes`: (mass, instant, impulse).
+    """
+
+    rate: float
+    mass: list[float] = field(default_factory=list)
+    ground: list[tuple[float, float]] = field(default_factory=list)
+    push: list[float] = field(default_factory=list)
+    x0: list[float] = field(default_factory=list)
+    v0: list[float] = field(default_factory=list)
+    ends: list[tuple[int, int]] = field(default_factory=list)
+    kinds: list[tuple[int, int]] = field(default_factory=list)
+    numbers: list[list[float]] = field(default_factory=list)
+    outputs: list[tuple[str, int]] = field(default_factory=list)
+    strikes: list[tuple[int, float, float]] = field(default_factory=list)
+    paths: list[Path] = field(default_factory=list)
+    names: dict[str, int] = field(default_factory=dict)
+    links: dict[str, int] = field(default_factory=dict)
+    keys: dict[str, list[int]] = field(default_factory=dict)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether a matrix exponential solves it: no contact, no law, no gesture."""
+        return not self.paths and all(a <= 1 and b <= 1 for a, b in self.kinds)
+
+    def point(
+        self, name: str, m: float, k: float, z: float, rest: float, x: float, v: float
+    ) -> int:
+        self.names[name] = len(self.mass)
+        self.mass.append(m)
+        self.ground.append((k, z))
+        self.push.append(k * rest)
+        self.x0.append(x)
+        self.v0.append(v)
+        return len(self.mass) - 1
+
+    def link(self, a: int, b: int, elastic: int, damping: int, *numbers: float) -> int:
+        self.ends.append((a, b))
+        self.kinds.append((elastic, damping))
+        self.numbers.append([*numbers, *[0.0] * (N_NUMBERS - len(numbers))])
+        return len(self.ends) - 1
+
+    def find(self, name: str, part: str) -> int:
+        """A mass by its name, as seen from a part."""
+        inside = f"{part}.{name}"
+        return self.names[inside if inside in self.names else name]
+
+
+def read(text: str) -> Equations:
+    """The equations of a scene."""
+    score = yaml.safe_load(text)
+    rates = score.get("rates", {})
+    found = Equations(number(rates.get("audio", "44100Hz").removesuffix("Hz")))
+    for name, key in score.get("keys", {}).items():
+        first = len(found.mass)
+        if "modules" in key:
+            _part(found, name, key["modules"])
+            found.names[name] = found.names[f"{name}.{key['struck']}"]
+        else:
+            _module(found, "", name, "CEL", key)
+        found.keys[name] = list(range(first, len(found.mass)))
+    for name, instrument in score.get("instruments", {}).items():
+        _part(found, name, instrument["modules"])
+        outs = instrument["out"]
+        for out in [outs] if set(outs) & {"SOX", "SOF"} else outs.values():
+            if "SOX" in out:
+                found.outputs.append(("SOX", found.find(out["SOX"], name)))
+            else:
+                ((_, link),) = out["SOF"].items()
+                found.outputs.append(("SOF", found.links[f"{name}.{link}"]))
+    for couple in score.get("duet", []):
+        a, b = (found.names[key] for key in couple["couple"])
+        spring = couple["REF"]
+        found.link(a, b, 1, 1, number(spring["K"]), 0.0, 0.0, number(spring.get("Z", 0.0)))
+    for strike in score.get("strikes", {}).values():
+        struck = found.names[strike["to"]]
+        found.strikes.append((struck, number(strike["at"]), number(strike["impulse"])))
+    _gestures(found, score)
+    return found
+
+
+def _part(found: Equations, part: str, modules: dict[str, Any]) -> None:
+    for name, module in modules.items():
+        ((kind, given),) = module.items()
+        _module(found, f"{part}.", name, kind, given or {})
+
+
+def _module(found: Equations, part: str, name: str, kind: str, given: dict[str, Any]) -> None:
+    def of(field: str, default: float = 0.0) -> float:
+        return number(given[field]) if field in given else default
+
+    label, own = f"{part}{name}", part.removesuffix(".")
+    if kind == "SOL":
+        found.point(label, np.inf, 0.0, 0.0, 0.0, of("X0"), 0.0)
+    elif kind in ("MAS", "CEL"):
+        k, z = of("K"), of("Z")
+        if "f" in given:
+            sigma = 3.0 * np.log(10.0) / of("t60") if "t60" in given else 0.0
+            f = number(str(given["f"]).removesuffix("Hz"))
+            k, z = of("M") * ((2.0 * np.pi * f) ** 2 + sigma**2), 2.0 * of("M") * sigma
+        found.point(label, of("M"), k, z, of("rest"), of("X0"), of("V0"))
+    elif kind in ("STRING", "PLATE"):
+        _body(found, label, kind, given)
+    elif kind == "ENF":
+        found.push[found.find(given["to"], own)] += number(given["from"])
+    else:
+        a, b = (found.find(end, own) for end in given["between"])
+        if kind in ("RES", "FRO", "REF"):
+            link = found.link(a, b, 1, 1, of("K"), 0.0, of("rest"), of("Z"))
+        elif kind == "BUT":
+            sign = -1.0 if given.get("side") == "above" else 1.0
+            clamp = float(given.get("clamp", False))
+            shape = of("K"), of("exponent", 1.0), of("gap"), of("Z"), sign, clamp
+            link = found.link(a, b, ELASTIC["contact"], 0, *shape)
+        elif kind == "LNL":
+            law, damping = given.get("law"), given.get("damping")
+            row = [0.0] * N_NUMBERS
+            for i, constant in enumerate(_OF_ELASTIC.get(law, ())):
+                row[i] = of(constant)
+            row[REST] = of("rest")
+            for i, constant in enumerate(_OF_DAMPING.get(damping, ())):
+                row[3 + i] = of(constant)
+            laws = (ELASTIC[law] if law else 0), (DAMPING[damping] if damping else 0)
+            link = found.link(a, b, *laws, *row)
+        else:
+            raise ValueError(f"{kind} is not known here")
+        found.links[label] = link
+
+
+def plate_edges(shape: str, radius: int, *, fixed: bool) -> tuple[list[tuple[int, int]], int]:
+    """Edges of a mesh, -1 for the held rim, and how many masses it has.
+
+    Masses are numbered row by row, from the lowest row, each from its left.
+    """
+    outer = radius + fixed
+    steps = [(1, 0), (0, 1), (-1, 1)] if shape == "hex" else [(1, 0), (0, 1)]
+
+    def ring(x: int, y: int) -> int:
+        return max(abs(x), abs(y), abs(x + y) if shape == "hex" else 0)
+
+    around = range(-outer, outer + 1)
+    rows = [(x, y) for y in around for x in around]
+    inner = {site: i for i, site in enumerate(s for s in rows if ring(*s) <= radius)}
+    edges = []
+    for x, y in rows:
+        for right, up in steps:
+            one, other = (x, y), (x + right, y + up)
+            if max(ring(*one), ring(*other)) <= outer and (one in inner or other in inner):
+                edges.append((inner.get(one, -1), inner.get(other, -1)))
+    return edges, len(inner)
+
+
+def _body(found: Equations, label: str, kind: str, given: dict[str, Any]) -> None:
+    if kind == "STRING":
+        n = given["masses"]
+        edges = string_edges(n, given.get("ends", "fixed"), given.get("stiffness", 0.0))
+    else:
+        fixed = given.get("rim", "free") == "fixed"
+        pairs, n = plate_edges(given.get("shape", "hex"), given["radius"], fixed=fixed)
+        edges = [(min(pair), max(pair), 1.0) for pair in pairs]
+    m = number(given["M"]) / n
+    sigma = 3.0 * np.log(10.0) / number(given["t60"]) if "t60" in given else 0.0
+    f = number(str(given["f"]).removesuffix("Hz"))
+    omega2 = (2.0 * np.pi * f) ** 2 + sigma**2
+    k = m * omega2 / eigenvalues(edges, n)[0]
+    z = 2.0 * sigma * k / omega2
+    first = len(found.mass)
+    for i in range(n):
+        found.point(f"{label}.{i}", m, 0.0, 0.0, 0.0, 0.0, 0.0)
+    ground = found.point(f"{label}.ground", np.inf, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for field_, values in (("X0", found.x0), ("V0", found.v0)):
+        if field_ in given:
+            start = given[field_]
+            values[first + start["at"]] = number(start["x" if field_ == "X0" else "v"])
+    q = number(given.get("hardening", 0.0))
+    law = ELASTIC["cubic"] if q else ELASTIC["linear"]
+    for i, j, factor in edges:
+        a = first + i if i >= 0 else ground
+        found.link(a, first + j, law, 1, factor * k, q, 0.0, factor * z)
+
+
+def _gestures(found: Equations, score: dict[str, Any]) -> None:
+    key_of = {player: told["key"] for player, told in score.get("players", {}).items()}
+    images: dict[str, dict[int, int]] = {}
+    for player, events in score.get("parts", {}).items():
+        key = key_of[player]
+        if key not in images:
+            images[key] = _free_copy(found, found.keys[key])
+        for event in events:
+            gesture = score["gestures"][event["play"]]
+            whole = gesture if isinstance(gesture, dict) else {"notation": gesture}
+            words = [word for word in whole["notation"].split() if word != "smooth"]
+            points = [word.split("@") for word in words]
+            x = [number(point[0]) for point in points]
+            t = np.array([number(point[1]) for point in points]) + number(event["at"])
+            at_rest = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
+            spline = PPoly.from_spline(make_interp_spline(t, x, k=5, bc_type=at_rest))
+            mass = found.names[key]
+            tracked = whole.get("touch", "open") == "tracked"
+            found.paths.append(Path(mass, images[key][mass], tracked, spline))
+
+
+def _free_copy(found: Equations, members: list[int]) -> dict[int, int]:
+    """The masses of a key again, and the links between them: index of each mass's image."""
+    image = {}
+    for i in members:
+        k, z = found.ground[i]
+        rest = found.push[i] / k if k else 0.0
+        image[i] = found.point(f"free copy {i}", found.mass[i], k, z, rest, found.x0[i], 0.0)
+    for (a, b), kind, row in list(zip(found.ends, found.kinds, found.numbers, strict=True)):
+        if a in image and b in image:
+            found.link(image[a], image[b], *kind, *row)
+    return image

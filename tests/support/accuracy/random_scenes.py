@@ -1,0 +1,256 @@
+"""Scenes by chance, of a family and a seed: the same pair is the same text."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import yaml
+
+Modules = dict[str, Any]
+_UNITS = (("f", "Hz"), ("t60", "s"), ("gap", "m"), ("rest", "m"), ("V0", "m/s"), ("X0", "m"))
+
+
+class Dice:
+    """Draws of one seed."""
+
+    def __init__(self, family: str, seed: int) -> None:
+        self.rng = np.random.default_rng([seed, *family.encode()])
+
+    def between(self, low: float, high: float) -> float:
+        return float(self.rng.uniform(low, high))
+
+    def by_ratio(self, low: float, high: float) -> float:
+        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def whole(self, low: int, high: int) -> int:
+        """low … high, both of them too."""
+        return int(self.rng.integers(low, high + 1))
+
+    def one_of(self, *options: Any) -> Any:
+        return options[int(self.rng.integers(len(options)))]
+
+
+def text(family: str, seed: int) -> str:
+    """The score of a scene."""
+    dice = Dice(family, seed)
+    score: dict[str, Any] = {
+        "ergon": 1,
+        "title": f"{family}-{seed}",
+        "rates": {"audio": f"{dice.one_of(32000, 44100, 48000)}Hz"},
+        "tempo": [{"at": "1|1", "bpm": 60, "meter": "4/4"}],
+        "render": {"bits": "float", "tail": f"{dice.between(0.2, 0.5):.3f}s"},
+    }
+    instrument: dict[str, Any] = {"modules": {}, "out": {}}
+    score["instruments"] = {"s": instrument}
+    FAMILIES[family](dice, score, instrument["modules"], instrument["out"])
+    for module in instrument["modules"].values():
+        for fields in module.values():
+            fields |= {name: f"{fields[name]!r}{unit}" for name, unit in _UNITS if name in fields}
+    n_out = len(instrument["out"])
+    route = [{"from": f"s.{name}", "to": [i + 1]} for i, name in enumerate(instrument["out"])]
+    score["mix"] = {"channels": n_out, "route": route}
+    return str(yaml.safe_dump(score, sort_keys=False, default_flow_style=None, width=1000))
+
+
+def _hear(out: Modules, *names: str) -> None:
+    for name in names:
+        out[f"o{len(out)}"] = {"SOX": name}
+
+
+def _strike(dice: Dice, score: Modules, to: str, impulse: float) -> None:
+    at = f"{dice.between(0.001, 0.05):.6f}s"
+    score.setdefault("strikes", {})[f"k{len(score.get('strikes', {}))}"] = {
+        "to": to,
+        "at": at,
+        "impulse": impulse,
+    }
+
+
+def _string(dice: Dice) -> tuple[Modules, int]:
+    n = dice.whole(5, 40)
+    # Its highest mode stays below 8 kHz.
+    f = dice.by_ratio(40.0, min(800.0, 8000.0 / n))
+    body = {"masses": n, "M": dice.by_ratio(1e-3, 5e-2), "f": f, "t60": dice.by_ratio(0.3, 8.0)}
+    stiffness = dice.one_of(0.0, 0.0, 0.03)
+    return {"STRING": body | {"stiffness": stiffness}}, n
+
+
+def _body(dice: Dice) -> tuple[Modules, int, float]:
+    """A string or a plate, its number of masses, and the mass of each [kg]."""
+    if dice.whole(0, 2):
+        made, n = _string(dice)
+        return made, n, made["STRING"]["M"] / n
+    radius = dice.whole(1, 3)
+    n = 1 + 3 * radius * (radius + 1)
+    M = dice.by_ratio(1e-2, 1.0)
+    body = {"shape": "hex", "radius": radius, "M": M, "f": dice.by_ratio(60.0, 400.0)}
+    rim = dice.one_of("free", "fixed")
+    return {"PLATE": body | {"t60": dice.by_ratio(0.5, 8.0), "rim": rim}}, n, M / n
+
+
+def _cell(dice: Dice, **start: float) -> Modules:
+    M, f = dice.by_ratio(1e-3, 6e-2), dice.by_ratio(40.0, 1500.0)
+    return {"CEL": {"M": M, "f": f, "t60": dice.by_ratio(0.1, 3.0), **start}}
+
+
+def _mesh(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Masses and cells in a row, some joined across, each link with a damping of its own."""
+    n = dice.whole(5, 40)
+    M, f = dice.by_ratio(2e-3, 5e-2), dice.by_ratio(200.0, 2000.0)
+    K = M * (2.0 * np.pi * f) ** 2
+    modules["e"] = {"SOL": {}}
+    for i in range(n):
+        point = {
+            "M": M * dice.between(0.5, 2.0),
+            "X0": dice.one_of(0.0, 1e-3 * dice.between(-1, 1)),
+        }
+        if dice.whole(0, 2) == 0:
+            point |= {"K": K * dice.between(0.0, 0.5), "Z": dice.by_ratio(1e-7, 1e-5) * K}
+        modules[f"m{i}"] = {"CEL" if "K" in point else "MAS": point}
+    names = ["e", *(f"m{i}" for i in range(n))]
+    pairs = [(i, i + 1) for i in range(n)]
+    pairs += [(a, b) for a, b in (sorted(dice.rng.choice(n + 1, 2, False)) for _ in range(n // 4))]
+    for i, (a, b) in enumerate(pairs):
+        Z = K * dice.by_ratio(1e-7, 1e-5) * dice.whole(0, 1)
+        link = {"between": [names[a], names[b]], "K": K * dice.between(0.5, 2.0), "Z": Z}
+        modules[f"r{i}"] = {"REF": link}
+    _strike(dice, score, f"s.m{dice.whole(0, n - 1)}", M * dice.between(0.1, 1.0))
+    _hear(out, "m0", f"m{n - 1}")
+
+
+def _damped_body(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A string or a plate that is struck, with dampers at points."""
+    modules["b"], n, m = _body(dice)
+    modules["w"] = {"SOL": {}}
+    for i in range(dice.whole(0, 2)):
+        Z = m * dice.by_ratio(1.0, 100.0)
+        modules[f"d{i}"] = {"FRO": {"between": ["w", f"b.{dice.whole(0, n - 1)}"], "Z": Z}}
+    _strike(dice, score, f"s.b.{dice.whole(0, n - 1)}", m * dice.between(0.1, 1.0))
+    _hear(out, f"b.{dice.whole(0, n - 1)}")
+
+
+def _contact(dice: Dice, light: float, speed: float) -> Modules:
+    """A contact that a mass at a speed stays in for 0.3 to 3 ms."""
+    exponent = dice.one_of(1.0, 1.5, 2.3)
+    omega = np.pi / dice.by_ratio(3e-4, 3e-3)
+    # As a spring that is as stiff at the depth speed/omega.
+    K = light * omega**2 * (speed / omega) ** (1.0 - exponent)
+    Z = dice.one_of(0.0, 0.0, 0.1 * light * omega)
+    told = {"K": float(K), "Z": Z, "exponent": exponent, "clamp": dice.one_of(False, True)}
+    if Z == 0.0:
+        told |= {"contact": dice.one_of("plain", "exact")}
+    return told
+
+
+def _hammer(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A mass that flies against a cell or a body."""
+    if dice.whole(0, 1):
+        modules["t"] = _cell(dice)
+        target, m = "t", modules["t"]["CEL"]["M"]
+    else:
+        modules["t"], n, m = _body(dice)
+        target = f"t.{dice.whole(0, n - 1)}"
+    M, speed = dice.by_ratio(2e-3, 2e-2), dice.by_ratio(0.3, 4.0)
+    modules["h"] = {"MAS": {"M": M, "V0": speed}}
+    contact = _contact(dice, M * m / (M + m), speed)
+    gap = dice.between(1e-4, 2e-3)
+    modules["c"] = {"BUT": {"between": ["h", target], "gap": gap, **contact}}
+    _hear(out, target)
+
+
+def _chain(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """Cells in a row that hit one another."""
+    n = dice.whole(3, 6)
+    for i in range(n):
+        modules[f"m{i}"] = _cell(dice, V0=dice.between(0.3, 2.0) if i == 0 else 0.0)
+    for i in range(1, n):
+        a, b = (modules[f"m{j}"]["CEL"]["M"] for j in (i - 1, i))
+        contact = _contact(dice, a * b / (a + b), 0.5)
+        gap = dice.between(1e-5, 3e-4)
+        modules[f"c{i}"] = {"BUT": {"between": [f"m{i - 1}", f"m{i}"], "gap": gap, **contact}}
+    _hear(out, *(f"m{i}" for i in range(n)))
+
+
+def _bow(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A bow on a string."""
+    modules["b"], n = _string(dice)
+    modules["w"] = {"SOL": {}}
+    # Its steepest slope is a part of what the mass bears.
+    m, a = modules["b"]["STRING"]["M"] / n, dice.by_ratio(10.0, 100.0)
+    F = m * dice.by_ratio(300.0, 6000.0) / np.sqrt(2.0 * a * np.e)
+    law = {"damping": "bow", "F": float(F), "a": a, "u": dice.between(0.05, 0.4)}
+    modules["l"] = {"LNL": {"between": ["w", f"b.{dice.whole(1, n - 2)}"], **law}}
+    _hear(out, f"b.{dice.whole(0, n - 1)}")
+
+
+def _hard(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A body whose links harden, or one mass on a cubic spring."""
+    if dice.whole(0, 1):
+        modules["b"], n, m = _body(dice)
+        ((_, body),) = modules["b"].items()
+        speed = dice.between(0.1, 1.0)
+        # As much again where neighbours are as far apart as a blow drives them.
+        body["hardening"] = m * (2.0 * np.pi * body["f"]) ** 2 * dice.by_ratio(1e6, 1e8)
+        _strike(dice, score, f"s.b.{n // 2}", m * speed)
+        _hear(out, f"b.{dice.whole(0, n - 1)}")
+        return
+    m, x = dice.by_ratio(2e-3, 6e-2), dice.between(0.2e-3, 2e-3)
+    k = m * (2.0 * np.pi * dice.by_ratio(100.0, 1000.0)) ** 2
+    law = {"law": "cubic", "damping": "cubic", "k": float(k), "q": float(k / x**2)}
+    modules["e"] = {"SOL": {}}
+    modules["m"] = {"MAS": {"M": m, "X0": x}}
+    modules["l"] = {"LNL": {"between": ["e", "m"], **law, "z": dice.between(0.0, 0.2)}}
+    _hear(out, "m")
+
+
+def _law(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A cell held by a rope, a notch or dry friction."""
+    x = dice.between(0.5e-3, 3e-3)
+    modules["m"] = _cell(dice, X0=x)
+    M, f = (modules["m"]["CEL"][name] for name in ("M", "f"))
+    k = float(M * (2.0 * np.pi * f) ** 2)
+    rope = {"law": "rope", "damping": "rope", "k": k * dice.by_ratio(0.3, 10.0), "z": M * 10.0}
+    notch = {"law": "detent", "F": k * x * dice.between(0.2, 2.0), "w": x * dice.between(0.1, 0.5)}
+    dry = {
+        "damping": "coulomb",
+        "F": k * x * dice.by_ratio(0.003, 0.1),
+        "s": dice.by_ratio(0.02, 0.2),
+    }
+    modules["w"] = {"SOL": {}}
+    rest = x * dice.between(0.0, 0.6)
+    modules["l"] = {"LNL": {"between": ["w", "m"], "rest": rest, **dice.one_of(rope, notch, dry)}}
+    _hear(out, "m")
+
+
+def _key(dice: Dice, score: Modules, modules: Modules, out: Modules) -> None:
+    """A key led by a hand, joined to a body by a spring, or striking it."""
+    M, K = dice.by_ratio(0.05, 0.5), dice.by_ratio(20.0, 200.0)
+    score["keys"] = {"k1": {"M": M, "K": K, "Z": dice.between(0.1, 2.0)}}
+    modules["b"], n, m = _body(dice)
+    target = f"b.{dice.whole(0, n - 1)}"
+    peak = dice.between(2e-3, 6e-3)
+    if dice.whole(0, 1):
+        spring = {"K": m * dice.by_ratio(1e4, 1e7), "Z": m * dice.between(0.0, 20.0)}
+        modules["c"] = {"REF": {"between": ["k1", target], **spring}}
+    else:
+        contact = _contact(dice, m, 0.1)
+        modules["c"] = {"BUT": {"between": ["k1", target], "gap": 0.5 * peak, **contact}}
+    # On hundredths of a second, which are frames at every rate.
+    one, two = dice.whole(4, 8), dice.whole(10, 16)
+    path = f"0m@0 smooth {peak}m@{one / 100}s 0m@{two / 100}s"
+    score["gestures"] = {"g": {"notation": path, "touch": dice.one_of("open", "tracked")}}
+    score["players"] = {"p": {"key": "k1"}}
+    score["parts"] = {"p": [{"at": "0.05s", "play": "g"}]}
+    _hear(out, target, "k1")
+
+
+FAMILIES: dict[str, Callable[[Dice, Modules, Modules, Modules], None]] = {
+    "mesh": _mesh,
+    "body": _damped_body,
+    "hammer": _hammer,
+    "chain": _chain,
+    "bow": _bow,
+    "hard": _hard,
+    "law": _law,
+    "key": _key,
+}

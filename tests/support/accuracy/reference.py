@@ -1,0 +1,296 @@
+"""The exact motion of a scene: matrix exponentials where it is linear, else Runge-Kutta of order 8.
+
+The method is DOP853 (Dormand and Prince; Hairer, Norsett and Wanner) by the coefficients of
+`scipy.integrate.DOP853`, compiled, with no step across a frame or an event. Nothing of ergon's
+engine takes part.
+"""
+
+from dataclasses import dataclass
+
+import numba as nb
+import numpy as np
+from scipy.integrate import DOP853
+from scipy.linalg import expm
+
+from accuracy.equations import REST, Equations
+
+_TABLEAU = (
+    np.vstack([DOP853.A, DOP853.B]),
+    np.append(DOP853.C, 1.0),
+    np.array(DOP853.E3),
+    np.array(DOP853.E5),
+)
+_STAGES = DOP853.n_stages
+TIGHT, LOOSE = 1e-12, 1e-10
+_SMALL = 1e-6  # of the largest: what moves less is not asked to be exact by its own size
+_FEWEST = 1e-7  # of a frame: the shortest step
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Outputs (n_frames, n_out), and the same with a tolerance a hundred times wider."""
+
+    sound: np.ndarray
+    rough: np.ndarray
+
+
+def solve(scene: Equations, n_frames: int) -> Reference:
+    """The outputs of a scene at its rate."""
+    if scene.is_linear:
+        sound = heard(scene, *_linear(scene, n_frames, 1))
+        return Reference(sound, heard(scene, *_linear(scene, n_frames, 2)))
+    return Reference(*(heard(scene, *integrate(scene, n_frames, tol)) for tol in (TIGHT, LOOSE)))
+
+
+def heard(scene: Equations, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Outputs (n_frames, n_out) of positions and velocities (n_frames, n)."""
+    ends, kinds, numbers = (np.array(a) for a in (scene.ends, scene.kinds, scene.numbers))
+    columns = []
+    for kind, i in scene.outputs:
+        if kind == "SOX":
+            columns.append(x[:, i])
+            continue
+        a, b = ends[i]
+        columns.append(_forces_on_second(*kinds[i], numbers[i], x[:, [a, b]], v[:, [a, b]]))
+    return np.stack(columns, axis=1)
+
+
+def _linear(scene: Equations, n_frames: int, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities (n_frames, n); a frame is taken in so many parts."""
+    n, mass = len(scene.mass), np.array(scene.mass)
+    K, Z = (np.diag([pair[i] for pair in scene.ground]) for i in (0, 1))
+    push = np.array(scene.push)
+    for (a, b), row in zip(scene.ends, scene.numbers, strict=True):
+        e = np.zeros(n)
+        e[a], e[b] = 1.0, -1.0
+        K, Z = K + row[0] * np.outer(e, e), Z + row[3] * np.outer(e, e)
+        push[a] -= row[0] * row[REST]
+        push[b] += row[0] * row[REST]
+    A = np.zeros((2 * n + 1, 2 * n + 1))  # the last state is the constant 1
+    A[:n, n : 2 * n] = np.eye(n)
+    A[n : 2 * n] = np.hstack([-K, -Z, push[:, None]]) / mass[:, None]
+    step = np.linalg.matrix_power(expm(A / scene.rate / parts), parts)
+    state = np.concatenate([scene.x0, scene.v0, [1.0]])
+    strikes = sorted(scene.strikes, key=lambda strike: strike[1])
+    out = np.empty((n_frames, 2 * n))
+    for frame in range(n_frames):
+        out[frame] = state[:-1]
+        now, end = frame / scene.rate, (frame + 1) / scene.rate
+        if not (strikes and strikes[0][1] < end):
+            state = step @ state
+            continue
+        while strikes and strikes[0][1] < end:
+            struck, at, impulse = strikes.pop(0)
+            state = expm(A * (at - now)) @ state
+            state[n + struck] += impulse / mass[struck]
+            now = at
+        state = expm(A * (end - now)) @ state
+    return out[:, :n], out[:, n:]
+
+
+def integrate(scene: Equations, n_frames: int, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities (n_frames, n) at a relative tolerance."""
+    events = [at for _, at, _ in scene.strikes]
+    events += [float(t) for path in scene.paths for t in path.spline.x]
+    frames = np.arange(n_frames) / scene.rate
+    events = [at for at in events if at < frames[-1] and np.abs(frames - at).min() > 1e-12]
+    when = np.sort(np.concatenate([frames, events]))
+    blows = np.zeros((len(when), len(scene.mass)))
+    for struck, at, impulse in scene.strikes:
+        if at <= frames[-1]:
+            blows[np.abs(when - at).argmin(), struck] += impulse / scene.mass[struck]
+    # Of each gesture and stretch between two instants: the coefficients that hold, by the middle.
+    middle = 0.5 * (when[1:] + when[:-1])
+    pieces = np.zeros((len(scene.paths), len(middle), 7))
+    for i, path in enumerate(scene.paths):
+        breaks = path.spline.x
+        inside = (middle > breaks[0]) & (middle < breaks[-1])
+        which = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
+        pieces[i, :, :6] = path.spline.c[:, which].T
+        pieces[i, :, 6] = np.where(inside, breaks[which], np.nan)
+    leads = np.array([(p.mass, p.image, p.tracked) for p in scene.paths], dtype=np.int64)
+    states = _march(
+        np.array([*scene.x0, *scene.v0]),
+        when,
+        blows,
+        1.0 / np.array(scene.mass),
+        np.array(scene.ground),
+        np.array(scene.push),
+        np.array(scene.ends, dtype=np.int64).reshape(-1, 2),
+        np.array(scene.kinds, dtype=np.int64).reshape(-1, 2),
+        np.array(scene.numbers).reshape(len(scene.ends), -1),
+        leads.reshape(-1, 3),
+        pieces,
+        tolerance,
+        _TABLEAU,
+    )
+    assert np.isfinite(states).all(), "the reference went beyond all bounds"
+    kept = states[np.searchsorted(when, frames - 1e-13)]
+    n = len(scene.mass)
+    return kept[:, :n], kept[:, n:]
+
+
+@nb.njit(cache=True)
+def _pull(elastic, damping, c, d, w):
+    """Force [N] that pulls two ends together, from x_b - x_a and its rate."""
+    if elastic == 5:  # a contact: K, exponent, gap, Z, sign, clamp
+        depth = -c[4] * d - c[2]
+        if depth <= 0.0:
+            return 0.0
+        push = c[0] * depth ** c[1] - c[3] * c[4] * w
+        if c[5] > 0.0 and push < 0.0:
+            push = 0.0
+        return -c[4] * push
+    d -= c[2]
+    force = 0.0
+    if elastic == 1:
+        force = c[0] * d
+    elif elastic == 2:
+        force = c[0] * d + c[1] * d * d * d
+    elif elastic == 3:
+        force = c[0] * max(d, 0.0)
+    elif elastic == 4:
+        force = c[0] * d / c[1] * np.exp(0.5 - 0.5 * (d / c[1]) ** 2)
+    if damping == 1:
+        force += c[3] * w
+    elif damping == 2:
+        force += c[3] * w if d > 0.0 else 0.0
+    elif damping == 3:
+        u = w - c[5]
+        force += c[3] * np.sqrt(2.0 * c[4]) * u * np.exp(0.5 - c[4] * u * u)
+    elif damping == 4:
+        force += c[3] * np.tanh(w / c[4])
+    elif damping == 5:  # F, r, v1, v2, u
+        u = w - c[7]
+        if abs(u) < c[5]:
+            force += c[3] * u / c[5]
+        else:
+            force += c[3] * np.sign(u) * (c[4] + (1.0 - c[4]) * c[6] / (c[6] + abs(u) - c[5]))
+    return force
+
+
+@nb.njit(cache=True)
+def _forces_on_second(elastic, damping, c, x, v):
+    out = np.empty(len(x))
+    for i in range(len(x)):
+        out[i] = -_pull(elastic, damping, c, x[i, 1] - x[i, 0], v[i, 1] - v[i, 0])
+    return out
+
+
+@nb.njit(cache=True)
+def _slopes(t, y, dy, at, inverse, ground, push, ends, kinds, numbers, leads, pieces):
+    """dy/dt; gestures that run hold their masses in y on the path."""
+    n = len(inverse)
+    for g in range(len(leads)):
+        p = pieces[g, at]
+        if np.isnan(p[6]):
+            continue
+        s = t - p[6]
+        x, v = 0.0, 0.0
+        for i in range(6):
+            v = v * s + x
+            x = x * s + p[i]
+        y[leads[g, 1]], y[n + leads[g, 1]] = x, v
+        if leads[g, 2]:
+            y[leads[g, 0]], y[n + leads[g, 0]] = x, v
+    for i in range(n):
+        dy[i] = y[n + i]
+        dy[n + i] = push[i] - ground[i, 0] * y[i] - ground[i, 1] * y[n + i]
+    for k in range(len(ends)):
+        a, b = ends[k]
+        d, w = y[b] - y[a], y[n + b] - y[n + a]
+        f = _pull(kinds[k, 0], kinds[k, 1], numbers[k], d, w)
+        dy[n + a] += f
+        dy[n + b] -= f
+    for g in range(len(leads)):
+        p = pieces[g, at]
+        if np.isnan(p[6]):
+            continue
+        s = t - p[6]
+        x, v, half = 0.0, 0.0, 0.0
+        for i in range(6):
+            half = half * s + v
+            v = v * s + x
+            x = x * s + p[i]
+        mass, image = leads[g, 0], leads[g, 1]
+        # What leads the free copy strikes the key.
+        needed = 2.0 * half / inverse[image] - dy[n + image]
+        dy[n + mass] += needed
+        dy[n + image] += needed
+        if leads[g, 2]:
+            dy[n + mass] = 2.0 * half / inverse[mass]
+    for i in range(n):
+        dy[n + i] *= inverse[i]
+
+
+@nb.njit(cache=True)
+def _march(
+    start,
+    when,
+    blows,
+    inverse,
+    ground,
+    push,
+    ends,
+    kinds,
+    numbers,
+    leads,
+    pieces,
+    tolerance,
+    tableau,
+):
+    A, C, E3, E5 = tableau
+    size = len(start)
+    n = len(inverse)
+    y = start.copy()
+    k = np.zeros((_STAGES + 1, size))
+    new, largest = np.empty(size), np.abs(start)
+    out = np.empty((len(when), size))
+    h = when[1] - when[0]
+    for at in range(len(when)):
+        out[at] = y
+        for i in range(n):
+            y[n + i] += blows[at, i]
+        if at + 1 == len(when):
+            break
+        t, end = when[at], when[at + 1]
+        shortest = _FEWEST * (end - t)
+        while t < end:
+            h = min(h, end - t)
+            whole = h == end - t
+            # The last stage is at the end of the step, where the weights of order 8 lead.
+            for stage in range(_STAGES + 1):
+                for i in range(size):
+                    total = 0.0
+                    for j in range(stage):
+                        total += A[stage, j] * k[j, i]
+                    new[i] = y[i] + h * total
+                _slopes(t + C[stage] * h, new, k[stage], at, inverse, ground, push, ends, kinds,
+                        numbers, leads, pieces)  # fmt: skip
+            top_x = max(largest[:n].max(), np.abs(new[:n]).max())
+            top_v = max(largest[n:].max(), np.abs(new[n:]).max())
+            five, three = 0.0, 0.0
+            for i in range(size):
+                own = max(largest[i], abs(new[i]))
+                top = top_x if i < n else top_v
+                scale = tolerance * (own + _SMALL * top) + 1e-30
+                e5, e3 = 0.0, 0.0
+                for j in range(_STAGES + 1):
+                    e5 += E5[j] * k[j, i]
+                    e3 += E3[j] * k[j, i]
+                five += (e5 / scale) ** 2
+                three += (e3 / scale) ** 2
+            # Not a number after a step that left all bounds: it is taken again, shorter.
+            error = h * five / np.sqrt((five + 0.01 * three) * size + 1e-300)
+            if error < 1.0 or h <= shortest:
+                t = end if whole else t + h
+                for i in range(size):
+                    y[i] = new[i]
+                    largest[i] = max(largest[i], abs(new[i]))
+            factor = 0.1
+            if error == 0.0:
+                factor = 10.0
+            elif np.isfinite(error):
+                factor = min(10.0, max(0.1, 0.9 * error ** (-0.125)))
+            h = max(h * factor, shortest)
+    return out
