@@ -36,6 +36,11 @@ class Plan:
     budget: Budget
 
     @property
+    def is_cut_short(self) -> bool:
+        """Whether planning ended because its trials had done all the work that they may."""
+        return any(row.cut_short for row in self.rows)
+
+    @property
     def cost(self) -> float:
         """Seconds of work on one core for a second of sound, by the table of costs."""
         return sum(row.cost for row in self.rows)

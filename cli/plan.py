@@ -74,6 +74,7 @@ def plan(
             hash=made.hash,
             cost=made.cost,
             plan_s=made.seconds,
+            cut_short=made.is_cut_short,
             kept=made.is_kept,
         )
     elif why is not None:
@@ -118,6 +119,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "preserved": row.preserved,
         "offered": row.offered,
         "stays": row.stays,
+        "cut_short": row.cut_short,
     }
 
 
@@ -148,6 +150,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         error = "not measured"
     if row.preserved:
         error += ", preserved"
+    if row.cut_short:
+        error += ", planning ended"
     if row.spectral_db is not None:
         error += f" over {row.error_s:.2g} s, then {row.spectral_db:.1f} dB by spectrum"
     return (
@@ -210,6 +214,8 @@ def _why(row: PlanRow) -> list[str]:
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")
+    if row.cut_short:
+        said.append("  Planning ended there: its trials had done all the work that they may.")
     if row.spectral_db is not None:
         said.append("  After that it is chaotic: no two methods give the same waveform;")
         said.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")

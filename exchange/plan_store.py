@@ -23,7 +23,7 @@ from ergon.common.regular import read_bounded
 from .plan_file import Choices, NotPlanError, decided, text
 from .safe import FileRefusedError, writing
 
-_Row = tuple[float | None, float | None, float | None, float | None, str | None]
+_Row = tuple[float | None, float | None, float | None, float | None, str | None, bool]
 Told = Sequence[_Row]
 Kept = tuple[Choices, str, Told]  # and a hash of what was decided
 
@@ -122,12 +122,16 @@ def _plan_of(content: object, key: str) -> Kept:
 
 
 def _row_of(row: object) -> _Row:
-    if isinstance(row, list) and len(row) == 5:
-        db, over, spectral, left_out, because = row
+    if isinstance(row, list) and len(row) == 6:
+        db, over, spectral, left_out, because, cut_short = row
         is_words = because is None or (isinstance(because, str) and len(because) <= _WORDS_MAX)
-        if all(map(_is_number, (db, over, spectral, left_out))) and is_words:
-            return db, over, spectral, left_out, because
-    raise NotPlanError("a row is [dB, s, dB, dB, why]")
+        if (
+            all(map(_is_number, (db, over, spectral, left_out)))
+            and is_words
+            and isinstance(cut_short, bool)
+        ):
+            return db, over, spectral, left_out, because, cut_short
+    raise NotPlanError("a row is [dB, s, dB, dB, why, whether it was cut short]")
 
 
 def _is_number(value: object) -> bool:

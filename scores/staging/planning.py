@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, TypedDict
@@ -12,9 +13,12 @@ from ergon.scores.reading.piece import Accuracy, Method
 
 # What is offered where a plan costs too much, the most exact first [dB].
 _LOOSER = (-80.0, -60.0, -40.0, -20.0)
+# Parts of the allowance of work for trials: of the plan that is asked for and, where its cost is
+# bounded, of each that is looser. They add up to 1.
+_SHARE, _LOOSER_SHARE = 0.5, 0.125
 
 Pins = Sequence[tuple[int, int, int, Sequence[Sequence[int]]]]
-_Row = tuple[float | None, float | None, float | None, float | None, str | None]
+_Row = tuple[float | None, float | None, float | None, float | None, str | None, bool]
 Told = Sequence[_Row]
 
 
@@ -74,12 +78,12 @@ class _Planner:
         self._like = like
         self.are_kept = self._store is not None
 
-    def plan(self, wished: Accuracy) -> _core.Plan:
-        """A plan that is kept, or a new one to be kept."""
+    def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
+        """A plan that is kept, or a new one to be kept; its trials take a share of the work."""
         budget = _budget(wished)
         if self._store is None:
-            return _core.Plan(*self._of, **budget, like=self._like)
-        key = _core.Plan.key(*self._of, **budget)
+            return _core.Plan(*self._of, **budget, like=self._like, share=share)
+        key = _core.Plan.key(*self._of, **budget, share=share)
         stored = self._store.get(key)
         if stored is not None:
             choices, digest, told = stored
@@ -88,7 +92,7 @@ class _Planner:
                 if made.hash == digest:
                     return made
         self.are_kept = False
-        made = _core.Plan(*self._of, **budget)
+        made = _core.Plan(*self._of, **budget, share=share)
         rows = [_row_of(row) for row in made.rows()]
         self._store.put(key, (made.choices(), made.hash, rows))
         return made
@@ -96,7 +100,14 @@ class _Planner:
 
 def _row_of(row: _core.PlanRow) -> _Row:
     """What a pilot told of a row."""
-    return row.error_db, row.error_s, row.spectral_db, row.left_out_db, row.because
+    return (
+        row.error_db,
+        row.error_s,
+        row.spectral_db,
+        row.left_out_db,
+        row.because,
+        row.cut_short,
+    )
 
 
 def make(
@@ -116,12 +127,13 @@ def make(
         return Planned(_core.Plan(network, timeline, **_budget(accuracy), pins=pins), accuracy)
     planner = _Planner(network, timeline, store, like)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
-    made = planner.plan(accuracy)
+    made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     notes = [("W403", sentence) for sentence in _missed(made, accuracy.error)]
+    notes += [("W403", sentence) for sentence in _cut_short(made, accuracy.error)]
     if accuracy.cpu is None or (not is_free and cost(made) <= accuracy.cpu):
         return Planned(made, accuracy, tuple(notes), planner.are_kept)
     looser = {error: Accuracy(error=error) for error in _LOOSER}
-    looser_plans = {error: planner.plan(wished) for error, wished in looser.items()}
+    looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
     fits = [error for error, other in looser_plans.items() if cost(other) <= accuracy.cpu]
     if is_free and fits:
         return Planned(looser_plans[fits[0]], looser[fits[0]], is_kept=planner.are_kept)
@@ -139,8 +151,30 @@ def make(
     return Planned(*chosen, notes_with_cost, planner.are_kept)
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g}%" if share < 0.1 else f"{share:.0%}"
+def _percent(part: float) -> str:
+    """A part of a core [%], with two digits at least and no exponent."""
+    percent = 100 * part
+    digits = 0 if percent >= 10 or percent <= 0 else 1 - math.floor(math.log10(percent))
+    shown = f"{percent:.{digits}f}"
+    return f"{shown.rstrip('0').rstrip('.') if '.' in shown else shown}%"
+
+
+def _cut_short(plan: _core.Plan, error: float | None) -> list[str]:
+    """Parts whose trials ended because the allowance was spent, and what is known of them."""
+    found: dict[tuple[float | None, float | None], list[str]] = {}
+    for row in plan.rows():
+        if row.cut_short:
+            found.setdefault((row.error_db, row.error_s), []).extend(row.parts)
+    said = []
+    for (db, over), parts in found.items():
+        known = "its error is not measured"
+        if db is not None and over is not None:
+            known = f"its error is {db:.0f} dB over the first {over:.2g} s"
+        if error is not None and (db is None or db > error):
+            known += f", and the {error:g} dB asked for are not reached"
+        names = " + ".join(dict.fromkeys(parts))
+        said.append(f"{names}: planning ended, for its work is bounded; {known}")
+    return said
 
 
 def _missed(plan: _core.Plan, error: float | None) -> list[str]:
@@ -150,7 +184,9 @@ def _missed(plan: _core.Plan, error: float | None) -> list[str]:
     islands: dict[tuple[float, float, float | None], list[str]] = {}
     for row in plan.rows():
         db, over = row.error_db, row.error_s
-        if db is not None and over is not None and (db > error or row.spectral_db is not None):
+        if row.cut_short or db is None or over is None:
+            continue
+        if db > error or row.spectral_db is not None:
             islands.setdefault((db, over, row.spectral_db), []).extend(row.parts)
     return [
         f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first {over:.2g} s"

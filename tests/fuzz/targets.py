@@ -277,7 +277,7 @@ def _bell() -> Any:
 def _plan_text() -> str:
     plan = stage(_bell(), planned=True).plan
     assert plan is not None
-    told = [[-60.0, 0.5, None, None, "why"]]
+    told = [[-60.0, 0.5, None, None, "why", False]]
     return plan_file.text(plan.choices(), plan.hash, key="k", told=told, budget={"error": -60.0})
 
 

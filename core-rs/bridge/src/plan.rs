@@ -14,13 +14,15 @@ use crate::work::computing;
 
 /// A choice: modules of the island, times it is stepped a frame, contacts a step, numbers of each body.
 type Pin = (usize, u32, usize, Vec<Vec<u32>>);
-/// What was told of a row: error [dB] over [s], by spectrum [dB], modes left out [dB], why it is stepped.
+/// What was told of a row: error [dB] over [s], by spectrum [dB], modes left out [dB], why it is stepped, whether its
+/// trials were cut short.
 type Said = (
     Option<f64>,
     Option<f64>,
     Option<f64>,
     Option<f64>,
     Option<String>,
+    bool,
 );
 
 /// What is computed, how, and why the rest is not.
@@ -31,7 +33,7 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 impl Plan {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, told=None, like=None))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, told=None, like=None, share=1.0))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -43,6 +45,7 @@ impl Plan {
         pins: Option<Vec<Pin>>,
         told: Option<Vec<Said>>,
         like: Option<&Self>,
+        share: f64,
     ) -> PyResult<Self> {
         timeline.fits(network)?;
         let budget = budget(method, error_db, cents, upto)?;
@@ -51,10 +54,8 @@ impl Plan {
         let told = told.map(|told| told.into_iter().map(said).collect::<Vec<_>>());
         computing(py, || {
             let timeline = &timeline.inner;
-            let plan = match like {
-                Some(like) => plan::Plan::like(network, timeline, &budget, pins, &like.0)?,
-                None => plan::Plan::new(network, timeline, &budget, pins)?,
-            };
+            let like = like.map(|like| &*like.0);
+            let plan = plan::Plan::with(network, timeline, &budget, pins, (like, share))?;
             match told {
                 Some(told) => plan.recalled(&told),
                 None => Ok(plan),
@@ -66,7 +67,8 @@ impl Plan {
 
     /// A hash of all that a plan is a function of (64 hex digits).
     #[staticmethod]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, share=1.0))]
+    #[allow(clippy::too_many_arguments)]
     fn key(
         py: Python<'_>,
         network: &Network,
@@ -75,9 +77,12 @@ impl Plan {
         error_db: Option<f64>,
         cents: Option<f64>,
         upto: Option<f64>,
+        share: f64,
     ) -> PyResult<String> {
         let budget = budget(method, error_db, cents, upto)?;
-        computing(py, || plan::key(&network.0, &timeline.inner, &budget))
+        computing(py, || {
+            plan::key(&network.0, &timeline.inner, &budget, share)
+        })
     }
 
     /// What it does, part by part.
@@ -106,6 +111,12 @@ impl Plan {
         self.0.stay().to_vec()
     }
 
+    /// Work that its trials took, and the most that they might, by the table of costs [s].
+    #[getter]
+    fn trials(&self) -> (f64, f64) {
+        self.0.trials()
+    }
+
     /// A hash of what was decided (64 hex digits).
     #[getter]
     fn hash(&self) -> String {
@@ -122,13 +133,14 @@ fn choice((modules, times, steps, kept): Pin) -> plan::Choice {
     }
 }
 
-fn said((db, over, spectral, left_out, because): Said) -> CachedReport {
+fn said((db, over, spectral, left_out, because, is_cut_short): Said) -> CachedReport {
     CachedReport {
         error: db
             .zip(over)
             .map(|(db, over)| Measured { db, over, spectral }),
         left_out,
         because,
+        is_cut_short,
     }
 }
 
@@ -186,6 +198,7 @@ pub(crate) struct PlanRow {
     preserved: bool,
     stays: Option<String>,
     offered: bool,
+    cut_short: bool,
 }
 
 impl PlanRow {
@@ -230,6 +243,7 @@ impl PlanRow {
             preserved: row.is_preserved(),
             stays: row.stays.clone(),
             offered: row.is_offered,
+            cut_short: row.is_cut_short,
         }
     }
 }

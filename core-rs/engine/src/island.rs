@@ -324,6 +324,18 @@ impl Island {
             .is_some_and(|fine| fine.has_touched)
     }
 
+    /// Work of contacts that are computed finely, so far.
+    pub(crate) fn fine_work(&self) -> fine::FineWork {
+        let fine = self.state.fine.as_ref();
+        fine.map_or_else(fine::FineWork::default, fine::Fine::work)
+    }
+
+    /// Steps that the guard added to frames, so far.
+    pub(crate) fn guard_steps(&self) -> u64 {
+        let each = self.finer();
+        each.map(|(_, frames, most)| frames * u64::from(most)).sum()
+    }
+
     /// Let all of it fade by a factor more a step.
     pub(crate) fn damp(&mut self, by: f64) {
         // The poles of x⁺ = (2 − κ − ζ)x − (1 − ζ)x⁻ are as long as the root of what its last step counts.

@@ -113,6 +113,9 @@ pub struct Plan {
     stay: Vec<(String, String)>,
     /// What was found out about its bodies.
     solved: Vec<Arc<passes::solved_modes::Solved>>,
+    /// Work that its trials took, and the most that they might [s].
+    trials_cost: f64,
+    trials_most: f64,
 }
 
 impl Plan {
@@ -143,25 +146,34 @@ impl Plan {
 
     /// No more than is heard and moved, each island by the cheapest method within the budget; or as it was
     /// decided before, where `pins` says so.
+    ///
+    /// # Errors
+    ///
+    /// Those of a network that no method computes, and of `pins` that are of another plan.
     pub fn new(
         network: Arc<Network>,
         timeline: &Timeline,
         budget: &Budget,
         pins: Option<Vec<Choice>>,
     ) -> Result<Self, Error> {
-        make::make(network, timeline, budget, pins, None)
+        make::make(network, timeline, budget, pins, (None, 1.0))
     }
 
-    /// The same plan as [`Plan::new`] makes, sooner: what is known of bodies from `like`, a plan of another version, is
-    /// not computed again.
-    pub fn like(
+    /// The same plan as [`Plan::new`] makes, whose trials may take but a `share` of the work (0 to 1).
+    ///
+    /// Sooner: what is known of bodies from `like`, a plan of another version, is not computed again.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Plan::new`].
+    pub fn with(
         network: Arc<Network>,
         timeline: &Timeline,
         budget: &Budget,
         pins: Option<Vec<Choice>>,
-        like: &Self,
+        (like, share): (Option<&Self>, f64),
     ) -> Result<Self, Error> {
-        make::make(network, timeline, budget, pins, Some(like))
+        make::make(network, timeline, budget, pins, (like, share))
     }
 
     /// The same, with what was told of an equal plan when its pilot was played.
@@ -198,6 +210,8 @@ impl Plan {
             choices: Vec::new(),
             stay: Vec::new(),
             solved: Vec::new(),
+            trials_cost: 0.0,
+            trials_most: 0.0,
             network,
             units: Vec::new(),
         }
@@ -211,6 +225,11 @@ impl Plan {
     /// Parts that have a rate of their own and go at every frame all the same, and why.
     pub fn stay(&self) -> &[(String, String)] {
         &self.stay
+    }
+
+    /// Work that its trials took, and the most that they might, by the table of costs [s].
+    pub fn trials(&self) -> (f64, f64) {
+        (self.trials_cost, self.trials_most)
     }
 
     /// What was decided, island by island: enough to decide the same again.

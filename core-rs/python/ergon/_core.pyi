@@ -598,6 +598,7 @@ class PlanRow:
     preserved: bool  # slow, and not heard: at most -75 dB up to 10 frames, -70 dB up to 20
     offered: bool  # slow without being asked to be: so its island costs less
     stays: str | None  # parts that have a rate of their own and go at every frame, and why
+    cut_short: bool  # the allowance of work for trials was spent before all were played
 
 @final
 class Plan:
@@ -618,13 +619,17 @@ class Plan:
         cents: float | None = None,
         upto: float | None = None,
         pins: Sequence[tuple[int, int, int, Sequence[Sequence[int]]]] | None = None,
-        told: Sequence[tuple[float | None, float | None, float | None, float | None, str | None]]
+        told: Sequence[
+            tuple[float | None, float | None, float | None, float | None, str | None, bool]
+        ]
         | None = None,
         like: Plan | None = None,
+        share: float = 1.0,
     ) -> Self:
         """`pins`: the `choices` of an earlier plan of the same score, which are used again;
-        `told`: error_db, error_s, spectral_db, left_out_db and because of each of that plan's rows;
-        `like`: a plan of another version, whose modes of unchanged bodies are used again."""
+        `told`: error_db, error_s, spectral_db, left_out_db, because and cut_short of each of that
+        plan's rows; `like`: a plan of another version, whose modes of unchanged bodies are used
+        again; `share` (0 to 1): the part of the allowance of work that the trials may take."""
 
     @staticmethod
     def key(
@@ -635,6 +640,7 @@ class Plan:
         error_db: float | None = None,
         cents: float | None = None,
         upto: float | None = None,
+        share: float = 1.0,
     ) -> str:
         """Hash of everything that determines a plan: 64 hex digits. Raises EngineError."""
     def rows(self) -> list[PlanRow]:
@@ -644,6 +650,7 @@ class Plan:
         (0 for a bank), of each body its modes or its method)."""
     def stay(self) -> list[tuple[str, str]]:
         """(name, reason) of each part with its own rate that is nevertheless computed at every frame."""
+    trials: tuple[float, float]  # work that trials took, and might have, by the table of costs [s]
     hash: str  # of what was decided: 64 hex digits
 
 # --- what moves ---------------------------------------------------------------------------------

@@ -7,6 +7,7 @@
 use std::sync::Arc;
 
 use super::inside::RunningBody;
+use super::modal::RunningModal;
 use crate::cell::Cell;
 use crate::kernel;
 use crate::network::{MatKind, Network};
@@ -17,6 +18,8 @@ use crate::units::Rate;
 
 /// A contact that is further than this from closing stays open, however its distance is rounded [m].
 const HAIR: f64 = 1e-9;
+/// A mode's answer to an impulse costs as much as so many products: it has an exponential and a sine.
+const RESPONSE: u64 = 200;
 
 /// A point that contacts touch.
 #[derive(Clone, Debug)]
@@ -43,6 +46,8 @@ struct Script {
     /// What an impulse at one joint moves another by, j/S of a frame later   (n_joints², S + 1); empty where
     /// nothing leads from one to the other within a frame.
     moves: Vec<Vec<f64>>,
+    /// Products that tell in each frame where all joints go.
+    ways: u64,
 }
 
 /// Contacts that play.
@@ -61,6 +66,17 @@ pub(crate) struct Fine {
     near: Vec<bool>,
     /// Whether one has been.
     pub(super) has_touched: bool,
+    /// Work done so far.
+    work: FineWork,
+}
+
+/// Work of contacts that are computed finely, counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct FineWork {
+    /// Contacts, once for each instant at which they were computed.
+    pub(crate) instants: u64,
+    /// Sums of products.
+    pub(crate) products: u64,
 }
 
 impl Fine {
@@ -86,6 +102,24 @@ impl Fine {
         let at = |mat: usize| mats.binary_search(&mat).unwrap_or(0);
         let ends = contacts.iter().map(|run| (at(run.a), at(run.b))).collect();
         let n = joints.len();
+        // Of each joint: the modes that tell where it is, itself where it is a mass.
+        let modes = |joint: &Joint| {
+            let body = joint.port.and_then(|(owner, _)| bodies[owner].modal());
+            body.map_or(1, RunningModal::n_modes) as u64
+        };
+        let pairs = |joint: &Joint| {
+            let same = |other: &&Joint| match (joint.port, other.port) {
+                (Some((owner, _)), Some((own, _))) => owner == own,
+                _ => false,
+            };
+            joints.iter().filter(same).count().max(1) as u64
+        };
+        let instants = steps as u64 + 1;
+        let responses = joints
+            .iter()
+            .map(|own| pairs(own) * modes(own) * instants)
+            .sum::<u64>();
+        let ways = joints.iter().map(|own| 2 * modes(own) * instants).sum();
         let moves = (0..n * n)
             .map(|pair| moves(&joints, bodies, pair / n, pair % n, steps, rate))
             .collect();
@@ -96,6 +130,10 @@ impl Fine {
             later: vec![0.0; n],
             near: vec![false; contacts.len()],
             has_touched: false,
+            work: FineWork {
+                instants: 0,
+                products: RESPONSE * responses,
+            },
             script: Arc::new(Script {
                 steps,
                 rate,
@@ -103,6 +141,7 @@ impl Fine {
                 ends,
                 joints,
                 moves,
+                ways,
             }),
         }
     }
@@ -112,6 +151,11 @@ impl Fine {
         std::mem::swap(&mut self.before, &mut old.before);
         std::mem::swap(&mut self.later, &mut old.later);
         self.has_touched = old.has_touched;
+    }
+
+    /// Work done so far, counted.
+    pub(super) fn work(&self) -> FineWork {
+        self.work
     }
 
     /// How many of its contacts end on a MAT.
@@ -184,6 +228,7 @@ impl Fine {
             return;
         }
         let script = self.script.clone();
+        self.work.products += script.ways;
         for (at, joint) in script.joints.iter().enumerate() {
             let way = &mut self.way[at * (script.steps + 1)..(at + 1) * (script.steps + 1)];
             match joint.port {
@@ -240,6 +285,7 @@ impl Fine {
                 if !self.near[contact] {
                     continue;
                 }
+                self.work.instants += 1;
                 let (a, b) = script.ends[contact];
                 let e = self.way[b * stride + j] - self.way[a * stride + j] - run.rest;
                 let e_next = self.way[b * stride + j + 1] - self.way[a * stride + j + 1] - run.rest;
@@ -263,6 +309,7 @@ impl Fine {
                         for (x, by) in way.iter_mut().zip(moves) {
                             *x += by * impulse;
                         }
+                        self.work.products += moves.len().min(stride - j) as u64;
                     }
                 }
             }

@@ -200,6 +200,11 @@ impl RunningModal {
         }
     }
 
+    /// How many modes it has.
+    pub(crate) fn n_modes(&self) -> usize {
+        self.script.plan.modes.len()
+    }
+
     /// Raise the square of each mode (n_modes) to that of its amplitude now.
     pub(crate) fn squares(&self, squares: &mut [f64]) {
         let modes = self.script.plan.modes.iter().zip(squares);

@@ -18,6 +18,7 @@ use crate::plan::passes::slow::Stays;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::report::row::{self, Computed, Measured, PRESERVED, Reason, Row};
+use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot::{self, Piloted};
@@ -31,6 +32,7 @@ struct Maker<'a> {
     budget: &'a Budget,
     pins: Pins,
     memo: Memo<'a>,
+    allowance: Allowance,
 }
 
 /// How an island goes.
@@ -52,12 +54,13 @@ pub(super) fn make(
     timeline: &Timeline,
     budget: &Budget,
     pins: Option<Vec<Choice>>,
-    like: Option<&Plan>,
+    (like, share): (Option<&Plan>, f64),
 ) -> Result<Plan, Error> {
     let mut maker = Maker {
         plan: Plan::empty(network.clone(), timeline),
         budget,
         pins: Pins::new(pins),
+        allowance: Allowance::new(network.n_mat() + network.n_lia(), share),
         memo: Memo::new(like.map_or(&[], |like| &like.solved)),
     };
     let (mut loose, mut island_plans, mut gliding) = (Vec::new(), Vec::new(), Vec::new());
@@ -101,6 +104,7 @@ pub(super) fn make(
     }
     maker.pins.end()?;
     maker.plan.solved = maker.memo.found();
+    (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
     Ok(maker.plan)
 }
 
@@ -196,6 +200,7 @@ impl Maker<'_> {
         pin: Option<&Choice>,
         why: Option<NoModes>,
     ) -> Result<(), Error> {
+        let n_refused = self.allowance.n_refused();
         let solved = match self.solve(subset, own, pin) {
             Ok(solved) if pin.is_none() => self.offered(subset, own, solved)?,
             Err(error) => match pin.and_then(|pin| self.pinned_offer(subset, own, pin)) {
@@ -259,7 +264,9 @@ impl Maker<'_> {
             }
             self.plan.rows.push(row);
         }
+        let is_cut_short = self.allowance.n_refused() > n_refused;
         for row in &mut self.plan.rows[first_row..] {
+            row.is_cut_short = is_cut_short;
             row.stays = told(&stay, row);
         }
         self.plan.stay.extend(stay);
@@ -292,7 +299,7 @@ impl Maker<'_> {
                         pilot::pinned(assemble((pin.oversampling.max(1), Ways::Budget))?, pin)
                             .ok_or_else(another)?
                     }
-                    None => pilot::pilot(&assemble, self.budget)?,
+                    None => pilot::pilot(&assemble, self.budget, &self.allowance)?,
                 };
                 // Where all of it goes more often its map is another.
                 if found.island.island_plan.oversampling > 1 {
@@ -310,7 +317,8 @@ impl Maker<'_> {
         };
         let slow_error = match growth {
             Some(_) if pin.is_none() && !own.timeline.is_open => {
-                multirate::error(&subset, own, self.budget, &found.island, &self.memo)?
+                let known = (&self.memo, &self.allowance);
+                multirate::error(&subset, own, self.budget, &found.island, known)?
             }
             _ => None,
         };
@@ -327,6 +335,10 @@ impl Maker<'_> {
     fn offered(&self, subset: &Subset, own: &OwnTimeline, plain: Solved) -> Result<Solved, Error> {
         let mut best = plain;
         for &(every, preserved) in &PRESERVED {
+            // An offer is taken only once it is measured.
+            if self.allowance.n_refused() > 0 {
+                break;
+            }
             let Some(slow) = multirate::offer(subset, own, self.budget, every) else {
                 continue;
             };

@@ -1,5 +1,6 @@
 //! The beginning of an island is played to measure what its plan costs in accuracy.
 
+pub(in crate::plan) mod allowance;
 pub(in crate::plan) mod chaos;
 pub(in crate::plan) mod macrostep;
 pub(in crate::plan) mod multirate;

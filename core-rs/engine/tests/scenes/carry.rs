@@ -272,7 +272,16 @@ fn a_version_that_is_the_same_changes_no_bit() {
         Budget::Method(Method::Ca),
     ] {
         let plan = Plan::new(network.clone(), &timeline, &budget, None).unwrap();
-        let next = Arc::new(Plan::like(network.clone(), &timeline, &budget, None, &plan).unwrap());
+        let next = Arc::new(
+            Plan::with(
+                network.clone(),
+                &timeline,
+                &budget,
+                None,
+                (Some(&plan), 1.0),
+            )
+            .unwrap(),
+        );
         let plan = Arc::new(plan);
         let whole = versions(&[(plan.clone(), 0)], LENGTH, plain(), 44);
         for (first, second) in [
@@ -335,7 +344,7 @@ fn a_session_is_planned_for_what_may_come() {
     let plan = |timeline: &Timeline, like: Option<&Plan>| {
         let budget = Budget::default();
         match like {
-            Some(like) => Plan::like(network.clone(), timeline, &budget, None, like),
+            Some(like) => Plan::with(network.clone(), timeline, &budget, None, (Some(like), 1.0)),
             None => Plan::new(network.clone(), timeline, &budget, None),
         }
         .unwrap()

@@ -20,16 +20,18 @@ pub struct CachedReport {
     pub left_out: Option<f64>,
     /// Why it is not computed in a better way.
     pub because: Option<String>,
+    /// The allowance of work for trials was spent there.
+    pub is_cut_short: bool,
 }
 
 /// SHA-256 of all that a plan of this version is a function of (64 hex digits).
 ///
 /// Everything is written as `Debug` writes it: every field that there is or will be, and each number with all
 /// its digits.
-pub fn key(network: &Network, timeline: &Timeline, budget: &Budget) -> String {
+pub fn key(network: &Network, timeline: &Timeline, budget: &Budget, share: f64) -> String {
     let mut sink = Sink(Sha256::new());
     // A hash takes everything: nothing can fail.
-    let _ = write!(sink, "{network:?}\n{timeline:?}\n{budget:?}");
+    let _ = write!(sink, "{network:?}\n{timeline:?}\n{budget:?}\n{share:?}");
     let digest = sink.0.finalize();
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
@@ -66,6 +68,7 @@ pub(in crate::plan) fn recall(rows: &mut [Row], reports: &[CachedReport]) -> Res
             (_, Some(_)) => return Err(another()),
         }
         row.error = reports.error;
+        row.is_cut_short = reports.is_cut_short;
         row.because.clone_from(&reports.because);
     }
     Ok(())

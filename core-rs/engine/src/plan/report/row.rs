@@ -85,6 +85,8 @@ pub struct Row {
     pub stays: Option<String>,
     /// It is slow for the planner's own reasons: so its island costs less.
     pub is_offered: bool,
+    /// The allowance of work for trials was spent before all were played that would have been.
+    pub is_cut_short: bool,
 }
 
 /// Slow parts are called preserved where so many frames lie between their kicks at most, and their error is no more
@@ -119,6 +121,7 @@ impl Row {
             radius: None,
             stays: None,
             is_offered: false,
+            is_cut_short: false,
         }
     }
 

@@ -7,8 +7,9 @@
 
 use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
-use crate::network::{Error, LinkKind, Network};
+use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
+use crate::plan::trial::allowance::{Allowance, Halt};
 use crate::plan::trial::take::{LOOK, Take, nudged};
 use crate::plan::trial::third_octaves::levels_apart;
 use crate::plan::trial::waveform_error::{ORDERS, Spans, errors};
@@ -176,11 +177,12 @@ impl Pair<'_> {
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
-    ) -> Result<Option<Parting>, Error> {
+        allowance: &Allowance,
+    ) -> Result<Option<Parting>, Halt> {
         if self.take.is_lost || self.parts_at().is_none() || is_linear(island_plan) {
             return Ok(None);
         }
-        let grown = self.nudge(island_plan, contact_substeps)?;
+        let grown = self.nudge(island_plan, contact_substeps, allowance)?;
         if !is_chaotic(&grown) {
             return Ok(None);
         }
@@ -218,10 +220,16 @@ impl Pair<'_> {
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
-    ) -> Result<Vec<Option<f64>>, Error> {
+        allowance: &Allowance,
+    ) -> Result<Vec<Option<f64>>, Halt> {
         let n_frames = self.take.sound.len() / self.spans.n_out.max(1);
         let from = self.stretches.start().next_multiple_of(LOOK);
-        let nudged = nudged(island_plan, contact_substeps, n_frames, (from, 1.0 - NUDGE))?;
+        let nudged = nudged(
+            (island_plan, contact_substeps),
+            n_frames,
+            (from, 1.0 - NUDGE),
+            allowance,
+        )?;
         // From then on it goes as it will.
         let after = Stretches::from(from + LOOK, n_frames, self.spans);
         Ok(after.apart(&nudged.sound, &self.take.sound).alone)

@@ -13,6 +13,7 @@ use crate::plan::passes::slow::{Stays, slow};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::row::Measured;
+use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::take::{is_worth, length, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
@@ -138,7 +139,7 @@ pub(in crate::plan) fn error(
     own: &OwnTimeline,
     budget: &Budget,
     island: &Assembled,
-    memo: &Memo<'_>,
+    (memo, allowance): (&Memo<'_>, &Allowance),
 ) -> Result<Option<Measured>, Error> {
     let ways = island.ways();
     let (oversampling, contact_substeps) = (
@@ -154,14 +155,19 @@ pub(in crate::plan) fn error(
     let Ok(single) = Assembled::new(&single, own, budget, how, None, memo) else {
         return Ok(None);
     };
-    let n_frames = length(&slow.island_plan)?;
+    let n_frames = unless_spent(length(&slow.island_plan, allowance))?.unwrap_or(0);
     if n_frames == 0 || !is_worth(&single.island_plan, n_frames) {
         return Ok(None);
     }
     let spans = Spans::of(&slow.island_plan, n_frames);
-    let pair = [&slow, &single].map(|island| play(&island.island_plan, contact_substeps, n_frames));
-    let [slow, single] = pair;
-    let db = difference(&slow?.sound, &single?.sound, &spans);
+    let played = |island: &Assembled| {
+        let take = play(&island.island_plan, contact_substeps, n_frames, allowance);
+        unless_spent(take)
+    };
+    let (Some(slow), Some(single)) = (played(&slow)?, played(&single)?) else {
+        return Ok(None);
+    };
+    let db = difference(&slow.sound, &single.sound, &spans);
     let over = n_frames as f64 / spans.rate;
     Ok(db.is_finite().then_some(Measured {
         db,

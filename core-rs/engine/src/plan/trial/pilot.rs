@@ -15,6 +15,7 @@ use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::Ways;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;
+use crate::plan::trial::allowance::{Allowance, Halt, unless_spent};
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::search::{Search, Standing, TIMES_MAX};
@@ -51,6 +52,7 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &Choice) -> Option<Piloted
 pub(in crate::plan) fn pilot(
     assemble: &impl Fn((u32, Ways<'_>)) -> Result<Assembled, Error>,
     budget: &Budget,
+    allowance: &Allowance,
 ) -> Result<Piloted, Error> {
     if let Budget::Method(_) = budget {
         let island = assemble((1, Ways::Budget))?;
@@ -68,7 +70,7 @@ pub(in crate::plan) fn pilot(
             error: None,
         });
     }
-    let n_frames = length(&island.island_plan)?;
+    let n_frames = unless_spent(length(&island.island_plan, allowance))?.unwrap_or(0);
     if n_frames == 0 {
         return Ok(Piloted {
             island,
@@ -77,11 +79,24 @@ pub(in crate::plan) fn pilot(
     }
     let spans = Spans::of(&island.island_plan, n_frames);
     let stretches = OnceCell::new();
-    let found = contacts(&island.island_plan, budget, n_frames, (&spans, &stretches))?;
+    let found = contacts(
+        &island.island_plan,
+        budget,
+        n_frames,
+        (&spans, &stretches),
+        allowance,
+    );
+    let Some(found) = unless_spent(found)? else {
+        return Ok(Piloted {
+            island,
+            error: None,
+        });
+    };
     let search = Search {
         assemble,
         stretches: &stretches,
         spans: &spans,
+        allowance,
         once: found.contact_substeps * island.island_plan.oversampling as usize,
         n_frames,
     };
@@ -101,23 +116,36 @@ pub(in crate::plan) fn pilot(
             spectral: None,
         })
     };
-    let Some(finer) = search.finer(&island) else {
+    let start = match search.finer(&island) {
+        Some(finer) => {
+            let held = search.hold(island.clone(), found.take.clone(), &finer, None, None);
+            unless_spent(held)?
+        }
+        None => None,
+    };
+    let Some(start) = start else {
         let error = told(found.error, found.parting.as_ref());
         let island = fewer(
             &island,
             (found.contact_substeps, &found.take),
             n_frames,
             budget,
+            allowance,
         )?;
         return Ok(Piloted { island, error });
     };
-    let start = search.hold(island, found.take.clone(), &finer, None, None)?;
     let mut best = search.climb(start, budget)?;
     if best.take.is_lost
         && let Ok(island) = assemble((1, Ways::Safe))
     {
         let contact_substeps = search.once;
-        let take = play(&island.island_plan, contact_substeps, n_frames)?;
+        let take = play(&island.island_plan, contact_substeps, n_frames, allowance);
+        let Some(take) = unless_spent(take)? else {
+            return Ok(Piloted {
+                island,
+                error: None,
+            });
+        };
         if !take.is_lost {
             best = Standing {
                 island,
@@ -141,6 +169,7 @@ pub(in crate::plan) fn pilot(
             (best.contact_substeps, &best.take),
             n_frames,
             budget,
+            allowance,
         )?,
         error,
     })
@@ -176,12 +205,13 @@ fn contacts(
     budget: &Budget,
     n_frames: usize,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),
-) -> Result<Contacts, Error> {
+    allowance: &Allowance,
+) -> Result<Contacts, Halt> {
     if island_plan.contact_substeps == 1 {
         return Ok(Contacts {
             contact_substeps: 1,
             error: None,
-            take: play(island_plan, 1, n_frames)?,
+            take: play(island_plan, 1, n_frames, allowance)?,
             parting: None,
         });
     }
@@ -194,13 +224,28 @@ fn contacts(
         ORDERS.1
     };
     let mut contact_substeps = LEAST;
-    let mut take = play(island_plan, contact_substeps, n_frames)?;
+    let mut take = play(island_plan, contact_substeps, n_frames, allowance)?;
     // Once a frame tells how fast the error falls; it is no choice, for it may diverge.
-    let once = difference(&play(island_plan, 1, n_frames)?.sound, &take.sound, spans);
+    let once = play(island_plan, 1, n_frames, allowance)?;
+    let once = difference(&once.sound, &take.sound, spans);
     let mut last = Some(once).filter(|change| change.is_finite());
     let (mut parting, mut until) = (None, n_frames);
+    // What is known of the take: its error, and where it parts from others.
+    let mut known: Option<(f64, Option<Parting>)> = None;
     loop {
-        let finer = play(island_plan, 2 * contact_substeps, n_frames)?;
+        let finer = play(island_plan, 2 * contact_substeps, n_frames, allowance);
+        let finer = match (finer, known.take()) {
+            (Ok(finer), _) => finer,
+            (Err(Halt::Spent), Some((error, parting))) => {
+                return Ok(Contacts {
+                    contact_substeps,
+                    error: Some(error),
+                    take,
+                    parting,
+                });
+            }
+            (Err(halt), _) => return Err(halt),
+        };
         let pair = (!take.is_lost).then(|| Pair {
             take: &take,
             finer: &finer,
@@ -210,7 +255,7 @@ fn contacts(
         if let Some(pair) = pair
             && parting.is_none()
         {
-            parting = pair.parting(island_plan, contact_substeps)?;
+            parting = pair.parting(island_plan, contact_substeps, allowance)?;
             if parting.is_some() {
                 // Of contacts only the time until takes part tells.
                 (until, last) = (pair.together().unwrap_or(n_frames), None);
@@ -243,6 +288,7 @@ fn contacts(
                 take: finer,
             });
         }
+        known = Some((left, told(true)));
         take = finer;
     }
 }

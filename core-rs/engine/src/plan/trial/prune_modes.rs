@@ -8,18 +8,21 @@ use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::truncate::{KeptModes, choose};
+use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::take::{Take, is_worth, play};
 use crate::plan::trial::waveform_error::{Spans, difference};
 
 /// So often fewer modes are tried, each time quieter ones by at least so much [dB].
 const TRIES: usize = 4;
 const QUIETER: f64 = 2.0;
+
 /// An island without the modes that are not heard: those that energies tell, then tested by ear.
 pub(in crate::plan) fn fewer(
     island: &Assembled,
     (contact_substeps, take): (usize, &Take),
     n_frames: usize,
     budget: &Budget,
+    allowance: &Allowance,
 ) -> Result<Assembled, Error> {
     let with = |allowed: Option<f64>| {
         let bodies = island.island_plan.bodies.iter().zip(&take.squares);
@@ -48,7 +51,11 @@ pub(in crate::plan) fn fewer(
     let sound = if count(&all) == count(island) {
         take.sound.clone()
     } else {
-        play(&all.island_plan, contact_substeps, n_frames)?.sound
+        let take = play(&all.island_plan, contact_substeps, n_frames, allowance);
+        let Some(take) = unless_spent(take)? else {
+            return Ok(all);
+        };
+        take.sound
     };
     let spans = Spans::of(&island.island_plan, n_frames);
     let mut allowed = most;
@@ -57,7 +64,10 @@ pub(in crate::plan) fn fewer(
         if count(&fewer) == count(&all) {
             break;
         }
-        let take = play(&fewer.island_plan, contact_substeps, n_frames)?;
+        let take = play(&fewer.island_plan, contact_substeps, n_frames, allowance);
+        let Some(take) = unless_spent(take)? else {
+            break;
+        };
         let loud = difference(&take.sound, &sound, &spans);
         if loud <= most {
             let bodies = fewer.bodies.iter_mut();

@@ -8,6 +8,7 @@ use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::passes::assemble::Assembled;
 use crate::plan::passes::mesh::Ways;
+use crate::plan::trial::allowance::{Allowance, Halt, unless_spent};
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::take::{Take, is_worth, play};
 
@@ -30,6 +31,7 @@ pub(in crate::plan) struct Search<'a, F> {
     /// Contact substeps a frame, whatever the oversampling.
     pub(in crate::plan) once: usize,
     pub(in crate::plan) n_frames: usize,
+    pub(in crate::plan) allowance: &'a Allowance,
 }
 
 /// An island on that way.
@@ -64,7 +66,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         ways: Ways<'_>,
         rung: Option<usize>,
         last: Option<f64>,
-    ) -> Result<Option<Standing>, Error> {
+    ) -> Result<Option<Standing>, Halt> {
         let Ok(island) = (self.assemble)((oversampling, ways)) else {
             return Ok(None);
         };
@@ -75,6 +77,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
             &island.island_plan,
             self.contact_substeps(oversampling),
             self.n_frames,
+            self.allowance,
         )?;
         self.hold(island, take, &finer, rung, last).map(Some)
     }
@@ -98,12 +101,13 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         finer: &Assembled,
         rung: Option<usize>,
         last: Option<f64>,
-    ) -> Result<Standing, Error> {
+    ) -> Result<Standing, Halt> {
         let oversampling = island.island_plan.oversampling;
         let fine = play(
             &finer.island_plan,
             self.contact_substeps(2 * oversampling),
             self.n_frames,
+            self.allowance,
         )?;
         let change = difference(&take.sound, &fine.sound, self.spans);
         let (own, _) = errors(change, last, ORDERS.1);
@@ -118,7 +122,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
                 spans: self.spans,
                 stretches: self.stretches.get_or_init(first),
             };
-            pair.parting(&island.island_plan, contact_substeps)?
+            pair.parting(&island.island_plan, contact_substeps, self.allowance)?
         };
         Ok(Standing {
             parting,
@@ -137,7 +141,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         (self.once / oversampling as usize).max(1)
     }
 
-    /// Improve the island until the budget is met or nothing helps any more.
+    /// Improve the island until the budget is met, nothing helps any more, or the allowance is spent.
     pub(in crate::plan) fn climb(
         &self,
         mut best: Standing,
@@ -156,7 +160,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         };
         let mut fair = None;
         while is_short(&best) {
-            let Some(better) = self.better(&best)? else {
+            let Some(better) = unless_spent(self.better(&best))?.flatten() else {
                 break;
             };
             let last = std::mem::replace(&mut best, better);
@@ -171,7 +175,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         })
     }
 
-    fn better(&self, best: &Standing) -> Result<Option<Standing>, Error> {
+    fn better(&self, best: &Standing) -> Result<Option<Standing>, Halt> {
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
             let stand = self.stand(best.oversampling, Ways::All(way), Some(rung), None)?;

@@ -3,6 +3,8 @@
 use crate::island::{Island, OnFault, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
+use crate::plan::cost::Costs;
+use crate::plan::trial::allowance::{Allowance, Halt};
 use crate::plan::{IslandPlan, cost};
 
 /// How long after the first contact [s]: long enough to hear it, short enough to cost nothing.
@@ -11,6 +13,8 @@ pub(in crate::plan) const AFTER: f64 = 0.3;
 const LONGEST: f64 = 10.0;
 /// A pilot that would take longer than this is not played [s].
 const WORTH: f64 = 0.5;
+/// A sample of an output is compared with others [s].
+const HEARD: f64 = 2e-8;
 /// Frames between two looks at the modes.
 pub(in crate::plan) const LOOK: usize = 64;
 
@@ -37,14 +41,23 @@ pub(in crate::plan) fn is_worth(island_plan: &IslandPlan, n_frames: usize) -> bo
 }
 
 /// How many frames a pilot takes; 0 where it would take long.
-pub(in crate::plan) fn length(island_plan: &IslandPlan) -> Result<usize, Error> {
+///
+/// # Errors
+///
+/// [`Halt::Error`] where the island cannot be played, [`Halt::Spent`] where the allowance ends first.
+pub(in crate::plan) fn length(
+    island_plan: &IslandPlan,
+    allowance: &Allowance,
+) -> Result<usize, Halt> {
     let rate = island_plan.timeline.rate.hertz() / f64::from(island_plan.oversampling);
     let most = ((WORTH / work(island_plan)) as usize).min((LONGEST * rate) as usize);
     let after = (AFTER * rate) as usize;
     if island_plan.contact_substeps > 1 {
         let mut island = island(island_plan, island_plan.contact_substeps)?;
+        let mut meter = Meter::new(island_plan, allowance);
         let mut sound = vec![0.0; LOOK * island.n_out()];
         for at in (0..most).step_by(LOOK) {
+            meter.draw(&island, LOOK)?;
             // Faults are muted: a pilot says nothing of them.
             let _ = island.process(&mut sound, LOOK, &mut ThreadTeam::alone());
             if island.has_touched() {
@@ -72,6 +85,42 @@ pub(in crate::plan) fn length(island_plan: &IslandPlan) -> Result<usize, Error> 
     Ok(if n_frames <= most { n_frames } else { 0 })
 }
 
+/// Draws from an allowance what a trial costs, block by block: frames before they are played, and what contacts and
+/// guards added to them after.
+struct Meter<'a> {
+    allowance: &'a Allowance,
+    /// Work of a frame [s].
+    frame: f64,
+    /// Work of a step that a guard adds [s].
+    step: f64,
+    /// What contacts and guards have cost so far [s].
+    added: f64,
+}
+
+impl<'a> Meter<'a> {
+    fn new(island_plan: &IslandPlan, allowance: &'a Allowance) -> Self {
+        let frame = work(island_plan);
+        let heard = HEARD * island_plan.network.outputs().len() as f64;
+        Self {
+            allowance,
+            frame: frame + heard,
+            step: frame / f64::from(island_plan.oversampling),
+            added: 0.0,
+        }
+    }
+
+    fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), Halt> {
+        let fine = island.fine_work();
+        let added = 1e-9
+            * (Costs::of("single") * fine.instants as f64
+                + Costs::of("port") * fine.products as f64)
+            + self.step * island.guard_steps() as f64;
+        let more = added - self.added;
+        self.added = added;
+        self.allowance.draw(self.frame * n_frames as f64 + more)
+    }
+}
+
 fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, Error> {
     let options = Options {
         ledger: false,
@@ -89,21 +138,41 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
     )
 }
 
+/// The beginning of an island: so many frames of it.
+///
+/// # Errors
+///
+/// [`Halt::Error`] where the island cannot be played, [`Halt::Spent`] where the allowance ends first.
 pub(in crate::plan) fn play(
     island_plan: &IslandPlan,
     contact_substeps: usize,
     n_frames: usize,
-) -> Result<Take, Error> {
-    nudged(island_plan, contact_substeps, n_frames, (n_frames, 1.0))
+    allowance: &Allowance,
+) -> Result<Take, Halt> {
+    nudged(
+        (island_plan, contact_substeps),
+        n_frames,
+        (n_frames, 1.0),
+        allowance,
+    )
 }
 
 /// The same, with all speeds so many times as large at each step of a block.
+///
+/// # Errors
+///
+/// Those of [`play`].
 pub(in crate::plan) fn nudged(
-    island_plan: &IslandPlan,
-    contact_substeps: usize,
+    (island_plan, contact_substeps): (&IslandPlan, usize),
     n_frames: usize,
     (block, by): (usize, f64),
-) -> Result<Take, Error> {
+    allowance: &Allowance,
+) -> Result<Take, Halt> {
+    let mut meter = Meter::new(island_plan, allowance);
+    // What cannot be paid for is not begun.
+    meter
+        .allowance
+        .affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
     let n_out = island.n_out();
     let mut sound = vec![0.0; n_frames * n_out];
@@ -118,7 +187,9 @@ pub(in crate::plan) fn nudged(
         } else if at * LOOK == block + LOOK {
             island.damp(1.0);
         }
-        let _ = island.process(sound, sound.len() / n_out.max(1), &mut ThreadTeam::alone());
+        let frames = sound.len() / n_out.max(1);
+        meter.draw(&island, frames)?;
+        let _ = island.process(sound, frames, &mut ThreadTeam::alone());
         island.squares(&mut squares);
     }
     Ok(Take {

@@ -1,0 +1,84 @@
+"""The work of planning is bounded, and a plan says where it ended at that bound."""
+
+import json
+from pathlib import Path
+
+import pytest
+import random_scores
+
+from ergon import _core
+from ergon.api import score as scores
+from ergon.api.options import AccuracyOptions
+from ergon.cli import app
+from ergon.scores.staging.planning import _percent
+
+Capture = pytest.CaptureFixture[str]
+
+# A seed whose plan took more than 60 s, for 42 modules.
+HOSTILE = 1
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("ERGON_CACHE", "off")
+
+
+def write(monkeypatch: pytest.MonkeyPatch, seed: int, accuracy: str) -> None:
+    monkeypatch.setattr(random_scores, "METHODS", (accuracy,))
+    Path("a.yaml").write_text(random_scores.score(seed))
+
+
+def planned(threads: int = 1) -> _core.Plan:
+    options = AccuracyOptions()
+    staged = scores.stage_piece(scores.read("a.yaml", options, None), options, threads=threads)
+    assert staged.stage.plan is not None
+    return staged.stage.plan
+
+
+@pytest.mark.parametrize("seed", [HOSTILE, 16])
+def test_trials_draw_no_more_than_their_allowance(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(monkeypatch, seed, "{error: -60dB, cpu: 0.0001%}")
+    drawn, most = planned().trials
+    assert 0.0 < drawn <= most
+
+
+def test_a_plan_cut_short_is_the_same_with_any_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    write(monkeypatch, HOSTILE, "{error: -60dB, cpu: 0.0001%}")
+    one, four = planned(1), planned(4)
+    assert any(row.cut_short for row in one.rows())
+    assert (one.hash, one.trials) == (four.hash, four.trials)
+    assert [row.error_db for row in one.rows()] == [row.error_db for row in four.rows()]
+
+
+def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    write(monkeypatch, HOSTILE, "{error: -60dB, cpu: 0.0001%}")
+    for is_kept in (False, True):
+        assert app.run(["plan", "a.yaml", "--json"]) == 0
+        out, err = capsys.readouterr()
+        *rows, plan = [json.loads(line) for line in out.splitlines()]
+        assert (plan["kept"], plan["cut_short"]) == (is_kept, True)
+        assert any(row.get("cut_short") for row in rows)
+        assert "planning ended, for its work is bounded" in out + err
+    assert app.run(["plan", "a.yaml"]) == 0
+    out, err = capsys.readouterr()
+    assert "planning ended" in out
+    assert "warning[W403]" in err
+    assert "more than the 0.0001% it may" in err
+    assert app.run(["check", "a.yaml"]) == 0
+    assert "planning ended, for its work is bounded" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("part", "shown"),
+    [(1e-6, "0.0001%"), (0.0347, "3.5%"), (0.8, "80%"), (1.234, "123%"), (0.0, "0%")],
+)
+def test_a_part_of_a_core_is_never_rounded_to_nothing(part: float, shown: str) -> None:
+    assert _percent(part) == shown
