@@ -5,34 +5,26 @@
 
 mod bodies;
 mod carry;
+mod group;
 mod heirs;
 mod response;
 mod side;
 mod take_over;
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use crate::bank::Bank;
 use crate::gesture::report::Report;
 use crate::interrupt;
 use crate::island::{Island, Taken};
-use crate::kernel::thread_team::{ThreadTeam, flushed};
+use crate::kernel::thread_team::flushed;
 use crate::network::{Error, Network};
 use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
-use crate::units::Rate;
 
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
 pub use carry::Carry;
 
-/// Frames that a unit goes on alone before its sound is added: its state stays in the cache.
-const STRETCH: usize = 256;
-/// The same where threads share the work: long enough that starting them costs nothing.
-const LONG: usize = 4_096;
-/// Units are added up in so many groups at most, whatever the threads that compute them.
-const GROUPS: usize = 16;
-/// So much of a helper's time is a gain where several go through one mesh together.
-const HELP: f64 = 0.7;
+use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};
 
 /// A network that plays.
 #[derive(Clone, Debug)]
@@ -41,27 +33,6 @@ pub struct Simulation {
     groups: Vec<Group>,
     threads: usize,
     frame: u64,
-}
-
-/// Units whose sound is added up together, in the order of the plan.
-#[derive(Clone, Debug)]
-struct Group {
-    /// Index of the first in the plan.
-    first: usize,
-    units: Vec<RunningUnit>,
-    /// Threads that go through its large meshes together.
-    team: usize,
-    /// (STRETCH or LONG · n_out)
-    sum: Vec<f64>,
-    /// One island's   (STRETCH · its n_out)
-    sound: Vec<f64>,
-}
-
-/// A unit of a plan that plays.
-#[derive(Clone, Debug)]
-enum RunningUnit {
-    Island(Box<Island>),
-    Bank(Bank),
 }
 
 /// A moment of a simulation, to come back to.
@@ -85,20 +56,10 @@ impl Simulation {
         let stretch = if options.threads > 1 { LONG } else { STRETCH };
         let mut groups = Vec::new();
         for range in plan.groups(GROUPS) {
-            let mut group = Group {
-                first: range.start,
-                team: 1,
-                units: Vec::with_capacity(range.len()),
-                sum: vec![0.0; n_out * stretch],
-                sound: Vec::new(),
-            };
-            for unit in &plan.units[range] {
-                group.add(unit, plan.timeline_rate, options)?;
-            }
-            groups.push(group);
+            groups.push(Group::new(&plan, range, n_out * stretch, options)?);
         }
         let threads = options.threads.max(1);
-        crews(&mut groups, &plan, threads);
+        group::assign_teams(&mut groups, &plan, threads);
         Ok(Self {
             plan,
             groups,
@@ -190,7 +151,7 @@ impl Simulation {
             let (large, small): (Vec<_>, Vec<_>) =
                 self.groups.iter_mut().partition(|group| group.team > 1);
             let mut faults: Vec<Fault> = large.into_iter().filter_map(run).collect();
-            faults.extend(shared(small, self.threads, &run));
+            faults.extend(group::run_on_threads(small, self.threads, &run));
             faults
         };
         let fault = faults.into_iter().min_by_key(|fault| fault.frame);
@@ -399,157 +360,5 @@ impl Simulation {
             }
         }
         other
-    }
-}
-
-impl Group {
-    fn add(&mut self, unit: &Unit, rate: Rate, options: Options) -> Result<(), Error> {
-        self.units.push(match unit {
-            Unit::IslandPlan(island_plan) => {
-                let IslandPlan {
-                    network,
-                    timeline,
-                    bodies,
-                    contact_substeps,
-                    oversampling,
-                    ..
-                } = &**island_plan;
-                let often = (*contact_substeps, *oversampling);
-                let island = Island::new(network.clone(), timeline, bodies, often, options)?;
-                let room = island.n_out() * STRETCH;
-                self.sound.resize(self.sound.len().max(room), 0.0);
-                RunningUnit::Island(Box::new(island))
-            }
-            Unit::Bank(bank) => {
-                let strikes = bank.strikes.clone();
-                let (own, is_open) = (&bank.oscillators, bank.is_open);
-                RunningUnit::Bank(Bank::new(own, strikes, rate, STRETCH, is_open))
-            }
-        });
-        Ok(())
-    }
-
-    /// Every unit through `n_frames` frames, their sound into `sum`.
-    fn run(&mut self, plan: &Plan, n_out: usize, n_frames: usize) -> Option<Fault> {
-        let sum = &mut self.sum[..n_out * n_frames];
-        sum.fill(0.0);
-        let mut fault: Option<Fault> = None;
-        for (playing, unit) in self.units.iter_mut().zip(&plan.units[self.first..]) {
-            let team = if playing.is_shared() { self.team } else { 1 };
-            let found = ThreadTeam::with(team, |team| {
-                (0..n_frames).step_by(STRETCH).find_map(|from| {
-                    let n_frames = STRETCH.min(n_frames - from);
-                    let out = &mut sum[n_out * from..n_out * (from + n_frames)];
-                    playing.go_on(unit, &mut self.sound, out, (n_out, n_frames), team)
-                })
-            });
-            let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);
-            fault = found.filter(is_first).or(fault);
-        }
-        fault
-    }
-}
-
-impl RunningUnit {
-    /// A few frames, added to `out` (n_frames · n_out); `sound` is room for its own.
-    fn go_on(
-        &mut self,
-        unit: &Unit,
-        sound: &mut [f64],
-        out: &mut [f64],
-        (n_out, n_frames): (usize, usize),
-        team: &mut ThreadTeam<'_>,
-    ) -> Option<Fault> {
-        match (self, unit) {
-            (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
-            (Self::Island(island), Unit::IslandPlan(island_plan)) => {
-                let own = island.n_out();
-                let sound = &mut sound[..own * n_frames];
-                if let Err(fault) = island.process(sound, n_frames, team) {
-                    return Some(fault.at_frame(island.oversampling()));
-                }
-                add(sound, own, island_plan, out, n_out);
-            }
-            (Self::Island(_), Unit::Bank(_)) => {}
-        }
-        None
-    }
-
-    /// Whether a crew can share its work.
-    fn is_shared(&self) -> bool {
-        matches!(self, Self::Island(island) if island.is_shared())
-    }
-}
-
-/// Give groups with large meshes a crew, where that is quicker than a thread for each group.
-fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
-    // Who waits for a helper that has no processor waits long.
-    let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let team = threads.min(processors);
-    let costs = |group: &Group| -> f64 {
-        let units = &plan.units[group.first..][..group.units.len()];
-        units.iter().map(Unit::cost).sum()
-    };
-    // Of groups side by side: the dearest takes longest, or all of them on all threads.
-    let beside = |costs: &[f64]| {
-        let longest = costs.iter().copied().fold(0.0, f64::max);
-        longest.max(costs.iter().sum::<f64>() / team as f64)
-    };
-    let (mut all, mut large, mut small) = (Vec::new(), 0.0, Vec::new());
-    for group in &*groups {
-        let cost = costs(group);
-        all.push(cost);
-        if group.units.iter().any(RunningUnit::is_shared) {
-            large += cost;
-        } else {
-            small.push(cost);
-        }
-    }
-    let together = large / (1.0 + HELP * (team - 1) as f64) + beside(&small);
-    if team > 1 && together < beside(&all) {
-        let large = |group: &&mut Group| group.units.iter().any(RunningUnit::is_shared);
-        groups
-            .iter_mut()
-            .filter(large)
-            .for_each(|group| group.team = team);
-    }
-}
-
-/// Run every group, each by the next thread that is free.
-fn shared(
-    groups: Vec<&mut Group>,
-    threads: usize,
-    run: &(impl Fn(&mut Group) -> Option<Fault> + Sync),
-) -> Vec<Fault> {
-    let waiting = Mutex::new(groups.into_iter());
-    let faults = Mutex::new(Vec::new());
-    let work = || {
-        // A poisoned lock is a thread that panicked: the scope passes that on.
-        while let Some(group) = waiting.lock().ok().and_then(|mut groups| groups.next()) {
-            if let Some(fault) = run(group)
-                && let Ok(mut faults) = faults.lock()
-            {
-                faults.push(fault);
-            }
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(work);
-        }
-        work();
-    });
-    faults.into_inner().unwrap_or_default()
-}
-
-/// Add an island's sound (n_frames · own) to the outputs that it is heard at (n_frames · n_out).
-fn add(sound: &[f64], own: usize, island_plan: &IslandPlan, out: &mut [f64], n_out: usize) {
-    if n_out == 0 || own == 0 {
-        return;
-    }
-    for (frame, heard) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(own)) {
-        for (local, heard) in heard.iter().enumerate() {
-            frame[whole(&island_plan.to_whole.outputs, local)] += heard;
-        }
     }
 }
