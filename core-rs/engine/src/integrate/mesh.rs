@@ -224,7 +224,7 @@ impl Mesh {
 
     /// Cut for so many threads, where that gains anything.
     pub(super) fn share(&self, room: &mut Room, threads: usize) {
-        room.laws.mesh_partition = MeshPartition::of(&self.springs, self.n_mat(), threads);
+        room.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], room: &mut Room, force: &mut [f64]) {

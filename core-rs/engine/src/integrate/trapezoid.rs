@@ -168,14 +168,8 @@ impl Stepper for Trapezoid {
     }
 
     fn settle(&mut self) {
-        // From the last step to the velocity now is half a step's acceleration; `force` keeps it meanwhile.
-        for mat in 0..self.x.len() {
-            let (x, v) = (|i: usize| self.x[i], |i: usize| self.v[i]);
-            self.force[mat] = 0.5 * self.mesh.acceleration(mat, &x, &v);
-        }
-        for (v, half) in self.v.iter_mut().zip(&self.force) {
-            *v += half;
-        }
+        self.mesh
+            .velocities_from_steps(&self.x, &mut self.v, &mut self.force);
     }
 
     fn pace(&mut self) -> &mut [f64] {
