@@ -156,7 +156,7 @@ impl Stepper for Bm4 {
         self.mesh.viscous(motion, room, &mut self.viscous, team);
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.v
     }
 

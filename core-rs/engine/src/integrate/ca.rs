@@ -100,7 +100,7 @@ impl Stepper for Ca {
         kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, team);
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.body.d
     }
 

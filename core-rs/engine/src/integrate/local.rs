@@ -1,4 +1,4 @@
-//! Looks at a mesh that no step needs: the acceleration of one MAT, energies.
+//! Quantities of a mesh outside the steps: acceleration of one MAT, energies.
 
 use super::mesh::{Mesh, force_of};
 use crate::kernel;

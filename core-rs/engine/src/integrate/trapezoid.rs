@@ -127,7 +127,7 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
 }
 
 impl Stepper for Trapezoid {
-    fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut ThreadTeam<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], _team: &mut ThreadTeam<'_>) {
         let mesh = &*self.mesh;
         for &(mat, impulse) in impulses {
             self.v[mat] += mesh.jump(mat, impulse);
@@ -172,7 +172,7 @@ impl Stepper for Trapezoid {
             .velocities_from_steps(&self.x, &mut self.v, &mut self.force);
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.v
     }
 
