@@ -1,7 +1,7 @@
-//! A bank: oscillators that nothing ties to each other, struck at known instants and heard in sums.
+//! A bank of independent oscillators, struck at known instants and summed into outputs.
 //!
-//! Each runs by its own two-term recurrence through the very samples of its continuous motion. Isolated
-//! CELs are such oscillators, and so are the modes of a linear body.
+//! Each follows its own two-term recurrence, which gives exact samples of its continuous motion. Isolated CELs are such
+//! oscillators, and so are the modes of a linear body.
 
 mod carry;
 mod script;
@@ -18,7 +18,7 @@ use crate::units::Rate;
 use script::{Script, Section};
 use sleep::{NOTHING, SLEEP, faint};
 
-/// One oscillator, as it is added.
+/// Parameters of one oscillator.
 #[derive(Clone, Debug)]
 pub(crate) struct Oscillator {
     /// x[n+1] = a·x[n] − b·x[n−1]
@@ -27,44 +27,45 @@ pub(crate) struct Oscillator {
     /// x[0] and x[−1] [m]
     pub(crate) now: f64,
     pub(crate) before: f64,
-    /// Outputs that hear it, rising, with their weights; none of them 0.
+    /// Outputs with their weights, by rising index; no weight is 0.
     pub(crate) heard: Vec<(u32, f64)>,
-    /// What strikes it, by rising frame.
+    /// Its blows, by rising frame.
     pub(crate) blows: Vec<Blow>,
 }
 
-/// What is added to x[frame + 1].
+/// A displacement added to x[frame + 1].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Blow {
     pub(crate) frame: u64,
     pub(crate) kick: Kick,
 }
 
-/// How much.
+/// Size of a blow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kick {
-    /// So far [m].
+    /// A given displacement [m].
     By(f64),
-    /// What an ergon of a mass and speed gives, by the velocity that it meets; and T²/m of the struck.
+    /// An ergon of mass [kg] and speed [m/s], whose impulse depends on the velocity of the oscillator; w = T²/m of the
+    /// oscillator.
     Ergon { mass: f64, speed: f64, w: f64 },
 }
 
-/// Strikes that many oscillators feel, each in its own measure: the modes of a body struck at a point.
+/// Strikes shared by several oscillators: the modes of a body struck at one point.
 #[derive(Clone, Debug)]
 pub(crate) struct Strikes {
-    /// Which oscillators, in the order they were added.
+    /// The oscillators, by index of addition.
     pub(crate) among: Range<usize>,
     /// The continuous motion of each, of mass 1; empty where a strike acts in one step   (n)
     pub(crate) cells: Vec<Cell>,
-    /// How much of it each feels   (n)
+    /// Share of the strike of each oscillator   (n)
     pub(crate) share: Vec<f64>,
-    /// What a newton of one step moves a mass of 1: T², or 1 where masses are algorithmic.
+    /// Displacement of a mass of 1 by a force of 1 N over one step: T², or 1 where masses are algorithmic.
     pub(crate) w: f64,
-    /// Frame, part of a frame after it, impulse [N·s].
+    /// Frame, fraction of a frame after it, impulse [N·s].
     pub(crate) blows: Vec<(u64, f64, f64)>,
 }
 
-/// A bank that plays.
+/// A running bank.
 #[derive(Clone, Debug)]
 pub(crate) struct Bank {
     script: Arc<Script>,
@@ -72,7 +73,7 @@ pub(crate) struct Bank {
     motions: Vec<Motion>,
     /// The next event of each group.
     next: Vec<usize>,
-    /// Nothing has moved the group yet: its sound is zero.
+    /// Whether the group is at rest: its output is zero.
     still: Vec<bool>,
     /// Rates while everything is damped, and whether it is   (n_groups)
     damped: Vec<Rates>,
@@ -83,8 +84,7 @@ pub(crate) struct Bank {
 }
 
 impl Bank {
-    /// A bank at frame 0; `room`: the most frames it will be asked for at once. `is_open`: what else may strike it is
-    /// not known.
+    /// A bank at frame 0; `room`: largest number of frames a call; `is_open`: further strikes may be added later.
     pub(crate) fn new(
         oscillators: &[Oscillator],
         strikes: Vec<Strikes>,
@@ -139,7 +139,7 @@ impl Bank {
         }
     }
 
-    /// Add what `n_frames` frames sound like to `out` (n_frames · n_out), and go on as many.
+    /// Advance by `n_frames` frames and add the outputs to `out`, (n_frames · n_out).
     pub(crate) fn process(&mut self, out: &mut [f64], n_out: usize, n_frames: usize) {
         let script = self.script.clone();
         for section in &script.sections {
@@ -161,7 +161,7 @@ impl Bank {
         self.frame += n_frames as u64;
     }
 
-    /// One group through `n_frames` frames, stopping where it is struck.
+    /// Advance one group by `n_frames` frames, with a stop at each blow.
     fn advance(&mut self, script: &Script, group: usize, heard: usize, n_frames: usize) {
         let mut at = 0;
         while at < n_frames {
@@ -221,7 +221,7 @@ impl Bank {
         }
     }
 
-    /// Let every oscillator fade by a factor more a frame: its poles are so many times as long.
+    /// Multiply the modulus of every pole by `by`: an additional damping.
     pub(crate) fn damp(&mut self, by: f64) {
         self.is_damped = by < 1.0;
         for (damped, rates) in self.damped.iter_mut().zip(&self.script.rates) {
@@ -229,7 +229,7 @@ impl Bank {
         }
     }
 
-    /// Position of an oscillator now, and one frame ago [m].
+    /// Positions of an oscillator now and one frame before [m].
     pub(crate) fn motion(&self, oscillator: usize) -> (f64, f64) {
         let (group, lane) = self.script.places[oscillator];
         let (group, lane) = (group as usize, lane as usize);

@@ -1,7 +1,7 @@
-//! A plan that plays: its islands side by side, their sounds added up in a fixed order.
+//! Simulation of a plan: its islands and banks, whose outputs are summed in a fixed order.
 //!
-//! While it steps in one thread it does not allocate (but for a recorded stream of ergons), lock, fail or
-//! panic. The bytes depend on neither the number of threads nor the size of blocks.
+//! In one thread a step does not allocate (but for a recorded stream of ergons), lock or panic. The bytes depend neither
+//! on the number of threads nor on the size of blocks.
 
 mod bodies;
 mod carry;
@@ -26,7 +26,7 @@ pub use carry::Carry;
 
 use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};
 
-/// A network that plays.
+/// A running simulation of a plan.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     plan: Arc<Plan>,
@@ -35,12 +35,15 @@ pub struct Simulation {
     frame: u64,
 }
 
-/// A moment of a simulation, to come back to.
+/// The complete state of a simulation at one frame; see [`Simulation::restore`].
 #[derive(Clone, Debug)]
 pub struct Snapshot(Box<Simulation>);
 
 impl Simulation {
-    /// Everything stepped as written, at frame 0 of its timeline.
+    /// A simulation at frame 0 that steps every module by the CA scheme, without a plan.
+    ///
+    /// # Errors
+    /// [`Error`] where a part of the network is unstable or a method cannot step it.
     pub fn new(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -50,7 +53,10 @@ impl Simulation {
         Self::planned(Arc::new(plan), options)
     }
 
-    /// What a plan computes, at frame 0.
+    /// A simulation of a plan, at frame 0.
+    ///
+    /// # Errors
+    /// [`Error`] where a part of the network is unstable or a method cannot step it.
     pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
         let n_out = plan.network.outputs().len();
         let stretch = if options.threads > 1 { LONG } else { STRETCH };
@@ -68,14 +74,17 @@ impl Simulation {
         })
     }
 
-    /// What a plan computes, at frame `from` of its timeline: what was due before is past, and what moves begins there as
-    /// it does at 0, or is taken over ([`Simulation::take_over`]).
+    /// A simulation of a plan, at frame `from` of its timeline. Events before `from` are skipped; modules have their
+    /// initial state, unless a state is transferred by [`Simulation::take_over`].
+    ///
+    /// # Errors
+    /// [`Error`] where a part of the network is unstable or a method cannot step it.
     pub fn planned_from(plan: Arc<Plan>, options: Options, from: u64) -> Result<Self, Error> {
         let mut own = Self::planned(plan, options)?;
         if from > 0 {
             own.frame = from;
-            for playing in own.groups.iter_mut().flat_map(|group| &mut group.units) {
-                match playing {
+            for running in own.groups.iter_mut().flat_map(|group| &mut group.units) {
+                match running {
                     RunningUnit::Island(island) => island.seek(from),
                     RunningUnit::Bank(bank) => bank.seek(from),
                 }
@@ -84,13 +93,13 @@ impl Simulation {
         Ok(own)
     }
 
-    /// All units with what the plan says of them.
+    /// All running units with their plans.
     fn units(&self) -> impl Iterator<Item = (&RunningUnit, &Unit)> {
         let units = self.groups.iter().flat_map(|group| &group.units);
         units.zip(&self.plan.units)
     }
 
-    /// The islands that are stepped, each with what it is in the whole.
+    /// All islands with their plans.
     fn islands(&self) -> impl Iterator<Item = (&Island, &IslandPlan)> {
         self.units().filter_map(|pair| match pair {
             (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
@@ -105,7 +114,7 @@ impl Simulation {
         self.plan.network.outputs().len()
     }
 
-    /// Frames done.
+    /// Frames computed so far, counted from frame 0 of the timeline.
     pub fn frame(&self) -> u64 {
         self.frame
     }
@@ -115,16 +124,20 @@ impl Simulation {
         self.plan.timeline_rate.hertz()
     }
 
-    /// Fill `out` with whole frames of outputs, frame by frame, (n_frames · n_out).
+    /// Fill `out` with outputs [m or N], frame by frame, (n_frames · n_out).
     ///
-    /// Fails with the first part that goes non-finite, unless faults are muted.
+    /// # Errors
+    /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
         out.chunks_mut(self.longest() * n_out)
             .try_for_each(|out| self.stretch(out, out.len() / n_out))
     }
 
-    /// Go on `n_frames` frames without listening.
+    /// Advance by `n_frames` frames without outputs.
+    ///
+    /// # Errors
+    /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
         let mut left = n_frames;
         while left > 0 {
@@ -139,7 +152,7 @@ impl Simulation {
         if self.threads > 1 { LONG } else { STRETCH }
     }
 
-    /// A stretch of every group. Of several units that fault in it, the first in time is told.
+    /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
     fn stretch(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
         interrupt::poll();
         let plan = &*self.plan;
@@ -175,8 +188,8 @@ impl Simulation {
         self.motion(|x, _| x, Island::positions)
     }
 
-    /// Steps x[n] − x[n−1] now [m], (n_mat); of what is stepped more often, the last times as many; NaN where the
-    /// plan computes none.
+    /// Steps x[n] − x[n−1] now [m], (n_mat); for an oversampled island its last step times the oversampling; NaN where
+    /// the plan computes none.
     pub fn steps(&self) -> Vec<f64> {
         let mut steps = self.motion(|x, before| x - before, Island::steps);
         for (island, island_plan) in self
@@ -192,8 +205,8 @@ impl Simulation {
 
     fn motion(&self, own: fn(f64, f64) -> f64, of: fn(&Island) -> &[f64]) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.network.n_mat()];
-        for (playing, unit) in self.units() {
-            match (playing, unit) {
+        for (running, unit) in self.units() {
+            match (running, unit) {
                 (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
                     for (local, &value) in of(island).iter().enumerate() {
                         all[whole(&island_plan.to_whole.mats, local)] = value;
@@ -211,7 +224,7 @@ impl Simulation {
         all
     }
 
-    /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys,).
+    /// Position that the gesture of each key asks for now [m], (n_keys); NaN where none runs.
     pub fn asked(&self) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.n_keys];
         for (island, island_plan) in self.islands() {
@@ -222,30 +235,30 @@ impl Simulation {
         all
     }
 
-    /// Say where a real hand is from the next tick on [m]; without a word it goes its timeline's way.
+    /// Set the position of a real hand from the next tick on [m]; until the first call it follows the timeline.
     ///
-    /// `step`: by how much it moved in the last frame of the tick [m], from a key that knows it to the last bit; else
-    /// the way from tick to tick is taken for it.
+    /// `step`: the movement in the last frame of the tick [m], from a device that knows it exactly; `None`: the
+    /// difference between the two ticks.
     pub fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
-        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = playing {
+        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running {
                 island.hold(hand, x, step);
             }
         }
     }
 
-    /// Mean force of the scene on a real hand over the last whole tick [N]: it pushes the hand towards +x.
+    /// Mean force of the scene on a real hand over the last complete tick [N]; positive towards +x.
     pub fn felt(&self, hand: usize) -> f64 {
         self.islands().map(|(island, _)| island.felt(hand)).sum()
     }
 
-    /// Let everything fade within `t60` [s] if nothing else damped it; with what does, 1/T60 add up. From this frame on,
-    /// until told otherwise; `None`, or what is no time: no longer. The free copies of keys do not feel it.
+    /// From this frame on, damp everything with a decay time of `t60` [s] in addition to its own damping (the reciprocals
+    /// of decay times add). `None` or a time not above 0 ends it. The free copies of keys are not damped.
     pub fn damp(&mut self, t60: Option<f64>) {
         let t60 = t60.filter(|t60| t60.is_finite() && *t60 > 0.0);
         let fall = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
-        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            match playing {
+        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            match running {
                 RunningUnit::Island(island) => {
                     let by = crate::maths::exp(-fall / f64::from(island.oversampling()));
                     island.damp(by);
@@ -275,12 +288,12 @@ impl Simulation {
         all
     }
 
-    /// Ergons since the last call, as they struck.
+    /// Records of the ergons since the last call, by rising frame.
     pub fn take_ergons(&mut self) -> Vec<Record> {
         let mut all = Vec::new();
         let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
-        for (playing, unit) in units.zip(&self.plan.units) {
-            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (playing, unit)
+        for (running, unit) in units.zip(&self.plan.units) {
+            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (running, unit)
             else {
                 continue;
             };
@@ -297,7 +310,7 @@ impl Simulation {
         all.into_iter().map(|taken| taken.record).collect()
     }
 
-    /// The ledger, if it is kept: not by a plan that computes anything as oscillators.
+    /// The energy ledger; `None` where it is not kept or the plan computes anything as oscillators.
     pub fn energy(&self) -> Option<Energy> {
         let is_bank = |(unit, _): (&RunningUnit, &Unit)| matches!(unit, RunningUnit::Bank(_));
         if self.units().any(is_bank) {
@@ -308,7 +321,7 @@ impl Simulation {
         own.try_fold(first, |sum, energy| Some(sum + energy?))
     }
 
-    /// Parts put to silence, with the frame of each.
+    /// Names of the muted parts, with the frame at which each was muted.
     pub fn muted(&self) -> Vec<(String, u64)> {
         let of = |island: &Island| {
             let oversampling = u64::from(island.oversampling());
@@ -318,12 +331,13 @@ impl Simulation {
         self.islands().flat_map(|(island, _)| of(island)).collect()
     }
 
-    /// How many parts were put to silence; nothing is allocated.
+    /// Number of muted parts; does not allocate.
     pub fn n_muted(&self) -> usize {
         self.islands().map(|(island, _)| island.n_muted()).sum()
     }
 
-    /// Parts whose links stiffened so far that frames were computed finer: how many, and in how many steps at most.
+    /// Parts whose links stiffened so much that frames were computed in finer steps: name, number of such frames, largest
+    /// number of steps a frame.
     pub fn finer(&self) -> Vec<(String, u64, u32)> {
         let mut all: Vec<(String, u64, u32)> = Vec::new();
         for (part, frames, most) in self.islands().flat_map(|(island, _)| island.finer()) {
@@ -335,27 +349,27 @@ impl Simulation {
         all
     }
 
-    /// In how many places there are such parts; nothing is allocated.
+    /// Number of meshes with frames computed in finer steps; does not allocate.
     pub fn n_finer(&self) -> usize {
         let islands = self.islands();
         islands.map(|(island, _)| island.finer().count()).sum()
     }
 
-    /// Remember this moment.
+    /// The complete state at this frame.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot(Box::new(self.clone()))
     }
 
-    /// Go back to a moment of this simulation.
+    /// Return to a state of this simulation.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         *self = snapshot.0.fork();
     }
 
-    /// The same at the same moment, to go its own way without allocating.
+    /// An independent copy at the same frame, which steps without allocating.
     pub fn fork(&self) -> Self {
         let mut other = self.clone();
-        for playing in other.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = playing {
+        for running in other.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running {
                 island.reserve();
             }
         }

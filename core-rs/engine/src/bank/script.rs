@@ -9,7 +9,7 @@ use crate::units::Rate;
 /// A lane that holds no oscillator.
 const NOBODY: u32 = u32::MAX;
 
-/// A blow on one lane of a group, or on all of them.
+/// A blow on one lane of a group or on all lanes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Event {
     pub(super) frame: u64,
@@ -19,32 +19,32 @@ pub(super) struct Event {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Target {
     Lane(u32, Kick),
-    /// Index of the strikes, of the blow among them; whether it is the second step of two.
+    /// Index of the strikes, index of the blow, and whether this is the second of its two steps.
     Group(u32, u32, bool),
 }
 
-/// Oscillators that the same outputs hear.
+/// Groups of oscillators with the same outputs.
 #[derive(Clone, Debug)]
 pub(super) struct Section {
     pub(super) outputs: Vec<u32>,
     pub(super) groups: Range<usize>,
 }
 
-/// What does not change of a bank.
+/// The constant part of a bank.
 #[derive(Clone, Debug)]
 pub(super) struct Script {
     pub(super) rate: Rate,
     pub(super) sections: Vec<Section>,
     /// (n_groups)
     pub(super) rates: Vec<Rates>,
-    /// Of groups in sections that several outputs hear: a weight for each output, output by output.
+    /// Weights of groups with several outputs, output by output; empty for one output   (n_groups)
     pub(super) weights: Vec<Vec<Lanes>>,
-    /// Factor of what the lanes hold: the weight where one output hears them   (n_groups)
+    /// Scale of the positions in the lanes: the weight where there is one output   (n_groups)
     pub(super) scales: Vec<Lanes>,
     /// By rising frame   (n_groups)
     pub(super) events: Vec<Vec<Event>>,
     pub(super) strikes: Vec<Strikes>,
-    /// A group that moves less than this in all falls asleep.
+    /// Sum of amplitudes below which a group is set to rest.
     pub(super) faint: f64,
     /// Group and lane of each oscillator, in the order they were added.
     pub(super) places: Vec<(u32, u32)>,
@@ -53,7 +53,7 @@ pub(super) struct Script {
 }
 
 impl Script {
-    /// Add a group of oscillators that the same outputs hear; returns its motion at frame 0.
+    /// Add a group of oscillators with the same outputs; returns its motion at frame 0.
     pub(super) fn group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> Motion {
         let of = |pick: &dyn Fn(&Oscillator) -> f64| {
             let mut lanes = Lanes::ZERO;
@@ -64,7 +64,7 @@ impl Script {
         };
         let group = self.rates.len();
         let n_heard = oscillators[members[0]].heard.len();
-        // Where one output hears them, the lanes hold what it hears: the sum needs no weights.
+        // With one output the lanes hold weighted positions: the sum needs no weights.
         let scale = |own: &Oscillator| match own.heard[..] {
             [(_, weight)] => weight,
             _ => 1.0,
@@ -100,7 +100,7 @@ impl Script {
         }
     }
 
-    /// Tell every group of the strikes that all its lanes feel, and put its events in order.
+    /// Add shared strikes to the events of every group, and sort the events.
     pub(super) fn share(&mut self) {
         for (index, strikes) in self.strikes.iter().enumerate() {
             let mut groups: Vec<u32> = self.places[strikes.among.clone()]
@@ -130,7 +130,7 @@ impl Script {
         }
     }
 
-    /// What an event adds to the lanes of its group, `motion` being that of the event's frame.
+    /// Add the displacements by an event to `added`; `motion`: positions of the group at the frame of the event.
     pub(super) fn add(&self, group: usize, motion: &Motion, event: &Event, added: &mut Lanes) {
         let scales = &self.scales[group].0;
         match event.lanes {

@@ -1,18 +1,18 @@
-//! Groups of a bank that have faded away are no longer computed.
+//! Groups of a bank whose oscillations have decayed: they are set to rest and no longer computed.
 
 use super::{Bank, Kick, Oscillator, Script, Strikes};
 use crate::kernel::bank::{LANES, Lanes};
 use crate::units::Rate;
 
-/// Every so many frames, counted from the beginning, groups that have faded away fall asleep.
+/// Frames between two tests for decayed groups, counted from frame 0.
 pub(super) const SLEEP: u64 = 4_096;
-/// All sleepers together are so far below the hardest blow [dB]: below the rounding of 24 bits.
+/// Largest level of all groups at rest together, relative to the hardest blow [dB]: below the rounding of 24 bits.
 const ASLEEP: f64 = -160.0;
-/// Where nobody knows how hard the hardest will be, so small that no score hears it: the width of a nucleus [m].
+/// Threshold where further strikes are unknown [m]: about the width of an atomic nucleus.
 pub(super) const NOTHING: f64 = 1e-15;
 
 impl Bank {
-    /// Put a group that has faded away to sleep: it cannot grow by itself.
+    /// Set a decayed group to rest; without blows it cannot grow.
     pub(super) fn rest(&mut self, script: &Script, group: usize) {
         if self.still[group] {
             return;
@@ -30,8 +30,8 @@ impl Bank {
     }
 }
 
-/// How far an oscillator still swings at most, from two positions (b = r², a = 2r·cos θ); for ever, where it
-/// creeps: that is not bounded here.
+/// Amplitude of an oscillator from two positions (b = r², a = 2r·cos θ) [m]; infinite for an overdamped one, which has
+/// no such bound.
 fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     if now == 0.0 && before == 0.0 {
         return 0.0;
@@ -44,9 +44,9 @@ fn amplitude(a: f64, b: f64, now: f64, before: f64) -> f64 {
     }
 }
 
-/// What all sleepers may move together: far below the hardest blow that is heard.
+/// Largest sum of amplitudes of all groups at rest: [`ASLEEP`] below the hardest blow.
 pub(super) fn faint(oscillators: &[Oscillator], strikes: &[Strikes], rate: Rate) -> f64 {
-    // Where one output hears it the lanes hold what it hears.
+    // With one output the lanes hold weighted positions.
     let scale = |own: &Oscillator| match own.heard[..] {
         [(_, weight)] => weight.abs(),
         _ => 1.0,

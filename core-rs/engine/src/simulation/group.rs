@@ -10,13 +10,13 @@ use crate::network::Error;
 use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::units::Rate;
 
-/// Frames that a unit goes on alone before its sound is added: its state stays in the cache.
+/// Frames that a unit advances before its output is added: its state stays in the cache.
 pub(super) const STRETCH: usize = 256;
-/// The same where threads share the work: long enough that starting them costs nothing.
+/// Frames that a group advances where threads share the work: starting the threads costs little beside it.
 pub(super) const LONG: usize = 4_096;
-/// Units are added up in so many groups at most, whatever the threads that compute them.
+/// Largest number of groups, whatever the number of threads.
 pub(super) const GROUPS: usize = 16;
-/// So much of a helper's time is a gain where several go through one mesh together.
+/// Part of a helper's time that is gained where a team computes one mesh.
 const HELP: f64 = 0.7;
 
 /// Units whose sound is added up together, in the order of the plan.
@@ -25,7 +25,7 @@ pub(super) struct Group {
     /// Index of the first in the plan.
     pub(super) first: usize,
     pub(super) units: Vec<RunningUnit>,
-    /// Threads that go through its large meshes together.
+    /// Threads that compute its large meshes together.
     pub(super) team: usize,
     /// (STRETCH or LONG · n_out)
     pub(super) sum: Vec<f64>,
@@ -33,7 +33,7 @@ pub(super) struct Group {
     sound: Vec<f64>,
 }
 
-/// A unit of a plan that plays.
+/// A running unit of a plan.
 #[derive(Clone, Debug)]
 pub(super) enum RunningUnit {
     Island(Box<Island>),
@@ -146,14 +146,14 @@ impl RunningUnit {
 
 /// Give groups with large meshes a thread team, where that is quicker than a thread for each group.
 pub(super) fn assign_teams(groups: &mut [Group], plan: &Plan, threads: usize) {
-    // Who waits for a helper that has no processor waits long.
+    // Waiting for a helper without a processor takes long.
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let team = threads.min(processors);
     let costs = |group: &Group| -> f64 {
         let units = &plan.units[group.first..][..group.units.len()];
         units.iter().map(Unit::cost).sum()
     };
-    // Of groups side by side: the dearest takes longest, or all of them on all threads.
+    // Time of groups in parallel: that of the dearest, or of all of them divided by the threads.
     let beside = |costs: &[f64]| {
         let longest = costs.iter().copied().fold(0.0, f64::max);
         longest.max(costs.iter().sum::<f64>() / team as f64)
