@@ -52,10 +52,10 @@ impl Drive {
         }
     }
 
-    /// The same at `times` the rate.
-    pub(super) fn faster(&self, times: u32) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(super) fn faster(&self, oversampling: u32) -> Self {
         let source = match &self.source {
-            Source::Hand(hand) => Source::Hand(hand.faster(times)),
+            Source::Hand(hand) => Source::Hand(hand.faster(oversampling)),
             other => other.clone(),
         };
         Self {

@@ -42,24 +42,24 @@ impl Ramp {
         self.from + (self.to - self.from) * (into / (self.stop - self.start) as f64)
     }
 
-    /// The same at `times` the rate.
-    pub(crate) fn faster(self, times: u64) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(crate) fn faster(self, oversampling: u64) -> Self {
         Self {
-            start: self.start * times,
-            stop: self.stop * times,
+            start: self.start * oversampling,
+            stop: self.stop * oversampling,
             ..self
         }
     }
 }
 
 impl Gate {
-    /// The same at `times` the rate.
-    pub(crate) fn faster(self, times: u64) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(crate) fn faster(self, oversampling: u64) -> Self {
         Self {
-            start: self.start.map(|start| start * times),
-            stop: self.stop.map(|stop| stop * times),
-            fade: self.fade * times,
-            ramp: self.ramp.map(|ramp| ramp.faster(times)),
+            start: self.start.map(|start| start * oversampling),
+            stop: self.stop.map(|stop| stop * oversampling),
+            fade: self.fade * oversampling,
+            ramp: self.ramp.map(|ramp| ramp.faster(oversampling)),
             ..self
         }
     }

@@ -15,10 +15,10 @@ pub(crate) struct Glide {
 }
 
 impl Glide {
-    /// The same at `times` the rate.
-    pub(super) fn faster(self, times: u64) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(super) fn faster(self, oversampling: u64) -> Self {
         Self {
-            ramp: self.ramp.faster(times),
+            ramp: self.ramp.faster(oversampling),
             ..self
         }
     }
