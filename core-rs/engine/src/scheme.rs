@@ -119,7 +119,10 @@ pub struct Scheme {
 const DEPTH: f64 = 1e-4;
 
 impl Scheme {
-    /// Scheme a network at `rate`. Fails where a magic contact cannot be exact.
+    /// The numbers of the CA scheme of a network at `rate`.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of a `magic` contact that cannot be exact.
     pub fn new(network: &Network, rate: Rate) -> Result<Self, Error> {
         discretise::scheme(network, rate, Ties::Poles)
     }
@@ -130,7 +133,10 @@ impl Scheme {
         discretise::scheme(network, rate, Ties::Physical)
     }
 
-    /// Whether the scheme is stable.
+    /// The stability certificate of the scheme.
+    ///
+    /// # Errors
+    /// [`Error`] where a force at rest is not finite.
     pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
         certify::certify(self, network)
     }
