@@ -1,9 +1,9 @@
-//! Integrators: a network that goes on by itself, frame by frame, pushed by impulses alone.
+//! Integrators: methods that step a network frame by frame under impulses.
 //!
-//! The CA scheme is quick and bends the pitch of high partials; other methods buy accuracy or safety for
-//! more work. All of them step the same numbers (M = m/T², K = k, Z = z/T, velocities as V = T·v) at
-//! `substeps` times the rate, take an impulse as a jump of the velocity at the beginning of a frame, and
-//! neither allocate, fail nor panic while they step.
+//! The CA scheme is fast and lowers the pitch of high partials; other methods are more accurate or more stable at a
+//! higher cost. All methods use the same numbers (M = m/T², K = k, Z = z/T, velocities as V = T·v) at `substeps` times
+//! the rate, apply an impulse as a jump of the velocity at the beginning of a frame, and neither allocate, fail nor
+//! panic while they step.
 
 mod banded;
 mod bm4;
@@ -15,12 +15,12 @@ pub(crate) mod flow;
 mod ieq;
 mod local;
 mod mesh;
+mod mesh_stage;
 mod method;
 mod order;
 mod passes;
 pub(crate) mod square;
 mod trapezoid;
-mod watched;
 
 pub(crate) use certify::certify;
 pub(crate) use method::MeshMethod;
@@ -33,19 +33,19 @@ use crate::network::{Error, Network};
 use crate::units::Rate;
 use mesh::Mesh;
 
-/// What every method does.
+/// A stepping method with its state.
 trait Stepper {
-    /// Go on one step of the mesh's rate; impulses [N·s] act at its beginning.
+    /// Advance by one step; impulses (MAT, [N·s]) act at its beginning.
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>);
-    /// Be ready for a crew of so many threads, where that gains anything.
+    /// Partition the mesh for a team of `threads` threads, where this gains time.
     fn share(&mut self, _threads: usize) {}
-    /// Whether a crew can share its work.
+    /// Whether a thread team can share the work.
     fn is_shared(&self) -> bool {
         false
     }
     /// Positions now [m]                                            (n_mat)
     fn x(&self) -> &[f64];
-    /// Its guard, where its links stiffen.
+    /// The guard of links that stiffen, if there are any.
     fn guard(&self) -> Option<&Guard> {
         None
     }
@@ -54,15 +54,15 @@ trait Stepper {
     }
     /// Velocity of a MAT now, before any impulse of this frame [m/s].
     fn velocity(&self, mat: usize) -> f64;
-    /// Velocities or last steps, whichever carry its motion on            (n_mat)
-    fn pace(&mut self) -> &mut [f64];
-    /// The last step of a MAT, x − x⁻ [m], as well as the method knows it.
+    /// The velocities or last steps that are the method's state            (n_mat)
+    fn velocities_mut(&mut self) -> &mut [f64];
+    /// The last step of a MAT, x − x⁻ [m], to the method's accuracy.
     fn last_step(&self, mat: usize) -> f64;
-    /// Set a MAT going: where it is, and by what last step it came there [m]; once all are set, `settle`.
+    /// Set position and last step of a MAT [m]; call `settle` once all are set.
     fn put(&mut self, mat: usize, x: f64, step: f64);
-    /// Find anew what follows from where all MATs are.
+    /// Recompute what depends on the positions and steps of all MATs.
     fn settle(&mut self);
-    /// The energy that the method keeps [J]: half a step before now where it lives between frames.
+    /// The energy that the method conserves [J]; for a staggered method that of half a step before.
     fn energy(&self) -> f64;
 }
 
@@ -97,7 +97,7 @@ impl Motion {
     }
 }
 
-/// A network that goes on by one method; cloning it is a snapshot.
+/// A network stepped by one method; a clone is a snapshot.
 #[derive(Clone, Debug)]
 pub(crate) struct Integrator {
     motion: Motion,
@@ -105,10 +105,11 @@ pub(crate) struct Integrator {
 }
 
 impl Integrator {
-    /// A network at its X0 and V0, to be stepped at `rate`, `substeps` steps a frame.
+    /// A network at its X0 and V0, stepped `substeps` times a frame of `rate`. Imposed points do not move.
     ///
-    /// Imposed points stay where they are. Methods other than CA take continuous parameters and plain
-    /// contacts only; what a method cannot step is refused with its module's name.
+    /// # Errors
+    /// With the name of a module that the method cannot step: methods other than CA take continuous parameters and plain
+    /// contacts only.
     pub(crate) fn new(
         network: &Network,
         rate: Rate,
@@ -127,7 +128,7 @@ impl Integrator {
         Ok(Self { motion, substeps })
     }
 
-    /// From frame n to n+1: impulses (MAT, [N·s]) act at the beginning of the frame.
+    /// Advance from frame n to n+1; impulses (MAT, [N·s]) act at the beginning of the frame.
     pub(crate) fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let method = self.motion.stepper_mut();
         method.step(impulses, team);
@@ -136,16 +137,16 @@ impl Integrator {
         }
     }
 
-    /// All it moves by is so many times as much.
+    /// Multiply all velocities by a factor.
     pub(crate) fn slow_down(&mut self, by: f64) {
         let method = self.motion.stepper_mut();
-        method.pace().iter_mut().for_each(|v| *v *= by);
+        method.velocities_mut().iter_mut().for_each(|v| *v *= by);
         if let Some(guard) = method.guard_mut() {
             guard.slow_down(by);
         }
     }
 
-    /// Where a MAT is, and its step in a frame [m].
+    /// Position of a MAT, and its step over a frame [m].
     pub(crate) fn motion(&self, mat: usize) -> (f64, f64) {
         let method = self.motion.stepper();
         (
@@ -154,13 +155,13 @@ impl Integrator {
         )
     }
 
-    /// Set a MAT going as it goes elsewhere; once all are, [`Integrator::settle`].
+    /// Set position of a MAT and its step over a frame [m]; call [`Integrator::settle`] once all are set.
     pub(crate) fn put(&mut self, mat: usize, (x, step): (f64, f64)) {
         let step = step / f64::from(self.substeps);
         self.motion.stepper_mut().put(mat, x, step);
     }
 
-    /// All MATs are set.
+    /// Recompute what depends on the positions and steps of all MATs.
     pub(crate) fn settle(&mut self) {
         let method = self.motion.stepper_mut();
         method.guard_mut().into_iter().for_each(Guard::forget);
@@ -172,12 +173,12 @@ impl Integrator {
         self.motion.stepper_mut().share(threads);
     }
 
-    /// Whether a crew can share its work.
+    /// Whether a thread team can share the work.
     pub(crate) fn is_shared(&self) -> bool {
         self.motion.stepper().is_shared()
     }
 
-    /// Frames that were computed finer, if any.
+    /// Frames that were computed in finer steps, if any.
     pub(crate) fn finer_frames(&self) -> Option<FinerFrames> {
         let finer_frames = self.motion.stepper().guard()?.finer_frames()?;
         Some(finer_frames.by(self.substeps))
@@ -188,7 +189,7 @@ impl Integrator {
         self.motion.stepper().x()
     }
 
-    /// Velocities [m/s] of some MATs at the frame, before its impulses, as well as the method knows them;
+    /// Velocities [m/s] of some MATs at the frame, before its impulses, to the method's accuracy;
     /// `mats`, `out`: (n,).
     pub(crate) fn velocities(&self, mats: &[usize], out: &mut [f64]) {
         let method = self.motion.stepper();
@@ -197,18 +198,18 @@ impl Integrator {
         }
     }
 
-    /// Whether every MAT is where a MAT can be.
+    /// Whether all positions are finite and within range.
     pub(crate) fn sound(&self) -> bool {
         passes::within(self.positions())
     }
 
-    /// The method's own energy [J]: constant without losses and impulses, as far as the method goes.
+    /// The energy that the method conserves [J]: constant without losses and impulses, to the method's accuracy.
     pub(crate) fn energy(&self) -> f64 {
         self.motion.stepper().energy()
     }
 }
 
-/// The rate of the steps.
+/// `substeps` times the rate.
 fn faster(rate: Rate, substeps: u32) -> Result<Rate, Error> {
     let refused = |_| Error::Refused {
         module: "substeps".to_owned(),

@@ -33,7 +33,10 @@ fn set(ask: Option<Ask>) -> Option<Ask> {
     ASK.replace(ask)
 }
 
-/// Run `work` until it is done, or until `ask` answers yes at one of its polls. Fails with [`Stopped`] then.
+/// Run `work` to its end, or until `ask` returns true at one of its polls ([`poll`]).
+///
+/// # Errors
+/// [`Stopped`] where `ask` returns true at a poll of `work`.
 pub fn until<T>(ask: Ask, work: impl FnOnce() -> T) -> Result<T, Stopped> {
     let outer = Outer(set(Some(ask)));
     let done = catch_unwind(AssertUnwindSafe(work));

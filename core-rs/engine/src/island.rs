@@ -1,6 +1,4 @@
-//! Scheme + State: steps frames, taps outputs, keeps the ledger.
-//!
-//! While it steps it does not allocate (but for a recorded stream of ergons), lock, fail or panic.
+//! A network that plays: what is constant, what changes, and what can be read of it. `step` moves it on.
 
 mod build;
 mod carry;
@@ -14,9 +12,9 @@ pub(crate) mod inside;
 mod ledger;
 pub(crate) mod mesh;
 pub(crate) mod modal;
-
 pub(crate) mod record;
 pub(crate) mod slow;
+mod step;
 
 pub use build::Options;
 pub(crate) use build::at_rest;
@@ -29,24 +27,17 @@ pub(crate) use record::{Stream, Taken};
 use std::sync::Arc;
 
 use crate::gesture::report::Report;
-use crate::guard::{self, FinerFrames, Guard};
-use crate::interrupt;
-use crate::island::hand::voice::{Scene, Voice, VoiceScript};
-use crate::kernel;
+use crate::guard::{FinerFrames, Guard};
+use crate::island::hand::voice::{Voice, VoiceScript};
 use crate::kernel::Laws;
-use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 use crate::timeline::{Drive, Ergon, Gate, Lean, Push};
-use crate::units::frame;
 use hand::framed::FramedGesture;
 
 use fault::Mutes;
 use ledger::Ledger;
-
-/// Steps between two looks at whether a computation is to end: of half a million masses they take 50 ms.
-const LOOK: usize = 16;
 
 /// Everything that does not change while the simulation runs.
 #[derive(Clone, Debug)]
@@ -99,27 +90,6 @@ struct State {
     scheme: Option<Box<Scheme>>,
 }
 
-/// Output buffer of the steps of a frame; only the first step of a frame is heard.
-struct Heard<'a> {
-    /// (n_frames · n_out)
-    out: &'a mut [f64],
-    /// (n_out)
-    unheard: &'a mut [f64],
-    oversampling: usize,
-}
-
-impl Heard<'_> {
-    /// The output row of a step, counted from the first step of the first frame.
-    fn at(&mut self, step: usize) -> &mut [f64] {
-        let n_out = self.unheard.len();
-        if step.is_multiple_of(self.oversampling) {
-            &mut self.out[step / self.oversampling * n_out..][..n_out]
-        } else {
-            self.unheard
-        }
-    }
-}
-
 /// A network that plays.
 #[derive(Clone, Debug)]
 pub(crate) struct Island {
@@ -134,145 +104,6 @@ impl Island {
     /// Number of outputs.
     pub(crate) fn n_out(&self) -> usize {
         self.script.scheme.n_out()
-    }
-
-    /// Go on `n_frames` frames; what is heard of them into `out`, frame by frame, (n_frames · n_out).
-    ///
-    /// Fails with the first part that goes non-finite, unless faults are muted.
-    pub(crate) fn process(
-        &mut self,
-        out: &mut [f64],
-        n_frames: usize,
-        team: &mut ThreadTeam<'_>,
-    ) -> Result<(), Fault> {
-        let mut unheard = std::mem::take(&mut self.state.unheard);
-        let mut heard = Heard {
-            out,
-            unheard: &mut unheard,
-            oversampling: self.oversampling as usize,
-        };
-        let end = self.go(&mut heard, n_frames, team);
-        self.state.unheard = unheard;
-        end
-    }
-
-    /// All steps of so many frames.
-    fn go(
-        &mut self,
-        heard: &mut Heard<'_>,
-        n_frames: usize,
-        team: &mut ThreadTeam<'_>,
-    ) -> Result<(), Fault> {
-        let (steps, may_coast) = (n_frames * heard.oversampling, self.may_coast());
-        let (mut done, mut looks) = (0, 0_usize);
-        while done < steps {
-            if looks.is_multiple_of(LOOK) {
-                interrupt::poll();
-            }
-            looks += 1;
-            if may_coast {
-                done += self.coast(heard, done, steps)?;
-            }
-            if done < steps {
-                self.step(heard.at(done), team)?;
-                done += 1;
-            }
-        }
-        Ok(())
-    }
-
-    /// One step: forces, outputs, hands, contacts, masses.
-    fn step(&mut self, out: &mut [f64], team: &mut ThreadTeam<'_>) -> Result<(), Fault> {
-        let (script, state) = (&*self.script, &mut self.state);
-        let n = state.frame;
-        let mut gliding = state.scheme.take();
-        if let Some(scheme) = &mut gliding {
-            glide::turn(&script.glides, &script.scheme, scheme, n);
-        }
-        let scheme = gliding.as_deref().unwrap_or(&script.scheme);
-        for ((open, gate), lean) in state.gates.iter_mut().zip(&script.gates).zip(&state.leans) {
-            *open = Lean::open(lean.as_ref(), gate, n);
-        }
-        if state.damped < 1.0 {
-            state.body.d.iter_mut().for_each(|d| *d *= state.damped);
-            if let Some(guard) = &mut state.guard {
-                guard.slow_down(state.damped);
-            }
-            for body in &state.bodies {
-                body.place(&mut state.body); // they fade by themselves
-            }
-        }
-        hands::arrive(&script.grips, &mut state.touches, n, &mut state.body);
-        kernel::links(scheme, &state.gates, &mut state.body, &mut state.laws, team);
-        state.targets.clear();
-        for drive in &script.drives {
-            drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
-        }
-        if let Some(fine) = &mut state.fine {
-            fine.carry(&mut state.body);
-        }
-        layers(script, state);
-        voices(script, scheme, state, n, Voice::step);
-        strike(script, scheme, state, n);
-        for body in &mut state.bodies {
-            body.strike(n, &mut state.body);
-        }
-        kernel::contacts(scheme, &state.gates, &state.targets, &mut state.body);
-        if let Some(fine) = &mut state.fine {
-            let State {
-                gates,
-                targets,
-                bodies,
-                body,
-                ..
-            } = state;
-            fine.step(scheme, gates, targets, bodies, body);
-        }
-        voices(script, scheme, state, n, Voice::settle);
-        hands::feel(&script.grips, &mut state.touches, n, &state.body);
-        kernel::tap(scheme, &state.body, out);
-        state.bodies.iter().for_each(|body| body.tap(out));
-        state.mutes.fade(n, scheme, out);
-        if let Some(ledger) = &mut state.ledger {
-            ledger.before(scheme, &state.targets, &state.body);
-        }
-        for body in &mut state.bodies {
-            body.step(n, &state.body.force, team);
-        }
-        let mut sound = kernel::advance(
-            scheme,
-            &mut state.targets,
-            &mut state.body,
-            state.laws.mesh_partition.as_ref(),
-            team,
-        );
-        let mut bodies_sound = true;
-        for body in &state.bodies {
-            body.place(&mut state.body);
-            bodies_sound &= body.sound();
-        }
-        let finer = finer(scheme, state, team);
-        sound = finer.unwrap_or(sound);
-        if let Some(ledger) = &mut state.ledger {
-            let gates = script.gates.iter().zip(&state.leans);
-            for (next, (gate, lean)) in state.gates_next.iter_mut().zip(gates) {
-                *next = Lean::open(lean.as_ref(), gate, n + 1);
-            }
-            ledger.after(
-                scheme,
-                [&state.gates, &state.gates_next],
-                &state.targets,
-                &state.body,
-                finer.and(state.guard.as_ref()).map(|guard| guard.way()),
-            );
-        }
-        state.scheme = gliding;
-        state.frame += 1;
-        if sound && bodies_sound {
-            Ok(())
-        } else {
-            self.fault()
-        }
     }
 
     /// Positions now [m], (n_mat).
@@ -419,127 +250,5 @@ impl Island {
         if let Some(guard) = &mut self.state.guard {
             guard.reserve(most);
         }
-    }
-}
-
-/// Go through the frame again, finer, where links have stiffened too much; says then whether all stayed within reason.
-fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
-    let (guard, body) = (state.guard.as_mut()?, &mut state.body);
-    if !guard.is_over(&body.x, &body.d, &scheme.w) {
-        return None;
-    }
-    let then = body.previous.as_mut()?;
-    then.swap(&mut body.x, &mut body.d);
-    let led = state.targets.iter().map(|target| target.mat);
-    let (x, then) = (&body.x, &then.x);
-    guard.lead(led, |mat| (x[mat], then[mat]));
-    let sound = guard.finer(&mut guard::Scene {
-        scheme,
-        gates: &state.gates,
-        body,
-        laws: &mut state.laws,
-        team,
-    });
-    if let Some(whole) = &state.body.previous {
-        guard.keep(whole, &mut state.body.x, &mut state.body.d);
-    }
-    for body in &state.bodies {
-        body.place(&mut state.body);
-    }
-    Some(sound)
-}
-
-/// Where layers take the keys at this frame.
-fn layers(script: &Script, state: &mut State) {
-    state.layers.fill(0.0);
-    for (voice, own) in state.voices.iter().zip(&script.voices) {
-        if own.layer {
-            state.layers[own.key] += voice.deviation(own);
-        }
-    }
-}
-
-/// Let every voice do its part of frame `n`.
-fn voices(
-    script: &Script,
-    scheme: &Scheme,
-    state: &mut State,
-    n: u64,
-    act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64),
-) {
-    let mut scene = Scene {
-        scheme,
-        gestures: &script.gestures,
-        body: &mut state.body,
-        targets: &mut state.targets,
-        reports: &mut state.reports,
-        stream: &mut state.stream,
-        bodies: &mut state.bodies,
-        layers: &state.layers,
-    };
-    for (voice, own) in state.voices.iter_mut().zip(&script.voices) {
-        if voice.is_awake(own, scene.gestures, n) {
-            act(voice, own, &mut scene, n);
-        }
-    }
-}
-
-/// Strikes that fall on frame `n`.
-fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64) {
-    let t = 1.0 / scheme.rate;
-    let (body, bodies) = (&mut state.body, &mut state.bodies);
-    while let Some(push) = script
-        .pushes
-        .get(state.pushed)
-        .filter(|push| push.frame <= n)
-    {
-        state.pushed += 1;
-        let mat = push.mat as usize;
-        if scheme.w[mat] == 0.0 {
-            continue; // muted meanwhile
-        }
-        if push.impulse != 0.0 && state.stream.is_kept() {
-            let velocity = kernel::centred(scheme, body, mat);
-            let mass = t * t / scheme.w[mat];
-            state.stream.push(
-                n,
-                Record::event(push.at, mat, push.source, mass, velocity, push.impulse),
-            );
-        }
-        body.push(mat, push.force);
-        bodies
-            .iter_mut()
-            .for_each(|body| body.struck(mat, push.force));
-    }
-    while let Some(ergon) = script
-        .ergons
-        .get(state.ergons)
-        .filter(|ergon| frame(ergon.at, scheme.rate) <= n)
-    {
-        state.ergons += 1;
-        let mat = ergon.mat as usize;
-        if scheme.w[mat] == 0.0 {
-            continue;
-        }
-        // p = 2 m m_S/(m + m_S)·(v − V), V the centred velocity without the ergon: then the work on the
-        // struck is exactly the energy the ergon loses.
-        let mass = t * t / scheme.w[mat];
-        let velocity = kernel::centred(scheme, body, mat);
-        let impulse = 2.0 * ergon.mass * mass / (ergon.mass + mass) * (ergon.speed - velocity);
-        let force = impulse * scheme.rate;
-        body.push(mat, force);
-        bodies.iter_mut().for_each(|body| body.struck(mat, force));
-        let (mass, speed, source) = (ergon.mass, ergon.speed, ergon.source);
-        state.stream.push(
-            n,
-            Record {
-                time: n as f64 / scheme.rate,
-                mat: ergon.mat,
-                source,
-                mass,
-                speed,
-                impulse,
-            },
-        );
     }
 }

@@ -1,4 +1,4 @@
-//! The inner loops: one file per kind of work. They know no names, no scores, no reasons.
+//! Inner loops, one file for each kind of work. They use indices only, no names of modules.
 
 pub(crate) mod bank;
 pub(crate) mod dense;
@@ -15,7 +15,7 @@ pub(crate) mod thread_team;
 pub(crate) use exact::contacts;
 pub(crate) use laws::Laws;
 pub(crate) use mats::{advance, centred, fine_steps, needed, predict, sound};
-pub(crate) use runs::{links, push, side};
+pub(crate) use runs::{links, potential, push, side};
 pub(crate) use taps::tap;
 
 #[cfg(test)]

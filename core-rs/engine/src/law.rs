@@ -119,6 +119,9 @@ impl Law {
     }
 
     /// The law k·d + q·d³ of a hardening spring (k [N/m], q [N/m³]) with a damper z [N·s/m].
+    ///
+    /// # Errors
+    /// [`LawError`] where a constant is not finite.
     pub fn hardening(k: f64, q: f64, z: f64) -> Result<Self, LawError> {
         let named = [("k", k), ("q", q), ("z", z)];
         let z = (z != 0.0).then_some(z);

@@ -7,17 +7,17 @@ pub use libm::{
     asin, atan2, cos, exp, expm1, floor, fma, log, log1p, log2, log10, pow, sin, sincos, sqrt, tanh,
 };
 
-/// Ratio of amplitudes for a level in decibels.
+/// Ratio of amplitudes for a level [dB].
 pub fn decibels(level: f64) -> f64 {
     pow(10.0, level / 20.0)
 }
 
-/// The size of one number with the sign of another.
+/// The magnitude of the first number with the sign of the second.
 pub fn copysign(size: f64, sign: f64) -> f64 {
     size.copysign(sign)
 }
 
-/// p^α for p >= 0, without a call where α is 1.
+/// p^α for p >= 0; without a call where α = 1.
 pub(crate) fn power_law(p: f64, exponent: f64) -> f64 {
     if exponent == 1.0 { p } else { pow(p, exponent) }
 }

@@ -1,8 +1,7 @@
 //! Network → Scheme: the numbers of the CA scheme at one rate.
 //!
-//! It stands here in delta form: with d = x[n] − x[n−1] kept,
-//! d += F/M − κ(x − rest) − ζd, x += d. It equals x⁺ = 2x − x⁻ + F/M and stays exact where positions
-//! are large and steps small.
+//! The scheme is in delta form: with the state d = x[n] − x[n−1], d += F/M − κ(x − rest) − ζd, x += d. It equals
+//! x⁺ = 2x − x⁻ + F/M and is more accurate where positions are large and steps small.
 
 mod certify;
 mod discretise;
@@ -58,7 +57,7 @@ impl Run {
         matches!(&self.kind, Kind::But(but) if but.contact == Contact::Plain) && self.len == 1
     }
 
-    /// As a run of hardening springs, where it is one.
+    /// The run as hardening springs; `None` for contacts and other laws.
     fn spring(&self) -> Option<Spring> {
         let (k, q, z) = match &self.kind {
             Kind::Ref => (self.k, 0.0, self.z),
@@ -81,7 +80,7 @@ impl Run {
     }
 }
 
-/// What is computed at every step: constant while a simulation runs.
+/// Coefficients of every step; constant while a simulation runs.
 #[derive(Clone, Debug)]
 pub struct Scheme {
     /// Frames a second [Hz].
@@ -98,7 +97,7 @@ pub struct Scheme {
     pub(crate) rest: Vec<f64>,
     /// Which part the MAT belongs to        (n_mat)
     pub(crate) part: Vec<u32>,
-    /// Springs whose single forces nobody asks for: passed over all at once.
+    /// Springs whose single forces are not needed: computed in one pass.
     pub(crate) fused: Vec<Spring>,
     /// Forces from the state, in order of declaration.
     pub(crate) runs: Vec<Run>,
@@ -119,7 +118,10 @@ pub struct Scheme {
 const DEPTH: f64 = 1e-4;
 
 impl Scheme {
-    /// Scheme a network at `rate`. Fails where a magic contact cannot be exact.
+    /// The numbers of the CA scheme of a network at `rate`.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of a `magic` contact that cannot be exact.
     pub fn new(network: &Network, rate: Rate) -> Result<Self, Error> {
         discretise::scheme(network, rate, Ties::Poles)
     }
@@ -130,7 +132,10 @@ impl Scheme {
         discretise::scheme(network, rate, Ties::Physical)
     }
 
-    /// Whether the scheme is stable.
+    /// The stability certificate of the scheme.
+    ///
+    /// # Errors
+    /// [`Error`] where a force at rest is not finite.
     pub fn certify(&self, network: &Network) -> Result<Certificate, Error> {
         certify::certify(self, network)
     }
@@ -160,12 +165,12 @@ impl Scheme {
         self.fused.extend(fused.iter().filter_map(Run::spring));
     }
 
-    /// Take those contacts out.
+    /// Remove the contacts that are computed in substeps.
     pub(crate) fn without_contacts(&mut self) {
         self.runs.retain(|run| !run.can_substep());
     }
 
-    /// What every MAT brings with it: 1/M, κ, ζ and where the ground is   (n_mat each).
+    /// 1/M, κ, ζ and rest position of every MAT   (n_mat each).
     pub(crate) fn ties(&self) -> [&[f64]; 4] {
         [&self.w, &self.kappa, &self.zeta, &self.rest]
     }

@@ -1,40 +1,32 @@
-//! A plan that plays: its islands side by side, their sounds added up in a fixed order.
+//! Simulation of a plan: its islands and banks, whose outputs are summed in a fixed order.
 //!
-//! While it steps in one thread it does not allocate (but for a recorded stream of ergons), lock, fail or
-//! panic. The bytes depend on neither the number of threads nor the size of blocks.
+//! In one thread a step does not allocate (but for a recorded stream of ergons), lock or panic. The bytes depend neither
+//! on the number of threads nor on the size of blocks.
 
 mod bodies;
 mod carry;
+mod group;
 mod heirs;
 mod response;
 mod side;
 mod take_over;
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use crate::bank::Bank;
 use crate::gesture::report::Report;
 use crate::interrupt;
 use crate::island::{Island, Taken};
-use crate::kernel::thread_team::{ThreadTeam, flushed};
+use crate::kernel::thread_team::flushed;
 use crate::network::{Error, Network};
 use crate::plan::{IslandPlan, Plan, Unit, whole};
 use crate::timeline::Timeline;
-use crate::units::Rate;
 
 pub use crate::island::{Energy, Fault, OnFault, Options, Record};
 pub use carry::Carry;
 
-/// Frames that a unit goes on alone before its sound is added: its state stays in the cache.
-const STRETCH: usize = 256;
-/// The same where threads share the work: long enough that starting them costs nothing.
-const LONG: usize = 4_096;
-/// Units are added up in so many groups at most, whatever the threads that compute them.
-const GROUPS: usize = 16;
-/// So much of a helper's time is a gain where several go through one mesh together.
-const HELP: f64 = 0.7;
+use group::{GROUPS, Group, LONG, RunningUnit, STRETCH};
 
-/// A network that plays.
+/// A running simulation of a plan.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     plan: Arc<Plan>,
@@ -43,33 +35,15 @@ pub struct Simulation {
     frame: u64,
 }
 
-/// Units whose sound is added up together, in the order of the plan.
-#[derive(Clone, Debug)]
-struct Group {
-    /// Index of the first in the plan.
-    first: usize,
-    units: Vec<RunningUnit>,
-    /// Threads that go through its large meshes together.
-    team: usize,
-    /// (STRETCH or LONG · n_out)
-    sum: Vec<f64>,
-    /// One island's   (STRETCH · its n_out)
-    sound: Vec<f64>,
-}
-
-/// A unit of a plan that plays.
-#[derive(Clone, Debug)]
-enum RunningUnit {
-    Island(Box<Island>),
-    Bank(Bank),
-}
-
-/// A moment of a simulation, to come back to.
+/// The complete state of a simulation at one frame; see [`Simulation::restore`].
 #[derive(Clone, Debug)]
 pub struct Snapshot(Box<Simulation>);
 
 impl Simulation {
-    /// Everything stepped as written, at frame 0 of its timeline.
+    /// A simulation at frame 0 that steps every module by the CA scheme, without a plan.
+    ///
+    /// # Errors
+    /// [`Error`] where a part of the network is unstable or a method cannot step it.
     pub fn new(
         network: Arc<Network>,
         timeline: &Timeline,
@@ -79,26 +53,19 @@ impl Simulation {
         Self::planned(Arc::new(plan), options)
     }
 
-    /// What a plan computes, at frame 0.
+    /// A simulation of a plan, at frame 0.
+    ///
+    /// # Errors
+    /// [`Error`] where a part of the network is unstable or a method cannot step it.
     pub fn planned(plan: Arc<Plan>, options: Options) -> Result<Self, Error> {
         let n_out = plan.network.outputs().len();
         let stretch = if options.threads > 1 { LONG } else { STRETCH };
         let mut groups = Vec::new();
         for range in plan.groups(GROUPS) {
-            let mut group = Group {
-                first: range.start,
-                team: 1,
-                units: Vec::with_capacity(range.len()),
-                sum: vec![0.0; n_out * stretch],
-                sound: Vec::new(),
-            };
-            for unit in &plan.units[range] {
-                group.add(unit, plan.timeline_rate, options)?;
-            }
-            groups.push(group);
+            groups.push(Group::new(&plan, range, n_out * stretch, options)?);
         }
         let threads = options.threads.max(1);
-        crews(&mut groups, &plan, threads);
+        group::assign_teams(&mut groups, &plan, threads);
         Ok(Self {
             plan,
             groups,
@@ -107,14 +74,17 @@ impl Simulation {
         })
     }
 
-    /// What a plan computes, at frame `from` of its timeline: what was due before is past, and what moves begins there as
-    /// it does at 0, or is taken over ([`Simulation::take_over`]).
+    /// A simulation of a plan, at frame `from` of its timeline. Events before `from` are skipped; modules have their
+    /// initial state, unless a state is transferred by [`Simulation::take_over`].
+    ///
+    /// # Errors
+    /// [`Error`] where a part of the network is unstable or a method cannot step it.
     pub fn planned_from(plan: Arc<Plan>, options: Options, from: u64) -> Result<Self, Error> {
         let mut own = Self::planned(plan, options)?;
         if from > 0 {
             own.frame = from;
-            for playing in own.groups.iter_mut().flat_map(|group| &mut group.units) {
-                match playing {
+            for running in own.groups.iter_mut().flat_map(|group| &mut group.units) {
+                match running {
                     RunningUnit::Island(island) => island.seek(from),
                     RunningUnit::Bank(bank) => bank.seek(from),
                 }
@@ -123,13 +93,13 @@ impl Simulation {
         Ok(own)
     }
 
-    /// All units with what the plan says of them.
+    /// All running units with their plans.
     fn units(&self) -> impl Iterator<Item = (&RunningUnit, &Unit)> {
         let units = self.groups.iter().flat_map(|group| &group.units);
         units.zip(&self.plan.units)
     }
 
-    /// The islands that are stepped, each with what it is in the whole.
+    /// All islands with their plans.
     fn islands(&self) -> impl Iterator<Item = (&Island, &IslandPlan)> {
         self.units().filter_map(|pair| match pair {
             (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
@@ -144,7 +114,7 @@ impl Simulation {
         self.plan.network.outputs().len()
     }
 
-    /// Frames done.
+    /// Frames computed so far, counted from frame 0 of the timeline.
     pub fn frame(&self) -> u64 {
         self.frame
     }
@@ -154,16 +124,20 @@ impl Simulation {
         self.plan.timeline_rate.hertz()
     }
 
-    /// Fill `out` with whole frames of outputs, frame by frame, (n_frames · n_out).
+    /// Fill `out` with outputs [m or N], frame by frame, (n_frames · n_out).
     ///
-    /// Fails with the first part that goes non-finite, unless faults are muted.
+    /// # Errors
+    /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn process(&mut self, out: &mut [f64]) -> Result<(), Fault> {
         let n_out = self.n_out().max(1);
         out.chunks_mut(self.longest() * n_out)
             .try_for_each(|out| self.stretch(out, out.len() / n_out))
     }
 
-    /// Go on `n_frames` frames without listening.
+    /// Advance by `n_frames` frames without outputs.
+    ///
+    /// # Errors
+    /// [`Fault`] with the first part that becomes non-finite, unless faults are muted.
     pub fn skip(&mut self, n_frames: u64) -> Result<(), Fault> {
         let mut left = n_frames;
         while left > 0 {
@@ -178,7 +152,7 @@ impl Simulation {
         if self.threads > 1 { LONG } else { STRETCH }
     }
 
-    /// A stretch of every group. Of several units that fault in it, the first in time is told.
+    /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
     fn stretch(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
         interrupt::poll();
         let plan = &*self.plan;
@@ -190,7 +164,7 @@ impl Simulation {
             let (large, small): (Vec<_>, Vec<_>) =
                 self.groups.iter_mut().partition(|group| group.team > 1);
             let mut faults: Vec<Fault> = large.into_iter().filter_map(run).collect();
-            faults.extend(shared(small, self.threads, &run));
+            faults.extend(group::run_on_threads(small, self.threads, &run));
             faults
         };
         let fault = faults.into_iter().min_by_key(|fault| fault.frame);
@@ -214,8 +188,8 @@ impl Simulation {
         self.motion(|x, _| x, Island::positions)
     }
 
-    /// Steps x[n] − x[n−1] now [m], (n_mat); of what is stepped more often, the last times as many; NaN where the
-    /// plan computes none.
+    /// Steps x[n] − x[n−1] now [m], (n_mat); for an oversampled island its last step times the oversampling; NaN where
+    /// the plan computes none.
     pub fn steps(&self) -> Vec<f64> {
         let mut steps = self.motion(|x, before| x - before, Island::steps);
         for (island, island_plan) in self
@@ -231,8 +205,8 @@ impl Simulation {
 
     fn motion(&self, own: fn(f64, f64) -> f64, of: fn(&Island) -> &[f64]) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.network.n_mat()];
-        for (playing, unit) in self.units() {
-            match (playing, unit) {
+        for (running, unit) in self.units() {
+            match (running, unit) {
                 (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) => {
                     for (local, &value) in of(island).iter().enumerate() {
                         all[whole(&island_plan.to_whole.mats, local)] = value;
@@ -250,7 +224,7 @@ impl Simulation {
         all
     }
 
-    /// Where each key's gesture wants it now [m]; NaN where none runs, (n_keys,).
+    /// Position that the gesture of each key asks for now [m], (n_keys); NaN where none runs.
     pub fn asked(&self) -> Vec<f64> {
         let mut all = vec![f64::NAN; self.plan.n_keys];
         for (island, island_plan) in self.islands() {
@@ -261,30 +235,30 @@ impl Simulation {
         all
     }
 
-    /// Say where a real hand is from the next tick on [m]; without a word it goes its timeline's way.
+    /// Set the position of a real hand from the next tick on [m]; until the first call it follows the timeline.
     ///
-    /// `step`: by how much it moved in the last frame of the tick [m], from a key that knows it to the last bit; else
-    /// the way from tick to tick is taken for it.
+    /// `step`: the movement in the last frame of the tick [m], from a device that knows it exactly; `None`: the
+    /// difference between the two ticks.
     pub fn hold(&mut self, hand: usize, x: f64, step: Option<f64>) {
-        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = playing {
+        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running {
                 island.hold(hand, x, step);
             }
         }
     }
 
-    /// Mean force of the scene on a real hand over the last whole tick [N]: it pushes the hand towards +x.
+    /// Mean force of the scene on a real hand over the last complete tick [N]; positive towards +x.
     pub fn felt(&self, hand: usize) -> f64 {
         self.islands().map(|(island, _)| island.felt(hand)).sum()
     }
 
-    /// Let everything fade within `t60` [s] if nothing else damped it; with what does, 1/T60 add up. From this frame on,
-    /// until told otherwise; `None`, or what is no time: no longer. The free copies of keys do not feel it.
+    /// From this frame on, damp everything with a decay time of `t60` [s] in addition to its own damping (the reciprocals
+    /// of decay times add). `None` or a time not above 0 ends it. The free copies of keys are not damped.
     pub fn damp(&mut self, t60: Option<f64>) {
         let t60 = t60.filter(|t60| t60.is_finite() && *t60 > 0.0);
         let fall = t60.map_or(0.0, |t60| crate::units::LN_1000 / (t60 * self.rate()));
-        for playing in self.groups.iter_mut().flat_map(|group| &mut group.units) {
-            match playing {
+        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            match running {
                 RunningUnit::Island(island) => {
                     let by = crate::maths::exp(-fall / f64::from(island.oversampling()));
                     island.damp(by);
@@ -314,12 +288,12 @@ impl Simulation {
         all
     }
 
-    /// Ergons since the last call, as they struck.
+    /// Records of the ergons since the last call, by rising frame.
     pub fn take_ergons(&mut self) -> Vec<Record> {
         let mut all = Vec::new();
         let units = self.groups.iter_mut().flat_map(|group| &mut group.units);
-        for (playing, unit) in units.zip(&self.plan.units) {
-            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (playing, unit)
+        for (running, unit) in units.zip(&self.plan.units) {
+            let (RunningUnit::Island(island), Unit::IslandPlan(island_plan)) = (running, unit)
             else {
                 continue;
             };
@@ -336,7 +310,7 @@ impl Simulation {
         all.into_iter().map(|taken| taken.record).collect()
     }
 
-    /// The ledger, if it is kept: not by a plan that computes anything as oscillators.
+    /// The energy ledger; `None` where it is not kept or the plan computes anything as oscillators.
     pub fn energy(&self) -> Option<Energy> {
         let is_bank = |(unit, _): (&RunningUnit, &Unit)| matches!(unit, RunningUnit::Bank(_));
         if self.units().any(is_bank) {
@@ -347,7 +321,7 @@ impl Simulation {
         own.try_fold(first, |sum, energy| Some(sum + energy?))
     }
 
-    /// Parts put to silence, with the frame of each.
+    /// Names of the muted parts, with the frame at which each was muted.
     pub fn muted(&self) -> Vec<(String, u64)> {
         let of = |island: &Island| {
             let oversampling = u64::from(island.oversampling());
@@ -357,12 +331,13 @@ impl Simulation {
         self.islands().flat_map(|(island, _)| of(island)).collect()
     }
 
-    /// How many parts were put to silence; nothing is allocated.
+    /// Number of muted parts; does not allocate.
     pub fn n_muted(&self) -> usize {
         self.islands().map(|(island, _)| island.n_muted()).sum()
     }
 
-    /// Parts whose links stiffened so far that frames were computed finer: how many, and in how many steps at most.
+    /// Parts whose links stiffened so much that frames were computed in finer steps: name, number of such frames, largest
+    /// number of steps a frame.
     pub fn finer(&self) -> Vec<(String, u64, u32)> {
         let mut all: Vec<(String, u64, u32)> = Vec::new();
         for (part, frames, most) in self.islands().flat_map(|(island, _)| island.finer()) {
@@ -374,182 +349,30 @@ impl Simulation {
         all
     }
 
-    /// In how many places there are such parts; nothing is allocated.
+    /// Number of meshes with frames computed in finer steps; does not allocate.
     pub fn n_finer(&self) -> usize {
         let islands = self.islands();
         islands.map(|(island, _)| island.finer().count()).sum()
     }
 
-    /// Remember this moment.
+    /// The complete state at this frame.
     pub fn snapshot(&self) -> Snapshot {
         Snapshot(Box::new(self.clone()))
     }
 
-    /// Go back to a moment of this simulation.
+    /// Return to a state of this simulation.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         *self = snapshot.0.fork();
     }
 
-    /// The same at the same moment, to go its own way without allocating.
+    /// An independent copy at the same frame, which steps without allocating.
     pub fn fork(&self) -> Self {
         let mut other = self.clone();
-        for playing in other.groups.iter_mut().flat_map(|group| &mut group.units) {
-            if let RunningUnit::Island(island) = playing {
+        for running in other.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running {
                 island.reserve();
             }
         }
         other
-    }
-}
-
-impl Group {
-    fn add(&mut self, unit: &Unit, rate: Rate, options: Options) -> Result<(), Error> {
-        self.units.push(match unit {
-            Unit::IslandPlan(island_plan) => {
-                let IslandPlan {
-                    network,
-                    timeline,
-                    bodies,
-                    contact_substeps,
-                    oversampling,
-                    ..
-                } = &**island_plan;
-                let often = (*contact_substeps, *oversampling);
-                let island = Island::new(network.clone(), timeline, bodies, often, options)?;
-                let room = island.n_out() * STRETCH;
-                self.sound.resize(self.sound.len().max(room), 0.0);
-                RunningUnit::Island(Box::new(island))
-            }
-            Unit::Bank(bank) => {
-                let strikes = bank.strikes.clone();
-                let (own, is_open) = (&bank.oscillators, bank.is_open);
-                RunningUnit::Bank(Bank::new(own, strikes, rate, STRETCH, is_open))
-            }
-        });
-        Ok(())
-    }
-
-    /// Every unit through `n_frames` frames, their sound into `sum`.
-    fn run(&mut self, plan: &Plan, n_out: usize, n_frames: usize) -> Option<Fault> {
-        let sum = &mut self.sum[..n_out * n_frames];
-        sum.fill(0.0);
-        let mut fault: Option<Fault> = None;
-        for (playing, unit) in self.units.iter_mut().zip(&plan.units[self.first..]) {
-            let team = if playing.is_shared() { self.team } else { 1 };
-            let found = ThreadTeam::with(team, |team| {
-                (0..n_frames).step_by(STRETCH).find_map(|from| {
-                    let n_frames = STRETCH.min(n_frames - from);
-                    let out = &mut sum[n_out * from..n_out * (from + n_frames)];
-                    playing.go_on(unit, &mut self.sound, out, (n_out, n_frames), team)
-                })
-            });
-            let is_first = |new: &Fault| fault.as_ref().is_none_or(|old| new.frame < old.frame);
-            fault = found.filter(is_first).or(fault);
-        }
-        fault
-    }
-}
-
-impl RunningUnit {
-    /// A few frames, added to `out` (n_frames · n_out); `sound` is room for its own.
-    fn go_on(
-        &mut self,
-        unit: &Unit,
-        sound: &mut [f64],
-        out: &mut [f64],
-        (n_out, n_frames): (usize, usize),
-        team: &mut ThreadTeam<'_>,
-    ) -> Option<Fault> {
-        match (self, unit) {
-            (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
-            (Self::Island(island), Unit::IslandPlan(island_plan)) => {
-                let own = island.n_out();
-                let sound = &mut sound[..own * n_frames];
-                if let Err(fault) = island.process(sound, n_frames, team) {
-                    return Some(fault.at_frame(island.oversampling()));
-                }
-                add(sound, own, island_plan, out, n_out);
-            }
-            (Self::Island(_), Unit::Bank(_)) => {}
-        }
-        None
-    }
-
-    /// Whether a crew can share its work.
-    fn is_shared(&self) -> bool {
-        matches!(self, Self::Island(island) if island.is_shared())
-    }
-}
-
-/// Give groups with large meshes a crew, where that is quicker than a thread for each group.
-fn crews(groups: &mut [Group], plan: &Plan, threads: usize) {
-    // Who waits for a helper that has no processor waits long.
-    let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let team = threads.min(processors);
-    let costs = |group: &Group| -> f64 {
-        let units = &plan.units[group.first..][..group.units.len()];
-        units.iter().map(Unit::cost).sum()
-    };
-    // Of groups side by side: the dearest takes longest, or all of them on all threads.
-    let beside = |costs: &[f64]| {
-        let longest = costs.iter().copied().fold(0.0, f64::max);
-        longest.max(costs.iter().sum::<f64>() / team as f64)
-    };
-    let (mut all, mut large, mut small) = (Vec::new(), 0.0, Vec::new());
-    for group in &*groups {
-        let cost = costs(group);
-        all.push(cost);
-        if group.units.iter().any(RunningUnit::is_shared) {
-            large += cost;
-        } else {
-            small.push(cost);
-        }
-    }
-    let together = large / (1.0 + HELP * (team - 1) as f64) + beside(&small);
-    if team > 1 && together < beside(&all) {
-        let large = |group: &&mut Group| group.units.iter().any(RunningUnit::is_shared);
-        groups
-            .iter_mut()
-            .filter(large)
-            .for_each(|group| group.team = team);
-    }
-}
-
-/// Run every group, each by the next thread that is free.
-fn shared(
-    groups: Vec<&mut Group>,
-    threads: usize,
-    run: &(impl Fn(&mut Group) -> Option<Fault> + Sync),
-) -> Vec<Fault> {
-    let waiting = Mutex::new(groups.into_iter());
-    let faults = Mutex::new(Vec::new());
-    let work = || {
-        // A poisoned lock is a thread that panicked: the scope passes that on.
-        while let Some(group) = waiting.lock().ok().and_then(|mut groups| groups.next()) {
-            if let Some(fault) = run(group)
-                && let Ok(mut faults) = faults.lock()
-            {
-                faults.push(fault);
-            }
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            scope.spawn(work);
-        }
-        work();
-    });
-    faults.into_inner().unwrap_or_default()
-}
-
-/// Add an island's sound (n_frames · own) to the outputs that it is heard at (n_frames · n_out).
-fn add(sound: &[f64], own: usize, island_plan: &IslandPlan, out: &mut [f64], n_out: usize) {
-    if n_out == 0 || own == 0 {
-        return;
-    }
-    for (frame, heard) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(own)) {
-        for (local, heard) in heard.iter().enumerate() {
-            frame[whole(&island_plan.to_whole.outputs, local)] += heard;
-        }
     }
 }

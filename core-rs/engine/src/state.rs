@@ -1,4 +1,4 @@
-//! The state of a simulation: everything that changes while it runs, and nothing else.
+//! State of an island's masses: positions, last steps, forces.
 
 use crate::scheme::Scheme;
 
@@ -15,9 +15,9 @@ pub(crate) struct Body {
     pub(crate) link: Vec<f64>,
     /// Motion of body ports without external force, beyond their last step [m]   (n_mat; empty: no ports)
     pub(crate) inner: Vec<f64>,
-    /// Of the sum, what comes from outside [N]: kept for the ledger, else empty   (n_mat)
+    /// Part of `force` by strikes, hands and weights [N]; empty without a ledger   (n_mat)
     pub(crate) outside: Vec<f64>,
-    /// The state one frame ago, kept where a frame may be computed again.
+    /// The state one frame before, where a frame may be computed again in finer steps.
     pub(crate) previous: Option<Box<PreviousState>>,
 }
 
@@ -42,7 +42,7 @@ impl PreviousState {
 }
 
 impl Body {
-    /// A body at positions `x` that came there by steps `d`.
+    /// A body at positions `x` with last steps `d` [m], (n_mat) each.
     pub(crate) fn new(scheme: &Scheme, x: Vec<f64>, d: Vec<f64>) -> Self {
         Self {
             force: vec![0.0; x.len()],
@@ -55,7 +55,7 @@ impl Body {
         }
     }
 
-    /// Push a MAT from outside: a hand, a strike, a weight.
+    /// Add a force [N] on a MAT by a hand, a strike or a weight.
     pub(crate) fn push(&mut self, mat: usize, force: f64) {
         self.force[mat] += force;
         if let Some(outside) = self.outside.get_mut(mat) {

@@ -1,4 +1,4 @@
-//! What will happen, by sample index.
+//! Timeline: strikes, ergons, gestures, imposed positions and couplings of a piece, by instant [s].
 
 mod drive;
 mod gate;
@@ -30,13 +30,13 @@ const STRIKES_MAX: u64 = 5_000_000;
 pub struct Rain {
     /// Strikes a second for each MAT [Hz].
     pub rate: f64,
-    /// From when [s].
+    /// First instant [s].
     pub start: f64,
-    /// Until when [s].
+    /// Last instant [s].
     pub stop: f64,
     /// Weakest and strongest impulse [N·s].
     pub impulse: (f64, f64),
-    /// Those before the first instant or from the second on [s] are drawn and do not strike.
+    /// Strikes outside these two instants [s] are drawn but left out.
     pub within: (f64, f64),
     /// Place in the score.
     pub source: u32,
@@ -104,7 +104,7 @@ pub struct Timeline {
     pub(crate) gates: Vec<Gate>,
     pub(crate) drives: Vec<Drive>,
     pub(crate) glides: Vec<Glide>,
-    /// What else may come is not known: a session.
+    /// Whether more events may be added while it plays (a session).
     pub(crate) is_open: bool,
 }
 
@@ -124,14 +124,14 @@ impl Timeline {
         }
     }
 
-    /// What else may come is not known: no plan counts on what is written.
+    /// Declare that more events may be added while it plays (a session): a plan then leaves nothing out.
     pub fn open(&mut self) {
         self.is_open = true;
     }
 
-    /// The same at `times` the rate; `None` where a gesture does not allow it.
-    pub(crate) fn faster(&self, times: u32) -> Option<Self> {
-        let rate = Rate::new(self.rate.hertz() * f64::from(times)).ok()?;
+    /// The timeline at `oversampling` times the rate; `None` where a gesture does not allow that rate.
+    pub(crate) fn faster(&self, oversampling: u32) -> Option<Self> {
+        let rate = Rate::new(self.rate.hertz() * f64::from(oversampling)).ok()?;
         let mut gestures = self.gestures.iter();
         if !gestures.all(|gesture| gesture.check_rate(rate.hertz()).is_ok()) {
             return None;
@@ -140,12 +140,16 @@ impl Timeline {
         let glides = self.glides.iter();
         Some(Self {
             rate,
-            gates: gates.map(|gate| gate.faster(u64::from(times))).collect(),
-            glides: glides.map(|glide| glide.faster(u64::from(times))).collect(),
+            gates: gates
+                .map(|gate| gate.faster(u64::from(oversampling)))
+                .collect(),
+            glides: glides
+                .map(|glide| glide.faster(u64::from(oversampling)))
+                .collect(),
             drives: self
                 .drives
                 .iter()
-                .map(|drive| drive.faster(times))
+                .map(|drive| drive.faster(oversampling))
                 .collect(),
             ..self.clone()
         })
@@ -161,6 +165,9 @@ impl Timeline {
     }
 
     /// Add a gesture on one of the keys; returns its index.
+    ///
+    /// # Errors
+    /// [`GestureError`] where the key does not exist or the gesture is too fast for the rate.
     pub fn gesture(&mut self, gesture: Gesture) -> Result<usize, GestureError> {
         if gesture.key >= self.keys.len() {
             return Err(GestureError::NoKey(gesture.key));
@@ -178,7 +185,10 @@ impl Timeline {
             .collect()
     }
 
-    /// Strike a MAT with an impulse [N·s] at an instant [s].
+    /// Strike a MAT by `impulse` [N·s] at the instant `at` [s]; `source`: place in the score.
+    ///
+    /// # Errors
+    /// [`StrikeError`] where the MAT is fixed, the instant is negative, a number is not finite, or there are too many strikes.
     pub fn strike(
         &mut self,
         network: &Network,
@@ -207,6 +217,9 @@ impl Timeline {
     /// Strike each MAT by a Poisson process of its own, of `rate` [Hz] from `start` to `stop` [s], with
     /// impulses [N·s] drawn uniformly between two; member i draws from `chance(i)` alone. Returns the
     /// number of strikes.
+    ///
+    /// # Errors
+    /// As [`Timeline::strike`].
     pub fn rain(
         &mut self,
         network: &Network,
@@ -216,7 +229,7 @@ impl Timeline {
     ) -> Result<u64, StrikeError> {
         let expected = mats.len() as f64 * rain.rate * (rain.stop - rain.start);
         finite("rate", rain.rate)?;
-        // Also where it is no number.
+        // NaN is refused here too.
         if expected.is_nan() || expected > STRIKES_MAX as f64 {
             return Err(StrikeError::TooMany);
         }
@@ -236,7 +249,10 @@ impl Timeline {
         Ok(n_strikes)
     }
 
-    /// Meet a MAT with an ergon of a mass [kg] and speed [m/s] at an instant [s].
+    /// Let an ergon of a mass [kg] and a speed [m/s] strike a MAT at the instant `at` [s].
+    ///
+    /// # Errors
+    /// As [`Timeline::strike`]; and where the mass is not above 0.
     pub fn ergon(
         &mut self,
         network: &Network,
@@ -262,7 +278,11 @@ impl Timeline {
         Ok(())
     }
 
-    /// Drive a MAT by a constant or a take; `own`: as a module of the MAT's own part.
+    /// Impose the position or a force on a MAT by a constant, a take or a hand; `own`: the drive belongs to the part of
+    /// the MAT.
+    ///
+    /// # Errors
+    /// [`StrikeError`] where a constant is not finite, or the position of the MAT is imposed already.
     pub fn drive(
         &mut self,
         mat: usize,

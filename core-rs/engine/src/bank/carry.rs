@@ -1,10 +1,10 @@
-//! A bank that begins in the middle, or goes on where one of another version stands.
+//! A bank that begins at a later frame, or takes over the motion of another bank.
 
 use super::{Bank, Oscillator};
 use crate::kernel::bank::Lanes;
 
 impl Bank {
-    /// Begin at frame `n`: strikes before it are past.
+    /// Start at frame `n`; earlier strikes are skipped.
     pub(crate) fn seek(&mut self, n: u64) {
         self.frame = n;
         for (next, events) in self.next.iter_mut().zip(&self.script.events) {
@@ -12,20 +12,20 @@ impl Bank {
         }
     }
 
-    /// Go on as a bank of the same oscillators, whatever else is to strike them.
+    /// Take over the motion of a bank of the same oscillators; the strikes may differ.
     pub(crate) fn go_on(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.motions, &mut old.motions);
         std::mem::swap(&mut self.still, &mut old.still);
     }
 
-    /// Set an oscillator going: its position now and one frame ago [m].
+    /// Set the positions of an oscillator now and one frame before [m].
     pub(crate) fn set_motion(&mut self, oscillator: usize, (now, before): (f64, f64)) {
         let (group, lane) = self.place(oscillator);
         let scale = self.script.scales[group].0[lane];
         self.put(group, lane, (scale * now, scale * before));
     }
 
-    /// Let an oscillator go on as one of another bank, to the last bit where it is heard alike.
+    /// Copy the motion of an oscillator of another bank; exact to the last bit where both have the same scale.
     pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, there: usize) {
         let ((group, lane), (from, at)) = (self.place(oscillator), old.place(there));
         if self.script.scales[group].0[lane] == old.script.scales[from].0[at] {
@@ -48,7 +48,7 @@ impl Bank {
     }
 }
 
-/// Whether two banks hold the same oscillators in the same order: what strikes them may differ.
+/// Whether two banks hold the same oscillators in the same order; the strikes may differ.
 pub(crate) fn are_same(own: &[Oscillator], other: &[Oscillator]) -> bool {
     let same = |(a, b): (&Oscillator, &Oscillator)| (a.a, a.b, &a.heard) == (b.a, b.b, &b.heard);
     own.len() == other.len() && own.iter().zip(other).all(same)

@@ -15,13 +15,18 @@ pub struct Placed {
 }
 
 impl Placed {
-    /// `profile` with its own zero of time at `at` [s], as it is written.
+    /// The profile with its zero of time at `at` [s] of the piece, neither scaled nor stretched.
+    ///
+    /// # Errors
+    /// [`PathError::Placement`] where `at` is not finite.
     pub fn new(profile: Arc<Profile>, at: f64) -> Result<Self, PathError> {
         Self::transformed(profile, at, 1.0, 1.0, false)
     }
 
-    /// `profile` as x·`scale` at `at` + t·`stretch` [s]; reversed, it runs backwards within the
-    /// same time.
+    /// The profile as x·`scale` [m] at `at` + t·`stretch` [s]; with `reverse` it runs backwards within the same time.
+    ///
+    /// # Errors
+    /// [`PathError::Placement`] where a number is not finite or `stretch` is not above 0.
     pub fn transformed(
         profile: Arc<Profile>,
         at: f64,

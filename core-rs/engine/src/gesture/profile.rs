@@ -100,7 +100,10 @@ pub struct Profile {
 const WALK: usize = 8;
 
 impl Profile {
-    /// The path through written points (n_points,), whose instants rise strictly.
+    /// The path through written points, (n_points,), whose instants [s] rise strictly.
+    ///
+    /// # Errors
+    /// Where there are no points, a number is not finite, instants do not rise strictly, or a curve does not fit its points.
     pub fn through(points: &[Point]) -> Result<Self, PathError> {
         check(points)?;
         let mut profile = Self {

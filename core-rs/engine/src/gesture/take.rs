@@ -111,8 +111,12 @@ pub struct Care {
 impl Take {
     /// The take of samples (`t` [s], `x` [m]), both (n,).
     ///
-    /// `smooth` sees the whole take, then `trim` cuts the finished path, so that its ends pass
-    /// exactly where the whole take does.
+    /// `smooth` filters the complete take; then `trim` cuts the path, whose ends thus lie exactly on the path of the
+    /// complete take.
+    ///
+    /// # Errors
+    /// Where the samples are too few, not finite or not in order, the cutoff is not below half their rate, or the trim lies
+    /// outside the take.
     pub fn new(t: &[f64], x: &[f64], care: Care) -> Result<Self, TakeError> {
         check(t, x)?;
         let natural = |t: &[f64], x: &[f64]| Profile::spline(t.to_vec(), x.to_vec(), Ends::Natural);
@@ -143,7 +147,10 @@ impl Take {
         })
     }
 
-    /// What lies between two instants [s], counted from its first one; the path stays exactly the same.
+    /// The part of the take between two instants [s], counted from its first sample; the path is exactly the same.
+    ///
+    /// # Errors
+    /// [`TakeError::Part`] unless 0 ≤ `from` < `to` ≤ [`Take::duration`].
     pub fn part(&self, from: f64, to: f64) -> Result<Self, TakeError> {
         let stop = self.duration();
         if !(0.0 <= from && from < to && to <= stop) {
@@ -161,7 +168,10 @@ impl Take {
         &self.profile
     }
 
-    /// The take played with its first instant at `at` [s] of the piece: x·`scale`, times ·`stretch`.
+    /// The take with its first instant at `at` [s] of the piece, positions times `scale`, durations times `stretch`.
+    ///
+    /// # Errors
+    /// [`PathError::Placement`] where a number is not finite or `stretch` is not above 0.
     pub fn placed(
         &self,
         at: f64,

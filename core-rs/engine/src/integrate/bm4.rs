@@ -148,21 +148,15 @@ impl Stepper for Bm4 {
     }
 
     fn settle(&mut self) {
-        // From the last step to the velocity now is half a step's acceleration; `midway` keeps it meanwhile.
-        for mat in 0..self.x.len() {
-            let (x, v) = (|i: usize| self.x[i], |i: usize| self.v[i]);
-            self.midway[mat] = 0.5 * self.mesh.acceleration(mat, &x, &v);
-        }
-        for (v, half) in self.v.iter_mut().zip(&self.midway) {
-            *v += half;
-        }
+        self.mesh
+            .velocities_from_steps(&self.x, &mut self.v, &mut self.midway);
         let (room, team) = (&mut self.room, &mut ThreadTeam::alone());
         self.mesh.elastic(&self.x, room, &mut self.force, team);
         let motion = [&self.x[..], &self.v];
         self.mesh.viscous(motion, room, &mut self.viscous, team);
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.v
     }
 

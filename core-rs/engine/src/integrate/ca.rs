@@ -49,7 +49,7 @@ impl Ca {
 impl Stepper for Ca {
     fn share(&mut self, threads: usize) {
         self.laws.mesh_partition =
-            MeshPartition::of(&self.scheme.fused, self.scheme.n_mat(), threads);
+            MeshPartition::for_threads(&self.scheme.fused, self.scheme.n_mat(), threads);
     }
 
     fn is_shared(&self) -> bool {
@@ -100,7 +100,7 @@ impl Stepper for Ca {
         kernel::links(&self.scheme, &[], &mut self.body, &mut self.laws, team);
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.body.d
     }
 

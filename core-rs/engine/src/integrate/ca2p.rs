@@ -9,8 +9,8 @@
 use std::sync::Arc;
 
 use super::mesh::{Mesh, Room};
+use super::mesh_stage::MeshStage;
 use super::passes;
-use super::watched::Watched;
 use super::{Stepper, certify};
 use crate::guard::Guard;
 use crate::kernel::thread_team::ThreadTeam;
@@ -155,7 +155,7 @@ impl Stepper for Ca2p {
         {
             self.previous.swap(x, d);
             let (force, d) = (&mut self.force[..], &mut d[..]);
-            Watched {
+            MeshStage {
                 mesh,
                 room,
                 force,
@@ -163,7 +163,7 @@ impl Stepper for Ca2p {
                 d,
                 team,
             }
-            .by(guard);
+            .step_finer(guard);
         }
         self.look(team);
     }
@@ -211,7 +211,7 @@ impl Stepper for Ca2p {
         self.guard.as_deref_mut()
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.d
     }
 

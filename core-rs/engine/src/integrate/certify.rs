@@ -1,6 +1,6 @@
-//! What may be said of a network's stability by each way, before its first frame.
+//! Stability certificates of each method, before the first frame.
 //!
-//! | way       | condition on undamped bodies, at rest   | linear             | non-linear links   |
+//! | method    | condition on undamped bodies, at rest   | linear             | non-linear links   |
 //! |-----------|-----------------------------------------|--------------------|--------------------|
 //! | CA        | λmax(M⁻¹(K + 2Z)) < 4                   | proved             | guarded            |
 //! | CA2P      | λmax(M⁻¹K) < 12, with Z M⁻¹(K + 6Z) < 6 | proved             | guarded            |
@@ -21,7 +21,7 @@ use crate::network::{Error, Network};
 use crate::scheme::{Certificate, Kind, Scheme, StabilityGuarantee, Top, top};
 use crate::units::Rate;
 
-/// Rounding may take this from an eigenvalue.
+/// Largest error of an eigenvalue by rounding.
 const BORDER: f64 = 1.0 - 1e-14;
 /// CA2P: for modes that K and Z share, and for any.
 const SHARED: f64 = 12.0 * BORDER;
@@ -29,8 +29,10 @@ const ANY: f64 = 6.0 * BORDER;
 /// BM4: so much of Z counts as K.
 const LOSSES: f64 = 2.0;
 
-/// Whether a network is stable by a way of stepping it; refused, with the module that would move most,
-/// where it is not.
+/// Certify that a method steps a network stably.
+///
+/// # Errors
+/// With the name of the module that would move most where the network is unstable.
 pub(crate) fn certify(
     network: &Network,
     rate: Rate,

@@ -111,7 +111,7 @@ fn last_step(mesh: &Mesh, links: &Links, network: &Network) -> Vec<f64> {
 }
 
 impl Stepper for Ieq {
-    fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut ThreadTeam<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], _team: &mut ThreadTeam<'_>) {
         let (mesh, links) = (&*self.mesh, &*self.links);
         // The links' explicit forces into `right`, their shares of the diagonal into `inverse`.
         self.right.fill(0.0);
@@ -176,7 +176,7 @@ impl Stepper for Ieq {
         }
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.d
     }
 

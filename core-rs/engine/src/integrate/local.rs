@@ -1,10 +1,8 @@
-//! Looks at a mesh that no step needs: the acceleration of one MAT, energies.
+//! Quantities of a mesh outside the steps: acceleration of one MAT, energies.
 
 use super::mesh::{Mesh, force_of};
 use crate::kernel;
-use crate::maths::power_law;
 use crate::scheme::Spring;
-use crate::scheme::{Kind, Run};
 
 impl Spring {
     /// Energy at elongation `e` [J].
@@ -13,23 +11,18 @@ impl Spring {
     }
 }
 
-/// Energy of a contact or of a law at elongation `e` [J].
-fn potential(run: &Run, e: f64) -> f64 {
-    match &run.kind {
-        Kind::Ref => 0.5 * run.k * (e * e),
-        Kind::Lnl { law, .. } => law.potential(e),
-        Kind::But(but) => {
-            let p = kernel::side(but) * e;
-            if p > 0.0 {
-                run.k * power_law(p, but.exponent + 1.0) / (but.exponent + 1.0)
-            } else {
-                0.0
-            }
+impl Mesh {
+    /// Turn last steps x[n] − x[n−1] into velocities per step at n, by half a step's acceleration; `room`, `x` and
+    /// `v`: (n_mat).
+    pub(super) fn velocities_from_steps(&self, x: &[f64], v: &mut [f64], room: &mut [f64]) {
+        for (mat, half) in room.iter_mut().enumerate() {
+            *half = 0.5 * self.acceleration(mat, &|i| x[i], &|i| v[i]);
+        }
+        for (v, half) in v.iter_mut().zip(room) {
+            *v += *half;
         }
     }
-}
 
-impl Mesh {
     /// Acceleration per step squared of one MAT [m], of a motion given as functions of a MAT's index.
     pub(super) fn acceleration(
         &self,
@@ -80,7 +73,7 @@ impl Mesh {
         }
         for run in &self.others {
             sum += total(run.len, |i| {
-                potential(run, x[run.b + i] - x[run.a + i] - run.rest)
+                kernel::potential(run, x[run.b + i] - x[run.a + i] - run.rest)
             });
         }
         sum
@@ -108,7 +101,7 @@ impl Mesh {
             sum += total(run.len, |i| {
                 let e = x[run.b + i] - x[run.a + i] - run.rest;
                 let last = before(run.b + i) - before(run.a + i) - run.rest;
-                0.5 * (potential(run, e) + potential(run, last))
+                0.5 * (kernel::potential(run, e) + kernel::potential(run, last))
             });
         }
         sum

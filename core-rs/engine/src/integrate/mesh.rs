@@ -1,4 +1,4 @@
-//! What the methods step: the numbers of a scheme, its springs gathered for passes over all of them.
+//! A mesh as the methods step it: the numbers of a scheme, with all springs gathered for one pass.
 
 use std::ops::Range;
 
@@ -37,7 +37,7 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// How the mesh is cut for a crew.
+    /// Partition of the mesh for a thread team.
     pub(super) fn mesh_partition(&self) -> Option<&MeshPartition> {
         self.laws.mesh_partition.as_ref()
     }
@@ -52,7 +52,7 @@ enum Part {
 }
 
 impl Mesh {
-    /// Refuses what a way cannot step.
+    /// Fails with the name of a module that the method cannot step.
     pub(super) fn new(network: &Network, rate: Rate, way: MeshMethod) -> Result<Self, Error> {
         let scheme = if way == MeshMethod::Ca {
             Scheme::new(network, rate)?
@@ -105,7 +105,7 @@ impl Mesh {
         self.m.len()
     }
 
-    /// What every MAT brings with it.
+    /// 1/M, κ, ζ and rest position of every MAT.
     pub(super) fn ties(&self) -> Ties<'_> {
         Ties {
             w: &self.scheme.w,
@@ -189,7 +189,7 @@ impl Mesh {
         self.others(Part::Total, [x, v], room, force);
     }
 
-    /// A pass over all springs, by a crew where the mesh is cut for one.
+    /// A pass over all springs, by a thread team where the mesh is partitioned.
     fn springs(
         &self,
         room: &mut Room,
@@ -222,9 +222,9 @@ impl Mesh {
         }
     }
 
-    /// Cut for so many threads, where that gains anything.
+    /// Partition the mesh for a number of threads, where this gains time.
     pub(super) fn share(&self, room: &mut Room, threads: usize) {
-        room.laws.mesh_partition = MeshPartition::of(&self.springs, self.n_mat(), threads);
+        room.laws.mesh_partition = MeshPartition::for_threads(&self.springs, self.n_mat(), threads);
     }
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], room: &mut Room, force: &mut [f64]) {

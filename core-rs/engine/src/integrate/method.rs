@@ -18,14 +18,14 @@ pub(crate) enum MeshMethod {
     Trapezoid,
 }
 
-/// What is known of a method.
+/// Properties of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Facts {
-    /// How scores and plans call it.
+    /// Its name in scores and plans.
     pub(crate) name: &'static str,
     /// Order of convergence of an undamped linear body.
     pub(crate) order: u32,
-    /// Order with non-linear links; `None` where it takes none.
+    /// Order with non-linear links; `None` where the method refuses them.
     pub(crate) order_nonlinear: Option<u32>,
     /// Evaluations of all links in one step, roughly: the unit of cost. Of the implicit ones as on a mesh
     /// of some hundred masses, moderately struck.
@@ -35,10 +35,10 @@ pub(crate) struct Facts {
 }
 
 impl MeshMethod {
-    /// All, from the cheapest to the dearest of the explicit ones, then the implicit ones.
+    /// All methods: explicit ones by rising cost, then implicit ones.
     pub(crate) const ALL: [Self; 5] = [Self::Ca, Self::Ca2p, Self::Bm4, Self::Ieq, Self::Trapezoid];
 
-    /// What is known of it.
+    /// Properties of the method.
     pub(crate) const fn facts(self) -> Facts {
         match self {
             Self::Ca => Facts {

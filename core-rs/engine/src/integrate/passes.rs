@@ -231,7 +231,7 @@ wide! {
 }
 
 wide! {
-    /// Whether every MAT is where a MAT can be.
+    /// Whether all positions are finite and within range.
     pub(super) fn within(x: &[f64]) -> bool {
         let bad = x
             .iter()

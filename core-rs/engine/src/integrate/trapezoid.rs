@@ -127,7 +127,7 @@ fn factorise(mesh: &Mesh, network: &Network) -> Result<(Vec<usize>, Factor), Err
 }
 
 impl Stepper for Trapezoid {
-    fn step(&mut self, impulses: &[(usize, f64)], _crew: &mut ThreadTeam<'_>) {
+    fn step(&mut self, impulses: &[(usize, f64)], _team: &mut ThreadTeam<'_>) {
         let mesh = &*self.mesh;
         for &(mat, impulse) in impulses {
             self.v[mat] += mesh.jump(mat, impulse);
@@ -168,17 +168,11 @@ impl Stepper for Trapezoid {
     }
 
     fn settle(&mut self) {
-        // From the last step to the velocity now is half a step's acceleration; `force` keeps it meanwhile.
-        for mat in 0..self.x.len() {
-            let (x, v) = (|i: usize| self.x[i], |i: usize| self.v[i]);
-            self.force[mat] = 0.5 * self.mesh.acceleration(mat, &x, &v);
-        }
-        for (v, half) in self.v.iter_mut().zip(&self.force) {
-            *v += half;
-        }
+        self.mesh
+            .velocities_from_steps(&self.x, &mut self.v, &mut self.force);
     }
 
-    fn pace(&mut self) -> &mut [f64] {
+    fn velocities_mut(&mut self) -> &mut [f64] {
         &mut self.v
     }
 

@@ -75,7 +75,8 @@ impl Island {
         }
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         let mut laws = Laws::new(&scheme);
-        laws.mesh_partition = MeshPartition::of(&scheme.fused, scheme.n_mat(), options.threads);
+        laws.mesh_partition =
+            MeshPartition::for_threads(&scheme.fused, scheme.n_mat(), options.threads);
         bodies
             .iter_mut()
             .for_each(|body| body.share(options.threads));

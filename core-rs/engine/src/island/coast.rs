@@ -4,7 +4,8 @@
 //! Every bit is that of steps done one by one; a contact is only asked a hair more carefully whether it may close.
 
 use super::fault::Fault;
-use super::{Heard, Island, inside};
+use super::step::Heard;
+use super::{Island, inside};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::units::frame;

@@ -4,7 +4,6 @@
 //! scheme's work differs from that is the production P, the quality figure of an explicit contact.
 
 use crate::kernel;
-use crate::maths::power_law;
 use crate::network::But;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
@@ -91,21 +90,6 @@ fn elongation(run: &Run, body: &Body, i: usize) -> (f64, f64) {
     (now, now - (body.d[b] - body.d[a]))
 }
 
-fn potential(run: &Run, e: f64) -> f64 {
-    match &run.kind {
-        Kind::Ref => 0.5 * run.k * e * e,
-        Kind::But(but) => {
-            let p = kernel::side(but) * e;
-            if p > 0.0 {
-                run.k * power_law(p, but.exponent + 1.0) / (but.exponent + 1.0)
-            } else {
-                0.0
-            }
-        }
-        Kind::Lnl { law, .. } => law.potential(e),
-    }
-}
-
 /// The elastic part of a link's force.
 fn elastic(run: &Run, e: f64) -> f64 {
     match &run.kind {
@@ -159,8 +143,9 @@ impl Ledger {
         for run in all(scheme).filter(|run| !is_spring(run)) {
             for i in 0..run.len {
                 let (now, before) = elongation(run, body, i);
-                ledger.potential[run.first + i] =
-                    0.5 * open(run) * (potential(run, now) + potential(run, before));
+                ledger.potential[run.first + i] = 0.5
+                    * open(run)
+                    * (kernel::potential(run, now) + kernel::potential(run, before));
             }
         }
         ledger.start = ledger.stored(scheme, body);
@@ -221,7 +206,8 @@ impl Ledger {
                     continue;
                 }
                 let (e_next, e) = elongation(run, body, i);
-                let stored = 0.5 * (next * potential(run, e_next) + now * potential(run, e));
+                let stored =
+                    0.5 * (next * kernel::potential(run, e_next) + now * kernel::potential(run, e));
                 let risen = stored - self.potential[run.first + i];
                 self.potential[run.first + i] = stored;
                 if finer.is_some() {

@@ -1,15 +1,15 @@
-//! Oscillators side by side, many frames at a time: x[n+1] = a·x[n] − b·x[n−1], and their sum.
+//! Groups of oscillators over many frames, x[n+1] = a·x[n] − b·x[n−1], and their weighted sums.
 //!
-//! A group of 32 stays in registers while time runs; its sum is kept in eight lanes until the stretch is
-//! done. The product b·x[n−1] is rounded, a·x minus it is fused: exactly so on every processor, in
-//! hardware where there is any, else by libm's exact fma (slow, and the same bytes).
+//! A group of 32 stays in registers from frame to frame; its sum stays in eight lanes until the last frame. The product
+//! b·x[n−1] is rounded, a·x minus it is fused: on every processor, by hardware where it has fma, else by the exact fma
+//! of libm (slow, with the same bytes).
 
-/// Oscillators of a group.
+/// Number of oscillators in a group.
 pub(crate) const LANES: usize = 32;
-/// Lanes of a sum that is not finished yet.
+/// Number of lanes of a partial sum.
 pub(crate) const SUMS: usize = 8;
 
-/// One number for every oscillator of a group.
+/// One value for each oscillator of a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub(crate) struct Lanes(pub(crate) [f64; LANES]);
@@ -18,7 +18,7 @@ impl Lanes {
     pub(crate) const ZERO: Self = Self([0.0; LANES]);
 }
 
-/// The sum of one output at each frame, in lanes.
+/// Partial sum of one output at one frame, in lanes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(crate) struct Sum(pub(crate) [f64; SUMS]);
@@ -27,7 +27,7 @@ impl Sum {
     pub(crate) const ZERO: Self = Self([0.0; SUMS]);
 }
 
-/// What stays of a group.
+/// Coefficients of a group.
 #[derive(Clone, Debug)]
 pub(crate) struct Rates {
     pub(crate) a: Lanes,
@@ -35,7 +35,7 @@ pub(crate) struct Rates {
 }
 
 impl Rates {
-    /// The same with poles `by` times as long.
+    /// Write to `into` the coefficients of a group whose poles have `by` times the modulus.
     pub(crate) fn faded(&self, by: f64, into: &mut Self) {
         for (into, own) in into.a.0.iter_mut().zip(&self.a.0) {
             *into = own * by;
@@ -46,7 +46,7 @@ impl Rates {
     }
 }
 
-/// What moves of a group.
+/// Positions of a group.
 #[derive(Clone, Debug)]
 pub(crate) struct Motion {
     /// x[n]
@@ -55,13 +55,13 @@ pub(crate) struct Motion {
     pub(crate) before: Lanes,
 }
 
-/// Add a group's sum at each frame and go on as many frames.
+/// Advance a group by `sums.len()` frames and add its sum at each frame to `sums`.
 pub(crate) fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
     run_on(rates, motion, sums);
 }
 
-/// Go on `n_frames`, adding Σ weight·x for every output of `weights`; `sums` is (n_out · n_frames), output
-/// by output.
+/// Advance a group by `n_frames` frames and add Σ weight·x of each output of `weights` to `sums`, (n_out · n_frames),
+/// output by output.
 pub(crate) fn run_weighted(
     rates: &Rates,
     motion: &mut Motion,
@@ -73,8 +73,8 @@ pub(crate) fn run_weighted(
     weighted_on(rates, motion, weights, n_frames, sums, room);
 }
 
-/// Go on `n_frames` and say after each what every row sees, Σ weight·x. `sums` is (n_rows · n_frames), row
-/// by row, `room` apart; what they hold is added to.
+/// Advance a group by `n_frames` frames and add Σ weight·x of each row after each frame to `sums`, (n_rows · n_frames),
+/// row by row, `room` entries apart.
 pub(crate) fn follow(
     rates: &Rates,
     motion: &mut Motion,
@@ -177,7 +177,7 @@ macro_rules! loops {
                             add_to(&mut pair[1], part, sum);
                             now = next(&a, &b, &before, &now);
                         }
-                        // After two frames the newest is in `now` again.
+                        // After two frames the newest position is in `now` again.
                         let (mut now, mut before) = (now, before);
                         for last in pairs.into_remainder() {
                             let sum = $add($add(now[0], now[1]), $add(now[2], now[3]));
@@ -200,7 +200,7 @@ macro_rules! loops {
                 sums: &mut [Sum],
                 room: usize,
             ) {
-                // Few rows stay in registers with the rest.
+                // Up to three rows stay in registers beside the oscillators.
                 // SAFETY: what each needs of `sums` is checked there.
                 unsafe {
                     match weights {
@@ -219,7 +219,7 @@ macro_rules! loops {
                 }
             }
 
-            /// The same for a number of rows that is known when it is compiled.
+            /// [`follow`] for a number of rows known at compile time.
             $(#[$feature])?
             unsafe fn follow_rows<const ROWS: usize>(
                 rates: &Rates,
@@ -336,7 +336,7 @@ loops!(
     crate::maths::fma
 );
 
-/// Call the loop that this processor runs fastest.
+/// Call the loop for the widest vectors of this processor.
 macro_rules! fastest {
     ($name:ident, $loop:ident, $($value:ident: $kind:ty),*) => {
         fn $name($($value: $kind),*) {
@@ -376,7 +376,7 @@ fastest!(
     n_frames: usize, sums: &mut [Sum], room: usize
 );
 
-/// The end of a sum that was kept in lanes.
+/// Total of a partial sum.
 pub(crate) fn joined(sum: &Sum) -> f64 {
     let lanes = &sum.0;
     ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))

@@ -1,9 +1,9 @@
-//! Products of small dense matrices, their columns one after the other, in one order whatever the width.
+//! Products of small dense matrices in column-major order; the order of summation is independent of the vector width.
 
 use crate::maths::wide::wide;
 
 wide! {
-    /// y += A·x; y has n rows, and A as many columns as x has entries.
+    /// y += A·x; A is (y.len(), x.len()), column by column.
     pub(crate) fn apply(columns: &[f64], x: &[f64], y: &mut [f64]) {
         for (column, &x) in columns.chunks_exact(y.len()).zip(x) {
             for (y, a) in y.iter_mut().zip(column) {
@@ -14,7 +14,7 @@ wide! {
 }
 
 wide! {
-    /// C += A·B   (n, n each): four columns at a time, so that A passes by a quarter as often.
+    /// C += A·B, (n, n) each: four columns at a time, so that A is read a quarter as often.
     pub(crate) fn product(n: usize, a: &[f64], b: &[f64], c: &mut [f64]) {
         for (c, b) in c.chunks_mut(4 * n).zip(b.chunks(4 * n)) {
             if c.len() < 4 * n {

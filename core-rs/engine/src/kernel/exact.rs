@@ -7,17 +7,17 @@ use crate::maths::power_law;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 
-/// Two steps at most halve the bracket, so after these it is closed; 5 to 10 are the rule.
+/// Largest number of secant steps. Two steps at least halve the bracket, so that it is closed by then; 5 to 10 are usual.
 const STEPS_MAX: usize = 200;
 
-/// Rounds over contacts that share a MAT: each round takes the error down by their coupling, so a
-/// dozen is common and light masses between stiff ones need the most.
+/// Largest number of rounds over contacts that share a MAT. Each round reduces the error by the factor of their
+/// coupling: a dozen is usual; light masses between stiff contacts need the most.
 const ROUNDS_MAX: usize = 200;
-/// Contacts that share a MAT agree when none changes by more than this part of itself.
+/// Relative change of a force below which contacts that share a MAT have converged.
 const AGREE: f64 = 1e-14;
 
-/// Solve every exact contact once all other forces are summed. Contacts that share a MAT are solved
-/// in turn until they agree (Gauss-Seidel; the problem is convex, so they do).
+/// Solve all exact contacts, after all other forces are summed. Contacts that share a MAT are solved in turn until
+/// they converge (Gauss-Seidel; the problem is convex, so that they converge).
 pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body) {
     let rounds = if scheme.exact_coupled { ROUNDS_MAX } else { 1 };
     for run in &scheme.exact {
@@ -27,7 +27,7 @@ pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
         let mut change = 0.0_f64;
         for run in &scheme.exact {
             let before = body.link[run.first];
-            // Take the last round's force away, so that it is solved among all others.
+            // Subtract the force of the last round, so that the contact is solved given all other forces.
             body.link[run.first] = -before;
             scatter(run, body);
             body.link[run.first] = force(scheme, gates, targets, body, run);
@@ -41,7 +41,7 @@ pub(crate) fn contacts(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
     }
 }
 
-/// The force of one exact contact among all others.
+/// Force of one exact contact, given all other forces [N].
 fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &Run) -> f64 {
     let Kind::But(but) = &run.kind else {
         return 0.0;
@@ -76,10 +76,10 @@ struct Contact {
 }
 
 impl Contact {
-    /// The push [N] that takes the penetration from w (at n−1) to u (at n+1), when without it it
-    /// would go to p_free.
+    /// The force [N] that takes the penetration from w (at n−1) to u (at n+1); without this force the penetration at
+    /// n+1 is p_free [m].
     fn push(&self, free: f64, w: f64, now: f64) -> f64 {
-        // An imposed meeting (β = 0): the next penetration is known, the gradient is explicit.
+        // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
             return self.limit(self.gradient(free, w) + self.drag(free, w, now));
         }
@@ -119,10 +119,10 @@ impl Contact {
         }
     }
 
-    /// (V(u) − V(w))/(u − w), and the force where the two meet.
+    /// (V(u) − V(w))/(u − w); the force V′ where u = w.
     fn gradient(&self, u: f64, w: f64) -> f64 {
         let apart = u - w;
-        // Nearer than this the difference quotient has lost more digits than Simpson's rule leaves out.
+        // For a smaller difference the quotient loses more digits than the error of Simpson's rule.
         if apart.abs() <= 1e-3 * (u.abs() + w.abs()) {
             let force = |p: f64| self.k * power_law(p, self.exponent);
             return if u > 0.0 {
@@ -134,7 +134,7 @@ impl Contact {
         (self.potential(u) - self.potential(w)) / apart
     }
 
-    /// u + β·gradient(u, w) = p: the left side rises with u, so a bracketed secant cannot miss.
+    /// Solve u + β·gradient(u, w) = p by a bracketed secant; the left side rises with u, so that a root is bracketed.
     fn solve(&self, p: f64, w: f64, beta: f64) -> f64 {
         if p <= 0.0 && w <= 0.0 {
             return p;
@@ -143,7 +143,7 @@ impl Contact {
         let (mut high, mut low) = (p, p - beta * self.gradient(p, w));
         let (mut at_high, mut at_low) = (residue(high), residue(low));
         while at_low > 0.0 {
-            // Where rounding alone has met the two, they must still part.
+            // Keep the ends of the bracket distinct where they are equal after rounding.
             low -= (high - low).max(f64::EPSILON * high.abs());
             at_low = residue(low);
         }
@@ -163,7 +163,7 @@ impl Contact {
             if at.abs() <= f64::EPSILON * p.abs().max(u.abs()) {
                 return u; // the rest is rounding
             }
-            // An end that stays counts half, so that the next secant falls on its side (Illinois).
+            // Illinois rule: halve the value at the end that stays, so that the next secant falls on its side.
             let stays = if at * side > 0.0 { 0.5 } else { 1.0 };
             if at > 0.0 {
                 (high, at_high, at_low) = (u, at, stays * at_low);
@@ -184,7 +184,7 @@ fn linear(p: f64, w: f64, a: f64) -> f64 {
         if u >= 0.0 {
             return u;
         }
-        // Leaving the contact. Written without cancellation: the sum and the root nearly agree.
+        // The contact opens. Written without cancellation: the sum and the root are nearly equal.
         let sum = p + w;
         let root = ((p - w) * (p - w) + 4.0 * a * w * w).sqrt();
         if sum > 0.0 {

@@ -1,10 +1,10 @@
-//! Room for the loops that evaluate laws.
+//! Scratch memory for the loops that evaluate laws.
 
 use super::mesh_partition::MeshPartition;
 use crate::law::Scratch;
 use crate::scheme::{Kind, Scheme};
 
-/// Room in which the laws of a scheme are evaluated.
+/// Scratch memory in which the laws of a scheme are evaluated.
 #[derive(Clone, Debug)]
 pub(crate) struct Laws {
     /// Elongations and their rates of one run of links   (longest run)
@@ -12,16 +12,16 @@ pub(crate) struct Laws {
     pub(crate) v: Vec<f64>,
     /// Forces of one run of springs                      (longest fused run)
     pub(crate) room: Vec<f64>,
-    /// The springs again, cut for some threads; where there is one, none.
+    /// The springs partitioned for a thread team; `None` for one thread.
     pub(crate) mesh_partition: Option<MeshPartition>,
     /// One for each law                                  (n_laws)
     pub(crate) scratch: Vec<Scratch>,
-    /// For native code, which all laws share            (largest)
+    /// For native code; shared by all laws               (largest)
     pub(crate) native: Vec<f64>,
 }
 
 impl Laws {
-    /// Room for the scheme's laws.
+    /// Scratch memory for the laws of a scheme.
     pub(crate) fn new(scheme: &Scheme) -> Self {
         let mut laws = Self {
             e: Vec::new(),
@@ -34,7 +34,7 @@ impl Laws {
         let mut longest: Vec<usize> = Vec::new();
         for run in &scheme.runs {
             if let Kind::Lnl { law, room, .. } = &run.kind {
-                // A law whose runs have all left the scheme keeps its number, and needs no room.
+                // A law without runs in the scheme keeps its index and needs no memory.
                 let n_laws = laws.scratch.len().max(room + 1);
                 laws.scratch.resize_with(n_laws, Scratch::default);
                 longest.resize(n_laws, 0);

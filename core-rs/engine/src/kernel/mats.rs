@@ -8,10 +8,10 @@ use crate::maths::wide::wide;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
 
-/// Beyond this a MAT has left every stage: it is taken for non-finite [m].
+/// Positions beyond this are treated as non-finite [m].
 const RUNAWAY: f64 = 1e4;
 
-/// Where a MAT will be at the next frame by the forces summed so far [m].
+/// Position of a MAT at the next frame by the forces summed so far [m].
 pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     let step = body.force[i] * scheme.w[i]
         - scheme.kappa[i] * (body.x[i] - scheme.rest[i])
@@ -19,7 +19,7 @@ pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     body.x[i] + (body.d[i] + step + body.inner.get(i).copied().unwrap_or(0.0))
 }
 
-/// The force that brings a MAT to x at the next frame, beside the forces summed so far [N].
+/// Force that, added to the forces summed so far, brings a MAT to `x` [m] at the next frame [N].
 pub(crate) fn needed(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
     (x - predict(scheme, body, i)) / scheme.w[i]
 }
@@ -30,7 +30,7 @@ pub(crate) fn centred(scheme: &Scheme, body: &Body, i: usize) -> f64 {
     (predict(scheme, body, i) - before) * (0.5 * scheme.rate)
 }
 
-/// Move every MAT one frame, those with a target onto it. Says whether all stayed within reason.
+/// Move every MAT by one frame, and each MAT with a target onto the target. Returns whether all positions are sound.
 pub(crate) fn advance(
     scheme: &Scheme,
     targets: &mut [Target],
@@ -42,7 +42,7 @@ pub(crate) fn advance(
         target.previous = body.x[target.mat];
     }
     let mut within = match mesh_partition {
-        Some(mesh_partition) => free_by(mesh_partition, team, scheme, body),
+        Some(mesh_partition) => free_in_ranges(mesh_partition, team, scheme, body),
         None => free(scheme, body),
     };
     for target in targets {
@@ -63,8 +63,8 @@ fn free(scheme: &Scheme, body: &mut Body) -> bool {
     move_all(numbers, force, x, d)
 }
 
-/// The same, every range of MATs by one of a crew.
-fn free_by(
+/// [`free`], with the ranges of a partition computed by a thread team.
+fn free_in_ranges(
     mesh_partition: &MeshPartition,
     team: &mut ThreadTeam<'_>,
     scheme: &Scheme,
@@ -97,7 +97,8 @@ fn free_by(
 }
 
 wide! {
-    /// The formula for every MAT; `numbers` are w, κ, ζ and rest.
+    /// Move MATs in place: d += F·w − κ(x − rest) − ζd, x += d; `numbers` are w, κ, ζ and rest, (n) each. Returns
+    /// whether all positions are sound.
     pub(super) fn move_all(
         numbers: [&[f64]; 4],
         force: &[f64],
@@ -119,7 +120,7 @@ wide! {
 }
 
 wide! {
-    /// The same from positions and steps that stay as they are.
+    /// [`move_all`] from positions and steps in `from`, which are not changed.
     pub(super) fn move_from(
         numbers: [&[f64]; 4],
         force: &[f64],
@@ -143,7 +144,7 @@ wide! {
 }
 
 wide! {
-    /// A `part` of a frame for every MAT, d a whole frame's step.
+    /// Move MATs by the fraction `part` of a frame; `d` stays the step of a full frame.
     pub(crate) fn fine_steps(
         part: f64,
         numbers: [&[f64]; 4],
@@ -162,7 +163,7 @@ wide! {
     }
 }
 
-/// Whether one MAT is where a MAT can be: a NaN is not.
+/// Whether a position is finite and within [`RUNAWAY`]; false for NaN.
 #[inline(always)]
 pub(crate) fn sound(x: f64) -> bool {
     x.abs() <= RUNAWAY

@@ -1,7 +1,7 @@
-//! A large mesh cut into ranges of MATs, each with all springs that pull on it: a thread for each.
+//! Partition of a large mesh into ranges of MATs, each with all springs that pull on it: one thread computes a range.
 //!
-//! A spring between two ranges is computed for both. So every MAT adds the same forces up in the same order as
-//! in one pass over the whole, and the bits are the same.
+//! A spring between two ranges is computed in both. Every MAT thus sums the same forces in the same order as in a
+//! single pass over the mesh, and the result has the same bits.
 
 use std::mem::take;
 use std::ops::Range;
@@ -9,39 +9,39 @@ use std::ops::Range;
 use super::thread_team::ThreadTeam;
 use crate::scheme::{Pull, Spring};
 
-/// Ranges at most.
+/// Largest number of ranges.
 const MOST: usize = 8;
-/// MATs of a range at least. Two threads gain nothing below 1,000 MATs, where they wait for each other as long as they
-/// work (`integrate::tests::cost::of_a_crew`); twice that is sure to gain.
+/// Smallest number of MATs in a range. Two threads gain nothing below 1,000 MATs, where they wait for each other as
+/// long as they work (`integrate::tests::cost::of_a_crew`); from 2,000 on they always gain.
 pub(crate) const LEAST: usize = 1_000;
 
 /// The ranges of a mesh, in order.
 #[derive(Clone, Debug)]
-pub(crate) struct MeshPartition(Vec<Half>);
+pub(crate) struct MeshPartition(Vec<MeshRange>);
 
-/// MATs, and their part of what is changed.
+/// A range of MATs, and the parts of the arrays that the pass changes for this range.
 type Part<'a, const N: usize> = (Range<usize>, [&'a mut [f64]; N]);
 
 #[derive(Clone, Debug)]
-struct Half {
-    /// Its MATs.
+struct MeshRange {
+    /// The MATs of the range.
     mats: Range<usize>,
-    /// Pieces of the runs that pull on them, into forces of its own MATs alone.
+    /// Pieces of the runs that pull on these MATs; each adds to forces of this range only.
     springs: Vec<Spring>,
-    /// Forces of one run   (longest run)
-    room: Vec<f64>,
+    /// Scratch: forces of one run   (longest run)
+    scratch: Vec<f64>,
 }
 
 impl MeshPartition {
-    /// A mesh cut for so many threads; `None` where it is too small to gain by that.
-    pub(crate) fn of(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
+    /// The partition for a number of threads; `None` where the mesh is too small for threads to gain time.
+    pub(crate) fn for_threads(springs: &[Spring], n_mat: usize, threads: usize) -> Option<Self> {
         let parts = threads.min(n_mat / LEAST).min(MOST);
         (parts > 1 && !springs.is_empty()).then(|| Self::cut(springs, n_mat, parts))
     }
 
-    /// In so many ranges, of about as much work each.
+    /// The partition into `parts` ranges with about equal work.
     pub(super) fn cut(springs: &[Spring], n_mat: usize, parts: usize) -> Self {
-        // A MAT counts as one, each end of a spring at it as one.
+        // Work of a MAT: 1, plus 1 for each end of a spring on it.
         let mut work = vec![1_usize; n_mat];
         for run in springs {
             for first in [run.a, run.b] {
@@ -53,42 +53,49 @@ impl MeshPartition {
         for (mat, work) in work.iter().enumerate() {
             done += work;
             if done * parts >= all * (mesh_partition.len() + 1) || mat + 1 == n_mat {
-                mesh_partition.push(Half::of(springs, first..mat + 1));
+                mesh_partition.push(MeshRange::of(springs, first..mat + 1));
                 first = mat + 1;
             }
         }
         Self(mesh_partition)
     }
 
-    /// The same ranges, with other springs.
+    /// Keep the ranges and replace the springs.
     pub(crate) fn cut_again(&mut self, springs: &[Spring]) {
-        for half in &mut self.0 {
-            *half = Half::of(springs, half.mats.clone());
+        for range in &mut self.0 {
+            *range = MeshRange::of(springs, range.mats.clone());
         }
     }
 
-    /// `work` on the springs of every range, with room, into its part of the forces, which start from 0 (n_mat).
+    /// Call `work(springs, scratch, force)` for every range; `force` is the range's part of the forces [N], (n_mat),
+    /// set to 0 before.
     pub(crate) fn forces(
         &mut self,
         team: &mut ThreadTeam<'_>,
         force: &mut [f64],
         work: impl Fn(&[Spring], &mut [f64], &mut [f64]) + Sync,
     ) {
-        let mut parts: [Option<(&mut Half, &mut [f64])>; MOST] = [const { None }; MOST];
+        let mut parts: [Option<(&mut MeshRange, &mut [f64])>; MOST] = [const { None }; MOST];
         let (n, mut rest) = (self.0.len(), force);
-        for (part, half) in parts.iter_mut().zip(&mut self.0) {
-            let (own, others) = rest.split_at_mut(half.mats.len());
-            (*part, rest) = (Some((half, own)), others);
+        for (part, range) in parts.iter_mut().zip(&mut self.0) {
+            let (own, others) = rest.split_at_mut(range.mats.len());
+            (*part, rest) = (Some((range, own)), others);
         }
         team.each(&mut parts[..n], |part| {
-            if let Some((Half { springs, room, .. }, force)) = part {
+            if let Some((
+                MeshRange {
+                    springs, scratch, ..
+                },
+                force,
+            )) = part
+            {
                 force.fill(0.0);
-                work(springs, room, force);
+                work(springs, scratch, force);
             }
         });
     }
 
-    /// `work` on every range of MATs and its part of what is changed   (n_mat each).
+    /// Call `work(mats, arrays)` for every range of MATs, with its part of each array that the pass changes, (n_mat) each.
     pub(crate) fn ranges<const N: usize>(
         &self,
         team: &mut ThreadTeam<'_>,
@@ -97,13 +104,13 @@ impl MeshPartition {
     ) {
         let mut parts: [Option<Part<'_, N>>; MOST] = [const { None }; MOST];
         let n = self.0.len();
-        for (part, half) in parts.iter_mut().zip(&self.0) {
+        for (part, range) in parts.iter_mut().zip(&self.0) {
             let own = changed.each_mut().map(|all| {
-                let (own, others) = take(all).split_at_mut(half.mats.len());
+                let (own, others) = take(all).split_at_mut(range.mats.len());
                 *all = others;
                 own
             });
-            *part = Some((half.mats.clone(), own));
+            *part = Some((range.mats.clone(), own));
         }
         team.each(&mut parts[..n], |part| {
             if let Some((mats, own)) = part {
@@ -113,11 +120,11 @@ impl MeshPartition {
     }
 }
 
-impl Half {
+impl MeshRange {
     fn of(springs: &[Spring], mats: Range<usize>) -> Self {
         let mut own = Vec::new();
         for run in springs {
-            // Links whose end lies here.
+            // Links whose end lies in this range.
             let links = |end: usize| {
                 let link = |mat: usize| mat.saturating_sub(end).min(run.len);
                 link(mats.start)..link(mats.end)
@@ -126,7 +133,7 @@ impl Half {
             let both = a.start.max(b.start)..a.end.min(b.end);
             let [only_a, only_b] = [&a, &b].map(|own| without(own, &both));
             let to = |end: usize, i: usize| end + i - mats.start;
-            // A MAT that is at an end a and at an end b of a run feels its a first, as in the whole run.
+            // A MAT at an end a and at an end b of a run adds the force at its end a first, as in the undivided run.
             own.extend(run.piece(only_a, |i| Pull::A(to(run.a, i))));
             own.extend(run.piece(both, |i| Pull::Both(to(run.a, i), to(run.b, i))));
             own.extend(run.piece(only_b, |i| Pull::B(to(run.b, i))));
@@ -135,12 +142,12 @@ impl Half {
         Self {
             mats,
             springs: own,
-            room: vec![0.0; longest.unwrap_or(0)],
+            scratch: vec![0.0; longest.unwrap_or(0)],
         }
     }
 }
 
-/// What of `all` is not in `part`, which lies at one of its ends.
+/// The rest of `all` without `part`; `part` lies at one end of `all`.
 fn without(all: &Range<usize>, part: &Range<usize>) -> Range<usize> {
     if part.is_empty() {
         all.clone()
@@ -159,7 +166,7 @@ mod tests {
 
     const N_MAT: usize = 90;
 
-    /// Runs of all lengths that overlap themselves, that do not, and that go backwards.
+    /// Runs of all lengths: some overlap themselves, some do not, some have their second points first.
     fn springs(seed: i128) -> Vec<Spring> {
         let mut chance = Chance::new(seed, "halves", "", 0, 0);
         let mut below = |n: usize| chance.uniform(0.0, n as f64) as usize;
@@ -186,7 +193,7 @@ mod tests {
         (0..N_MAT).map(|_| chance.uniform(-1.0, 1.0)).collect()
     }
 
-    /// A sum in another order is another sum: here it is the same one, whoever adds it up.
+    /// The order of summation, and so every bit, does not depend on the number of threads.
     #[test]
     fn every_mat_feels_the_same_bits() {
         let (x, v) = (numbers("x"), numbers("v"));

@@ -1,24 +1,24 @@
-//! What ports see of a group of modes, and what they do to it, at instants of a frame.
+//! Coupling between ports and a group of modes at instants within a frame: positions out, impulses in.
 
 use super::bank::{LANES, Lanes, Sum, joined};
 use crate::maths::wide::wide;
 
 wide! {
-    /// Add to each of `way` (S + 1) the sum of a row over modes that lie between `now` and `next`, by two weights
-    /// an instant.
-    pub(crate) fn way(
+    /// Add to `path` [m], (S + 1), the position of a port at each instant: the sum of its row over modes interpolated
+    /// between `now` and `next` by the two weights of the instant in `table`.
+    pub(crate) fn add_path(
         row: &Lanes,
         table: &[[Lanes; 2]],
         now: &Lanes,
         next: &Lanes,
-        way: &mut [f64],
+        path: &mut [f64],
     ) {
-        for (x, [here, there]) in way.iter_mut().zip(table) {
+        for (x, [weight_now, weight_next]) in path.iter_mut().zip(table) {
             let mut sum = Sum::ZERO;
             for at in (0..LANES).step_by(8) {
                 for (lane, sum) in sum.0.iter_mut().enumerate() {
                     let i = at + lane;
-                    *sum += row.0[i] * (here.0[i] * now.0[i] + there.0[i] * next.0[i]);
+                    *sum += row.0[i] * (weight_now.0[i] * now.0[i] + weight_next.0[i] * next.0[i]);
                 }
             }
             *x += joined(&sum);
@@ -27,7 +27,8 @@ wide! {
 }
 
 wide! {
-    /// What impulses at instants do to modes at the next frame, and at the one after: their sums over a table.
+    /// Set `kicks` to the displacements of the modes at the next frame and at the one after it by impulses at the
+    /// instants of `table`; `row`: the share of each mode.
     pub(crate) fn kick(impulses: &[f64], table: &[[Lanes; 2]], row: &Lanes, kicks: &mut [Lanes; 2]) {
         let mut sums = [[0.0; LANES]; 2];
         for (&impulse, pair) in impulses.iter().zip(table) {
@@ -55,7 +56,7 @@ wide! {
 }
 
 wide! {
-    /// What a row sees of a kick.
+    /// Position of a port by a kick: the product of its row and the kick.
     pub(crate) fn see(row: &Lanes, kick: &Lanes) -> f64 {
         let mut sum = Sum::ZERO;
         for at in (0..LANES).step_by(8) {

@@ -1,5 +1,5 @@
-//! The link phase: every run in three passes (forces; pull a; pull b), so that each pass vectorises
-//! although a mesh's runs overlap themselves.
+//! Forces of links: each run in three passes (forces, ends a, ends b), so that each pass vectorises although the runs
+//! of a mesh overlap themselves.
 
 use super::Laws;
 use super::springs;
@@ -11,7 +11,7 @@ use crate::network::{But, Side};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
-/// Sum the forces of all links into `body.force`, and keep each one in `body.link`.
+/// Set `body.force` to the sum of all link forces on each MAT [N], and `body.link` to the force of each link [N].
 pub(crate) fn links(
     scheme: &Scheme,
     gates: &[f64],
@@ -80,7 +80,7 @@ impl<'a> Ends<'a> {
         }
     }
 
-    /// The same, with lengths that the compiler sees.
+    /// The same values as slices of one length, so that the compiler drops bounds checks.
     #[inline(always)]
     fn cut(&self, n: usize) -> [&'a [f64]; 4] {
         [&self.xa[..n], &self.xb[..n], &self.da[..n], &self.db[..n]]
@@ -98,7 +98,7 @@ wide! {
 }
 
 wide! {
-    /// Hardening springs in one pass: the same operations in the same order as their expressions.
+    /// Hardening springs in one pass, with the operations in the order of the interpreted law: the same bits.
     pub(super) fn hardening(by: Hardening, rate: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
         let n = f.len();
         let [xa, xb, da, db] = ends.cut(n);
@@ -132,7 +132,7 @@ wide! {
     }
 }
 
-/// Sign of the side a striker comes from: the penetration is s·e.
+/// Sign s of the side that a contact is approached from: the penetration is s·e.
 pub(crate) fn side(but: &But) -> f64 {
     match but.side {
         Side::Below => -1.0,
@@ -143,6 +143,22 @@ pub(crate) fn side(but: &But) -> f64 {
 fn contact(but: &But, run: &Run, e: f64, step: f64) -> f64 {
     let s = side(but);
     s * push(but, run.k, run.z, s * e, s * step)
+}
+
+/// Potential energy of one link of a run at elongation `e` [m], in joules.
+pub(crate) fn potential(run: &Run, e: f64) -> f64 {
+    match &run.kind {
+        Kind::Ref => 0.5 * run.k * e * e,
+        Kind::But(but) => {
+            let p = side(but) * e;
+            if p > 0.0 {
+                run.k * power_law(p, but.exponent + 1.0) / (but.exponent + 1.0)
+            } else {
+                0.0
+            }
+        }
+        Kind::Lnl { law, .. } => law.potential(e),
+    }
 }
 
 /// Size of a contact's push at penetration p [m] with p − p⁻ = `step`: K·p^α + Z·step while p > 0.

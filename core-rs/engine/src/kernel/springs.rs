@@ -1,16 +1,17 @@
-//! All springs of a network in one pass: chosen for the processor once, not once a run, since a mesh's rows
-//! are short; each force goes straight to its two ends.
+//! All springs of a network in one pass; each force is added to its two ends at once.
+//!
+//! The vector width is chosen once a pass, not once a run, since the runs of a mesh are short.
 
 use crate::maths::wide::wide;
 use crate::scheme::{Pull, Spring};
 
-/// Both ends' numbers of a run, (len) each.
+/// A value at both ends of every link of a run, (len) each.
 #[inline(always)]
 pub(crate) fn ends<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64]) {
     (&x[run.a..][..run.len], &x[run.b..][..run.len])
 }
 
-/// Add f(i) of every link to its end a and take it from its end b, or what of this is asked for.
+/// Add f(i) of every link to its end a and subtract it from its end b, as far as `pull` names these ends.
 #[inline(always)]
 pub(crate) fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
     let len = run.len;
@@ -27,7 +28,7 @@ pub(crate) fn spread(run: &Spring, room: &mut [f64], force: &mut [f64], f: impl 
             return;
         }
     };
-    // Where the two ends do not overlap one loop does it, with the same sums.
+    // Where the two ends do not overlap, one loop gives the same sums.
     if b >= a + len {
         let (low, high) = force.split_at_mut(b);
         both(&mut low[a..][..len], &mut high[..len], f);

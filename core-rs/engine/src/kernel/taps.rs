@@ -1,4 +1,4 @@
-//! Listening: sums over ranges by a fixed tree of eight lanes, whatever the vector width.
+//! Outputs: sums over ranges by a fixed tree of eight lanes, independent of the vector width.
 
 use crate::maths::wide::wide;
 use crate::network::Term;
@@ -19,7 +19,7 @@ pub(crate) fn tap(scheme: &Scheme, body: &Body, frame: &mut [f64]) {
 fn value(scheme: &Scheme, body: &Body, term: &Term) -> f64 {
     match *term {
         Term::Position { first, len, weight } => weight * sum(&body.x[first..first + len]),
-        // A link's force on its second point is −f.
+        // The force of a link on its second point is −f.
         Term::Force { first, len, weight } => -weight * sum(&body.link[first..first + len]),
         Term::Ground { first, len, weight } => {
             let range = first..first + len;
@@ -70,7 +70,7 @@ wide! {
     }
 }
 
-/// Forces of CELs on their ground, K·(x − rest), summed.
+/// Sum of the forces of CELs on the ground, K·(x − rest) [N].
 fn grounds(k: &[f64], x: &[f64], rest: &[f64]) -> f64 {
     let force = |i: usize| k[i] * (x[i] - rest[i]);
     if x.len() == 1 {

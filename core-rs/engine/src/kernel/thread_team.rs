@@ -1,7 +1,8 @@
-//! Threads that go through one mesh together: parts of a pass, each taken by whoever is free.
+//! Threads that compute one mesh together: a pass is divided into parts, and each free thread takes the next part.
 //!
-//! A pass over a mesh takes microseconds, less than it takes to wake a thread; so between two passes they spin. A
-//! helper that the system keeps waiting takes no part, and holds nobody up: the leader does all that nobody took.
+//! A pass over a mesh takes microseconds, less than waking a thread; so the threads spin between two passes. A helper
+//! that the operating system does not schedule takes no part and delays nobody: the leader computes the parts that no
+//! helper has taken.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -10,118 +11,118 @@ use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64};
 use std::thread::{Builder, scope, yield_now};
 
-/// So often a thread looks for what it waits for before it lets others run: longer than a pass, or than what is done
-/// between two of them by one thread.
-const LOOKS: u32 = 1_000;
+/// Number of spins before a waiting thread yields: longer than a pass, and than the work of one thread between two
+/// passes.
+const SPINS_MAX: u32 = 1_000;
 
 /// A leader and its helpers, or a leader alone.
-pub(crate) struct ThreadTeam<'a>(Option<&'a Hall>);
+pub(crate) struct ThreadTeam<'a>(Option<&'a SharedPass>);
 
-/// Where they meet.
+/// Memory that leader and helpers share.
 #[derive(Default)]
-struct Hall {
-    /// The pass, how many parts it has, and how many are taken.
+struct SharedPass {
+    /// Number of the pass, number of its parts, number of parts taken: packed into one word.
     state: AtomicU64,
-    /// Of this pass, parts that helpers have done.
+    /// Parts of this pass that helpers have completed.
     done: AtomicU64,
-    /// What is to be done: there while the pass lasts.
+    /// The work of the pass; valid until the pass ends, then null.
     task: AtomicPtr<Task>,
     is_over: AtomicBool,
 }
 
-/// A `&F` and how to call it, where F: Fn(usize) + Sync.
+/// A type-erased `&F` and the function that calls it, F: Fn(usize) + Sync.
 struct Task {
     work: *const (),
     call: unsafe fn(*const (), usize),
 }
 
-/// Bits of a count in `state`; a pass has far fewer parts.
+/// Bits of each count in `state`; a pass has at most `MASK` parts.
 const BITS: u32 = 8;
 const MASK: u64 = (1 << BITS) - 1;
 
-/// How many parts there are, and which is the next that nobody has.
+/// Number of parts, and index of the next part that no thread has taken.
 fn parts(state: u64) -> (u64, u64) {
     (state >> BITS & MASK, state & MASK)
 }
 
 impl ThreadTeam<'_> {
-    /// A leader alone.
+    /// A team of the calling thread only.
     pub(crate) const fn alone() -> Self {
         Self(None)
     }
 
-    /// Run with a crew of so many threads, this one among them, or as many as can be had.
+    /// Call `run` with a team of `threads` threads, the calling one included; fewer where the system starts fewer.
     pub(crate) fn with<R>(threads: usize, run: impl FnOnce(&mut ThreadTeam<'_>) -> R) -> R {
         if threads < 2 {
             return run(&mut ThreadTeam::alone());
         }
-        let hall = Hall::default();
+        let shared = SharedPass::default();
         scope(|scope| {
-            let hall = &hall;
-            // Dropped before the scope waits for the helpers, whatever happens in `run`.
-            let _end = End(hall);
+            let shared = &shared;
+            // Dropped before the scope waits for the helpers, even where `run` panics.
+            let _end = TeamEnd(shared);
             for _ in 1..threads {
-                // One that cannot be had is one fewer.
-                let _ = Builder::new().spawn_scoped(scope, || flushed(|| hall.help()));
+                // Where a thread cannot be started the team has one helper fewer.
+                let _ = Builder::new().spawn_scoped(scope, || flushed(|| shared.help()));
             }
-            run(&mut ThreadTeam(Some(hall)))
+            run(&mut ThreadTeam(Some(shared)))
         })
     }
 
-    /// `work` on every part, each by one thread; all are done when it returns, or unwinds.
+    /// Call `work` once on every element, each by one thread; all calls have ended when this returns or unwinds.
     pub(crate) fn each<T: Send>(&mut self, all: &mut [T], work: impl Fn(&mut T) + Sync) {
-        let Some(hall) = self.0 else {
+        let Some(shared) = self.0 else {
             all.iter_mut().for_each(work);
             return;
         };
         debug_assert!(all.len() as u64 <= MASK);
         let parts = Parts(all.as_mut_ptr());
-        // SAFETY: `meet` gives each index below the length to one thread, once, while `all` is borrowed here.
-        hall.meet(all.len(), &|at| work(unsafe { parts.get(at) }));
+        // SAFETY: `run_pass` gives each index below the length to one thread, once, while `all` is borrowed here.
+        shared.run_pass(all.len(), &|at| work(unsafe { parts.get(at) }));
     }
 }
 
 /// A slice whose elements go to different threads.
 struct Parts<T>(*mut T);
 
-// SAFETY: it hands out each element to one thread alone, which is sending it there.
+// SAFETY: each element is handed to one thread only, which is the same as sending it there.
 unsafe impl<T: Send> Sync for Parts<T> {}
 
 impl<T> Parts<T> {
     /// # Safety
-    /// The slice is borrowed, `at` lies in it, and nobody else has that element.
+    /// The slice is borrowed, `at` lies in it, and no other thread has that element.
     #[allow(clippy::mut_from_ref)]
     unsafe fn get(&self, at: usize) -> &mut T {
-        // SAFETY: as the caller says.
+        // SAFETY: the caller guarantees it.
         unsafe { &mut *self.0.add(at) }
     }
 }
 
-impl Hall {
-    /// `work` on every number below `n`, here and by helpers.
-    fn meet<F: Fn(usize) + Sync>(&self, n: usize, work: &F) {
+impl SharedPass {
+    /// Call `work` on every number below `n`, on this thread and on helpers.
+    fn run_pass<F: Fn(usize) + Sync>(&self, n: usize, work: &F) {
         unsafe fn call<F: Fn(usize)>(work: *const (), at: usize) {
-            // SAFETY: `meet` made the pointer of a `&F`, and does not end before the call does.
+            // SAFETY: `run_pass` made the pointer of a `&F`, and does not end before the call does.
             unsafe { (*work.cast::<F>())(at) }
         }
         let task = Task {
             work: from_ref(work).cast(),
             call: call::<F>,
         };
-        // Whoever still looks at the last pass finds that all of it is taken.
+        // A helper that still reads the state of the last pass sees that all its parts are taken.
         self.task.store(from_ref(&task).cast_mut(), Relaxed);
         self.done.store(0, Relaxed);
         let pass = (self.state.load(Relaxed) >> (2 * BITS)) + 1;
         let state = pass << (2 * BITS) | (n as u64) << BITS;
         self.state.store(state, Release);
-        let all = Everybody(self, Cell::new(0));
+        let all = PassEnd(self, Cell::new(0));
         while let Some((at, _)) = self.take() {
             all.1.set(all.1.get() + 1);
             work(at);
         }
     }
 
-    /// The next part that nobody has, and what is to be done of it.
+    /// Take the next free part: its index, and the work of the pass.
     fn take(&self) -> Option<(usize, *mut Task)> {
         let mut state = self.state.load(Acquire);
         loop {
@@ -129,7 +130,7 @@ impl Hall {
             if next >= n {
                 return None;
             }
-            // Of this pass: it cannot end while a part of it is not taken, and so `state` would be another.
+            // The task of this very pass: a pass cannot end before all parts are taken, and then `state` differs.
             let task = self.task.load(Relaxed);
             let taken = self
                 .state
@@ -143,15 +144,15 @@ impl Hall {
 
     fn help(&self) {
         let mut panicked = None;
-        let mut looks = 0;
+        let mut spins = 0;
         while !self.is_over.load(Acquire) {
             let Some((at, task)) = self.take() else {
-                look(&mut looks);
+                spin_or_yield(&mut spins);
                 continue;
             };
-            looks = 0;
+            spins = 0;
             let work = || {
-                // SAFETY: the leader is in `meet`, where the task lives, until this part is counted as done; its
+                // SAFETY: the leader is in `run_pass`, where the task lives, until this part is counted as done; its
                 // work is Sync.
                 unsafe { ((*task).call)((*task).work, at) }
             };
@@ -165,43 +166,44 @@ impl Hall {
     }
 }
 
-/// Waits until helpers have done what they took; the leader's own parts are counted.
-struct Everybody<'a>(&'a Hall, Cell<u64>);
+/// On drop, waits until helpers have completed the parts they took; holds the number of the leader's own parts.
+struct PassEnd<'a>(&'a SharedPass, Cell<u64>);
 
-impl Drop for Everybody<'_> {
+impl Drop for PassEnd<'_> {
     fn drop(&mut self) {
-        let Self(hall, own) = self;
-        // Where the leader unwinds, what nobody has taken is not done.
+        let Self(shared, own) = self;
+        // Where the leader unwinds, parts that no thread has taken are left out.
         let close = |state: u64| Some(state & !MASK | parts(state).0);
-        let found = hall.state.fetch_update(AcqRel, Acquire, close);
+        let found = shared.state.fetch_update(AcqRel, Acquire, close);
         let (_, taken) = parts(found.unwrap_or_else(|state| state));
-        let mut looks = 0;
-        while hall.done.load(Acquire) + own.get() < taken {
-            look(&mut looks);
+        let mut spins = 0;
+        while shared.done.load(Acquire) + own.get() < taken {
+            spin_or_yield(&mut spins);
         }
-        hall.task.store(null_mut(), Relaxed);
+        shared.task.store(null_mut(), Relaxed);
     }
 }
 
-/// Lets the helpers go.
-struct End<'a>(&'a Hall);
+/// On drop, ends the helpers.
+struct TeamEnd<'a>(&'a SharedPass);
 
-impl Drop for End<'_> {
+impl Drop for TeamEnd<'_> {
     fn drop(&mut self) {
         self.0.is_over.store(true, Release);
     }
 }
 
-fn look(looks: &mut u32) {
-    if *looks < LOOKS {
-        *looks += 1;
+/// Spin, or yield to other threads after [`SPINS_MAX`] spins.
+fn spin_or_yield(spins: &mut u32) {
+    if *spins < SPINS_MAX {
+        *spins += 1;
         std::hint::spin_loop();
     } else {
         yield_now();
     }
 }
 
-/// Run with denormals flushed to zero: decaying networks end in them, and they are slow.
+/// Call `run` with denormals flushed to zero: decaying networks reach them, and they are slow.
 pub(crate) fn flushed<T>(run: impl FnOnce() -> T) -> T {
     // SAFETY: nothing inside relies on gradual underflow; the guard restores the mode on the way out.
     unsafe { no_denormals::no_denormals(run) }

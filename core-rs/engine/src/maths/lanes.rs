@@ -1,21 +1,21 @@
-//! Transcendentals over many lanes at once, each with the very bits of its scalar.
+//! Transcendentals over several lanes at once; each lane has the bits of the scalar function.
 //!
-//! The operations and the constants are those of `libm` (FreeBSD's msun, e_exp.c); where it branches,
-//! a lane computes and selects.
+//! The operations and the constants are those of `libm` (FreeBSD msun, e_exp.c); where `libm` branches, a lane computes
+//! both sides and selects one.
 
 use super::exp as one_exp;
 
 const LN2_HI: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
 const LN2_LO: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
 const INV_LN2: f64 = f64::from_bits(0x3ff7_1547_652b_82fe);
-/// Added to a small whole number, it leaves that number in the last bits.
+/// Adding this number leaves a small integer in the lowest bits of the sum.
 const TO_BITS: f64 = 6_755_399_441_055_744.0; // 1.5·2⁵²
 const BIAS: u64 = 0x3ff;
 
-/// Where nothing over- or underflows and a lane's exponent fits a number's.
+/// Largest |x| for which no lane overflows or underflows.
 const TAME: f64 = 708.0;
 
-/// `exp` of each.
+/// Set `out` to `exp` of each entry of `a`, (n) each.
 #[inline(always)]
 pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
     let wild = a.iter().fold(0, |wild, a| {
@@ -32,7 +32,7 @@ pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
     }
 }
 
-/// `exp` for |x| < 708. libm compares the upper halves of numbers; so do the borders here.
+/// `exp` for |x| < 708. The limits compare the upper halves of numbers, as in libm.
 #[inline(always)]
 fn tame_exp(x: f64) -> f64 {
     const TINY: f64 = f64::from_bits(0x3e30_0001_0000_0000);
@@ -47,7 +47,7 @@ fn tame_exp(x: f64) -> f64 {
     ];
     let size = x.abs();
     let one = 1f64.copysign(x);
-    // SAFETY: |x| < 708, so that the product fits.
+    // SAFETY: |x| < 708, so that the product fits an i32.
     let far: i32 = unsafe { (INV_LN2 * x + 0.5 * one).to_int_unchecked() };
     let near = if size >= HALF_LN2 { one } else { 0.0 };
     let k = if size >= MORE_LN2 {

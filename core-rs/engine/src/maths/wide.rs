@@ -1,10 +1,9 @@
-//! Loops compiled for wide vectors as well, chosen by the processor that runs them.
+//! Loops compiled for several vector widths; the processor that runs them selects one.
 
-/// Define a function whose loops are compiled three times (as they are, for AVX2, for AVX-512) and
-/// chosen at each call.
+/// Define a function that is compiled three times (baseline, AVX2, AVX-512) and selected at each call.
 ///
-/// Lanes do not depend on each other and Rust fuses no operations, so every width gives the same
-/// bits; only a sum of lanes would not, and such a sum has its lanes written out.
+/// Every width gives the same bits: lanes are independent of each other, and Rust fuses no operations. A sum over lanes
+/// would depend on the width; so each sum is written with explicit lanes.
 macro_rules! wide {
     ($(#[$meta:meta])* $visible:vis fn $name:ident($($value:ident: $kind:ty),* $(,)?)
         $(-> $result:ty)? $body:block) => {
@@ -23,11 +22,11 @@ macro_rules! wide {
                     plain($($value),*)
                 }
                 if std::arch::is_x86_feature_detected!("avx512f") {
-                    // SAFETY: this processor has it.
+                    // SAFETY: this processor has the feature.
                     return unsafe { avx512($($value),*) };
                 }
                 if std::arch::is_x86_feature_detected!("avx2") {
-                    // SAFETY: this processor has it.
+                    // SAFETY: this processor has the feature.
                     return unsafe { avx2($($value),*) };
                 }
             }

@@ -61,7 +61,11 @@ pub struct Limiter {
 }
 
 impl Limiter {
-    /// A limiter at `rate` [Hz] whose output stays within ±`ceiling`.
+    /// A limiter of `n_channels` at `rate` [Hz] whose output stays within ±`ceiling`.
+    ///
+    /// # Errors
+    /// Where the rate is too low or too high for the look-ahead, the ceiling is not a finite number above 0, or there are
+    /// too many channels.
     pub fn new(rate: f64, n_channels: usize, ceiling: f64) -> Result<Self, LimiterError> {
         let latency = (AHEAD * rate).ceil();
         if !(latency > 0.0 && latency <= MAX_AHEAD) {

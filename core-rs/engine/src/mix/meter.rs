@@ -28,6 +28,9 @@ pub struct Meter {
 
 impl Meter {
     /// A meter of `n_channels` at `rate` [Hz].
+    ///
+    /// # Errors
+    /// [`MeterError`] where EBU R 128 is not defined for the rate or the number of channels.
     pub fn new(rate: f64, n_channels: usize) -> Result<Self, MeterError> {
         let refused = MeterError { rate, n_channels };
         let channels = u32::try_from(n_channels).map_err(|_| refused)?;

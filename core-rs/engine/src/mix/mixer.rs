@@ -90,7 +90,10 @@ impl Mixer {
         self.n_channels
     }
 
-    /// Add `gain` · output to a channel; `highpass` [Hz] is the cutoff of a Butterworth of order 2.
+    /// Add `gain` · output `out` to a channel of group 0; `highpass` [Hz] is the cutoff of a Butterworth filter of order 2.
+    ///
+    /// # Errors
+    /// [`RouteError`] where an index is out of range, or the gain or the cutoff is out of range.
     pub fn route(
         &mut self,
         out: usize,
@@ -101,7 +104,10 @@ impl Mixer {
         self.route_of(0, out, channel, gain, highpass)
     }
 
-    /// A route of a group; groups that are not there yet come to be.
+    /// [`Mixer::route`] in a group; missing groups up to `group` are created.
+    ///
+    /// # Errors
+    /// [`RouteError`] where an index is out of range, or the gain or the cutoff is out of range.
     pub fn route_of(
         &mut self,
         group: usize,

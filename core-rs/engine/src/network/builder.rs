@@ -33,7 +33,11 @@ impl Network {
         }
     }
 
-    /// Add a MAS [kg, m, m/s].
+    /// Add a free mass (MAS) of mass `m` [kg] at position `x0` [m] and velocity `v0` [m/s]; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where `m` is not above 0, a number is not finite, or the network
+    /// is full.
     pub fn mas(&mut self, name: &str, m: f64, x0: f64, v0: f64) -> Result<usize, Error> {
         self.check(
             name,
@@ -46,13 +50,20 @@ impl Network {
         self.mat(name, MatKind::Mas, [m, 0.0, 0.0, 0.0, x0, v0])
     }
 
-    /// Add a SOL [m].
+    /// Add a fixed point (SOL) at `x0` [m]; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where `x0` is not finite or the network is full.
     pub fn sol(&mut self, name: &str, x0: f64) -> Result<usize, Error> {
         self.check(name, &[("X0", x0, Rule::Finite)])?;
         self.mat(name, MatKind::Sol, [0.0, 0.0, 0.0, 0.0, x0, 0.0])
     }
 
-    /// Add a CEL.
+    /// Add a mass tied to the ground (CEL): mass `m` [kg], ground at `rest` [m], at `x0` [m] and `v0` [m/s] at the start;
+    /// returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the network is full.
     pub fn cel(
         &mut self,
         name: &str,
@@ -85,7 +96,11 @@ impl Network {
         self.mat(name, MatKind::Cel, [m, k, z, rest, x0, v0])
     }
 
-    /// Add a bank of CELs of mass `m` each; returns the first.
+    /// Add a bank of CELs of mass `m` [kg] each, drawn by `seed`; returns the index of the first.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where `m` or a number of the bank is out of range, or the network is
+    /// full.
     pub fn bank(
         &mut self,
         name: &str,
@@ -126,7 +141,12 @@ impl Network {
         Ok(first)
     }
 
-    /// Add a string or a plate: the masses of a topology, tuned to its lowest mode; returns the first.
+    /// Add a string or a plate of total mass `mass` [kg] whose lowest mode has the frequency `f` [Hz] and the decay time
+    /// `t60` [s]; returns the index of the first mass.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range, the mesh cannot have the pitch, or
+    /// the network is full.
     pub fn mesh(
         &mut self,
         name: &str,
@@ -201,6 +221,9 @@ impl Network {
     }
 
     /// Set the initial position [m] and velocity [m/s] of one MAT.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is not finite.
     pub fn start(&mut self, index: usize, x0: f64, v0: f64) -> Result<(), Error> {
         if !(x0.is_finite() && v0.is_finite()) {
             return Err(Error::Refused {
@@ -218,7 +241,11 @@ impl Network {
         self.mats.kind[index] = MatKind::Imposed;
     }
 
-    /// Add an output; returns its index.
+    /// Add an output, the sum of its terms; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a term refers to modules that do not exist or its weight is
+    /// not finite.
     pub fn listen(&mut self, name: &str, terms: Vec<Term>) -> Result<usize, Error> {
         for term in &terms {
             let (first, len, weight, most) = match *term {

@@ -20,7 +20,12 @@ pub struct LawUse {
 }
 
 impl Network {
-    /// Add a spring and damper between two MATs (REF; RES without Z, FRO without K).
+    /// Add a spring of stiffness `k` [N/m] and a damper `z` [N·s/m] between MATs `a` and `b` (REF; RES without Z, FRO
+    /// without K), `rest` [m] long at rest; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where `k` or `z` is negative, a number is not finite, or the ends
+    /// cannot be joined.
     pub fn spring(
         &mut self,
         name: &str,
@@ -41,7 +46,10 @@ impl Network {
         self.link(name, LinkKind::Ref, a, b, [k, z, rest])
     }
 
-    /// Add a one-sided contact of the striker `a` on `b`, closing when the gap is used up.
+    /// Add a one-sided contact of the striker `a` on `b`, which closes where the gap is 0; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where a number is out of range or the ends cannot be joined.
     pub fn but(&mut self, name: &str, a: usize, b: usize, but: But) -> Result<usize, Error> {
         let But { k, z, gap, .. } = but;
         self.check(
@@ -84,7 +92,10 @@ impl Network {
         Ok(())
     }
 
-    /// Add a non-linear link.
+    /// Add a non-linear link (LNL) between MATs `a` and `b`, `rest` [m] long at rest; returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Refused`] with the name of the module where `rest` is not finite or the ends cannot be joined.
     pub fn lnl(
         &mut self,
         name: &str,

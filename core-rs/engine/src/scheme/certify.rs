@@ -12,14 +12,14 @@ use super::{Kind, Run, Scheme};
 use crate::network::{Error, Network};
 use crate::spectrum;
 
-/// How sure a certificate is.
+/// What a certificate guarantees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StabilityGuarantee {
     /// The scheme cannot diverge.
     Proved,
     /// Each state of the contacts is stable; a law may stiffen, which is watched at every step.
     Guarded,
-    /// No proof: a condition that every case tried has kept.
+    /// No proof: a condition that held in every case tried.
     Tried,
 }
 
@@ -39,9 +39,9 @@ pub enum Means {
 pub struct Certificate {
     /// Upper bound of λmax(M⁻¹(K + 2Z)).
     pub lambda_max: f64,
-    /// How it was found.
+    /// Method of the bound.
     pub means: Means,
-    /// What it is worth.
+    /// What the certificate guarantees.
     pub word: StabilityGuarantee,
 }
 

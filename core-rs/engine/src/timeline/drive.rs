@@ -4,7 +4,7 @@ use super::hand::{Hand, HandWay};
 use crate::gesture::placed::Placed;
 use crate::state::{Body, Target};
 
-/// What a drive gives.
+/// Quantity that a drive imposes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveKind {
     /// An imposed position (ENX).
@@ -19,16 +19,16 @@ pub struct Drive {
     pub(crate) mat: usize,
     pub(crate) kind: DriveKind,
     pub(crate) source: Source,
-    /// It belongs to the MAT's own part: a free key feels it too (its weight, say).
+    /// Whether the drive belongs to the MAT's own part: it then acts on the free copy of a key too (e.g. a weight).
     pub(crate) own: bool,
 }
 
-/// Where a drive's values come from.
+/// Source of the values of a drive.
 #[derive(Clone, Debug)]
 pub enum Source {
-    /// One value for ever [m or N].
+    /// A constant [m or N].
     Constant(f64),
-    /// A placed take: before it its first value, after it its last.
+    /// A placed take [m or N]; its first value before it, its last value after it.
     Take(Placed),
     /// A real hand.
     Hand(Hand),
@@ -44,7 +44,7 @@ impl Drive {
         }
     }
 
-    /// The hand that it is.
+    /// The hand, if the source is one.
     pub(crate) fn hand(&self) -> Option<&Hand> {
         match &self.source {
             Source::Hand(hand) => Some(hand),
@@ -52,10 +52,10 @@ impl Drive {
         }
     }
 
-    /// The same at `times` the rate.
-    pub(super) fn faster(&self, times: u32) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(super) fn faster(&self, oversampling: u32) -> Self {
         let source = match &self.source {
-            Source::Hand(hand) => Source::Hand(hand.faster(times)),
+            Source::Hand(hand) => Source::Hand(hand.faster(oversampling)),
             other => other.clone(),
         };
         Self {
@@ -64,13 +64,13 @@ impl Drive {
         }
     }
 
-    /// Push the MAT at frame `n`, or impose where it is at frame n + 1.
+    /// Add the force at frame `n`, or impose the position at frame n + 1.
     pub(crate) fn apply(&self, n: u64, rate: f64, body: &mut Body, targets: &mut Vec<Target>) {
         match self.kind {
             DriveKind::Force => body.push(self.mat, self.value(n, rate)),
             DriveKind::Position => {
                 let x = match &self.source {
-                    // As far as is known: where it really is next comes at the beginning of a frame.
+                    // The best known value: a device's position arrives at the beginning of a frame.
                     Source::Hand(Hand { way, .. }) => match way {
                         HandWay::Hold => body.x[self.mat],
                         HandWay::Line => body.x[self.mat] + body.d[self.mat],

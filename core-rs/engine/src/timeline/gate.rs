@@ -1,4 +1,4 @@
-//! Couplings: links that act only for a time.
+//! Gates: couplings, which are links that act for a limited time, and factors of forces that glide.
 
 use super::Timeline;
 use crate::network::{Error, Network};
@@ -6,24 +6,24 @@ use crate::units::frame;
 
 /// Couplings fade in and out over this time [s], rounded up to the grid.
 pub(super) const FADE: f64 = 0.02;
-/// What needs a calendar begins at multiples of this many frames.
+/// Fades and glides begin at multiples of this number of frames.
 pub const GRID: u64 = 64;
 
-/// A link that acts only for a time.
+/// A factor of the force of some links, as a function of the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Gate {
-    /// The first of its links, and how many there are: whole runs.
+    /// Index of the first link and number of links: complete runs.
     pub(crate) link: usize,
     pub(crate) len: usize,
     /// `None`: open from the beginning.
     pub(super) start: Option<u64>,
     pub(super) stop: Option<u64>,
     pub(super) fade: u64,
-    /// A factor of its force that glides.
+    /// A further factor of the force that glides.
     pub(super) ramp: Option<Ramp>,
 }
 
-/// A factor that goes from one to another, evenly between two frames.
+/// A factor that changes linearly between two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ramp {
     pub(crate) from: f64,
@@ -42,54 +42,54 @@ impl Ramp {
         self.from + (self.to - self.from) * (into / (self.stop - self.start) as f64)
     }
 
-    /// The same at `times` the rate.
-    pub(crate) fn faster(self, times: u64) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(crate) fn faster(self, oversampling: u64) -> Self {
         Self {
-            start: self.start * times,
-            stop: self.stop * times,
+            start: self.start * oversampling,
+            stop: self.stop * oversampling,
             ..self
         }
     }
 }
 
 impl Gate {
-    /// The same at `times` the rate.
-    pub(crate) fn faster(self, times: u64) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(crate) fn faster(self, oversampling: u64) -> Self {
         Self {
-            start: self.start.map(|start| start * times),
-            stop: self.stop.map(|stop| stop * times),
-            fade: self.fade * times,
-            ramp: self.ramp.map(|ramp| ramp.faster(times)),
+            start: self.start.map(|start| start * oversampling),
+            stop: self.stop.map(|stop| stop * oversampling),
+            fade: self.fade * oversampling,
+            ramp: self.ramp.map(|ramp| ramp.faster(oversampling)),
             ..self
         }
     }
 
-    /// The same on other links.
+    /// The gate on other links.
     pub(crate) fn on(self, link: usize, len: usize) -> Self {
         Self { link, len, ..self }
     }
 
-    /// Its links.
+    /// Indices of the links.
     pub(crate) fn links(&self) -> std::ops::Range<usize> {
         self.link..self.link + self.len
     }
 
-    /// Whether it only glides: its links are there all the time.
+    /// Whether the gate has a glide only: its links act all the time.
     pub(crate) fn is_ramp(&self) -> bool {
         (self.start, self.stop) == (None, None)
     }
 
-    /// Whether its links glide.
+    /// Whether the force of the links glides.
     pub(crate) fn glides(&self) -> bool {
         self.ramp.is_some()
     }
 
-    /// Whether its links are gone once it has come to its end.
+    /// Whether the links do not act after the end of the gate.
     pub(crate) fn closes(&self) -> bool {
         self.ramp.is_some_and(|ramp| ramp.to == 0.0)
     }
 
-    /// How far the gate is open at frame `n`: 0 to 1, by 3u² − 2u³ so that no force jumps; times what glides.
+    /// Factor of the force at frame `n`: a fade by 3u² − 2u³, so that no force jumps, times the glide.
     pub(crate) fn open(&self, n: u64) -> f64 {
         let risen = self.start.map_or(1.0, |start| self.ramp(n, start));
         let fallen = self.stop.map_or(0.0, |stop| self.ramp(n, stop));
@@ -103,7 +103,7 @@ impl Gate {
     }
 }
 
-/// How far a gate was open when another version of a score took over: it goes on from there.
+/// Continuation of a gate across a change of score: the factor glides from that of the replaced version.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lean {
     from: f64,
@@ -111,12 +111,12 @@ pub(crate) struct Lean {
 }
 
 impl Lean {
-    /// Towards `gate` from where another stood at frame `n`; `None` where that is where it stands itself.
+    /// Continuation to `gate` from another gate's factor at frame `n`; `None` where both factors are equal.
     pub(crate) fn new(gate: &Gate, from: f64, n: u64) -> Option<Self> {
         (from != gate.open(n)).then_some(Self { from, since: n })
     }
 
-    /// How far a gate is open at frame `n`.
+    /// Factor of a gate at frame `n`.
     pub(crate) fn open(lean: Option<&Self>, gate: &Gate, n: u64) -> f64 {
         let own = gate.open(n);
         match lean {
@@ -183,7 +183,7 @@ impl Timeline {
             return refuse("a coupling ends after it begins, and after 0 s");
         }
         let on_grid = |t: f64| self.on_grid(t);
-        // A coupling that is there from the beginning does not fade in.
+        // A coupling without a start does not fade in.
         let start = if start <= 0.0 {
             None
         } else {

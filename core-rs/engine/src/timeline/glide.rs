@@ -1,24 +1,24 @@
-//! Masses and ties that come from other numbers: M, K and Z of a MAT that glide to what the network says.
+//! Glides of M, K and Z of a MAT to the values of the network.
 
 use super::Timeline;
 use super::gate::Ramp;
 use crate::network::{Error, Network};
 
-/// A MAT that comes from other numbers.
+/// A glide of the parameters of a MAT.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Glide {
     pub(crate) mat: usize,
-    /// K [N/m], Z [N·s/m] and M [kg] that it comes from, or algorithmic ones.
+    /// Initial K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
     pub(crate) from: [f64; 3],
-    /// How much of the network's own numbers it has.
+    /// Share of the network's values.
     pub(crate) ramp: Ramp,
 }
 
 impl Glide {
-    /// The same at `times` the rate.
-    pub(super) fn faster(self, times: u64) -> Self {
+    /// The same event at `oversampling` times the rate.
+    pub(super) fn faster(self, oversampling: u64) -> Self {
         Self {
-            ramp: self.ramp.faster(times),
+            ramp: self.ramp.faster(oversampling),
             ..self
         }
     }

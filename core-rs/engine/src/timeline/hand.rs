@@ -1,22 +1,22 @@
-//! A real hand on a key: where it is comes in by ticks, and the mean force of a tick goes back to it.
+//! A real hand on a key: it sends a position at each tick and receives the mean force of the tick.
 //!
-//! One scheme for a key that is played, for what stands in for it and for what was recorded of it: positions come in at
-//! frames 0, R, 2R …, and what the links pull with is averaged over the R frames between.
+//! The scheme is the same for a played key, a substitute and a recording: positions arrive at frames 0, R, 2R …, and
+//! the forces of the links are averaged over the R frames between.
 
 use std::sync::Arc;
 
 use super::{Drive, DriveKind, Source, StrikeError, Timeline};
 use crate::network::Network;
 
-/// Most frames of a tick: at 192 kHz still faster than a hand.
+/// Largest number of frames of a tick: 21 ms at 192 kHz.
 const TICK_MAX: u32 = 4_096;
 
-/// How a hand goes from where it was at one tick to where it is at the next.
+/// Interpolation of a hand between two ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HandWay {
-    /// At once, and stays: it answers soonest.
+    /// The position changes at the tick and holds: least delay.
     Hold,
-    /// Evenly over the tick: nothing rings at the rate of the ticks.
+    /// Linear over the tick: nothing rings at the rate of the ticks.
     #[default]
     Line,
 }
@@ -24,57 +24,61 @@ pub enum HandWay {
 /// A hand on a MAT.
 #[derive(Clone, Debug)]
 pub struct Hand {
-    /// Which of the scene's hands it is.
+    /// Index among the hands of the scene.
     pub(crate) index: usize,
-    /// Frames of a tick.
-    pub(crate) every: u32,
-    /// How it goes from one tick to the next.
+    /// Frames from tick to tick.
+    pub(crate) tick_frames: u32,
+    /// Interpolation between ticks.
     pub(crate) way: HandWay,
-    /// Where it is at each tick, if nobody says otherwise [m]; after the last it stays there.
+    /// Position at each tick unless a device sends another [m], (n_ticks); the last one holds.
     pub(crate) positions: Arc<[f64]>,
 }
 
 impl Hand {
-    /// Where it is at frame `n`, if nobody says otherwise [m].
+    /// Position at frame `n` unless a device sends another [m].
     pub(crate) fn at(&self, n: u64) -> f64 {
-        let tick = usize::try_from(n / u64::from(self.every)).unwrap_or(usize::MAX);
+        let tick = usize::try_from(n / u64::from(self.tick_frames)).unwrap_or(usize::MAX);
         let last = self.positions.len().saturating_sub(1);
         self.positions.get(tick.min(last)).copied().unwrap_or(0.0)
     }
 
-    /// The same at `times` the rate.
-    pub(super) fn faster(&self, times: u32) -> Self {
+    /// The hand at `oversampling` times the rate.
+    pub(super) fn faster(&self, oversampling: u32) -> Self {
         Self {
-            every: self.every * times,
+            tick_frames: self.tick_frames * oversampling,
             ..self.clone()
         }
     }
 }
 
 impl Timeline {
-    /// Let a real hand move a MAT, in ticks of `every` frames; returns its index.
+    /// Let a real hand move a MAT, in ticks of `tick_frames` frames; returns its index.
     ///
-    /// `positions` [m]: where it is at each tick (n_ticks), what stands in for it or was recorded of it; none: where the
-    /// MAT begins.
+    /// `positions` [m]: position at each tick, (n_ticks), as recorded or as a substitute for a hand; empty: the initial
+    /// position of the MAT.
+    ///
+    /// # Errors
+    /// [`StrikeError`] where the MAT cannot be imposed, the tick is not of 1 to 4096 frames or differs from that of other
+    /// hands, or a position is not finite.
     pub fn hand(
         &mut self,
         network: &Network,
         mat: usize,
-        every: u32,
+        tick_frames: u32,
         way: HandWay,
         positions: &[f64],
     ) -> Result<usize, StrikeError> {
         super::movable(network, mat)?;
-        if !(1..=TICK_MAX).contains(&every) {
+        if !(1..=TICK_MAX).contains(&tick_frames) {
             let why = " of frames from 1 to 4096";
-            return Err(StrikeError::Value("a tick", why, f64::from(every)));
+            return Err(StrikeError::Value("a tick", why, f64::from(tick_frames)));
         }
         if let Some(&wrong) = positions.iter().find(|x| !x.is_finite()) {
             return Err(StrikeError::Value("a hand's position", "", wrong));
         }
-        if self.hands().any(|hand| hand.every != every) {
+        if self.hands().any(|hand| hand.tick_frames != tick_frames) {
             let why = " of frames that all hands share";
-            return Err(StrikeError::Value("a tick", why, f64::from(every)));
+            return Err(StrikeError::Value("a tick", why, f64::from(tick_frames)));
         }
         let index = self.hands().count();
         let positions = match positions {
@@ -83,7 +87,7 @@ impl Timeline {
         };
         let hand = Hand {
             index,
-            every,
+            tick_frames,
             way,
             positions,
         };
@@ -91,7 +95,7 @@ impl Timeline {
         Ok(index)
     }
 
-    /// Its hands, in order.
+    /// The hands of the timeline, in order of declaration.
     pub(crate) fn hands(&self) -> impl Iterator<Item = &Hand> {
         self.drives.iter().filter_map(Drive::hand)
     }

@@ -1,4 +1,4 @@
-//! Strikes → forces on frames.
+//! Forces at frames by strikes at instants.
 
 use super::Timeline;
 use crate::cell::Cell;

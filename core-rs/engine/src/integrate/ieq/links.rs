@@ -1,4 +1,4 @@
-//! What IEQ knows of each link: ψ, its slope g, and what the link adds to the system.
+//! IEQ: state of each link: ψ, its slope g, and what the link adds to the system.
 
 use super::super::mesh::{Mesh, force_of};
 use super::super::passes;
@@ -116,7 +116,7 @@ impl Links {
         state
     }
 
-    /// Begin where the MATs are.
+    /// Set ψ and slopes from the positions of the MATs.
     pub(super) fn begin(&self, mesh: &Mesh, x: &[f64], d: &[f64], state: &mut State) {
         let mut first = 0;
         for (at, run) in self.runs.iter().enumerate() {

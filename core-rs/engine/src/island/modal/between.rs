@@ -67,7 +67,7 @@ impl RunningModal {
         let Some(between) = &self.between else { return };
         for ((motion, table), rows) in self.motions.iter().zip(&between.way).zip(&script.rows) {
             // One frame ahead: what is `before` there is the present.
-            ports::way(&rows[port], table, &motion.before, &motion.now, way);
+            ports::add_path(&rows[port], table, &motion.before, &motion.now, way);
         }
     }
 

@@ -1,10 +1,11 @@
-//! A mesh that is gone through finer, by forces that are found as its method finds them.
+//! A mesh as the guard steps it: frames computed in finer steps, with the forces of the mesh's method.
 
 use super::mesh::{Mesh, Room};
 use crate::guard::{Guard, Motion, Stage};
 use crate::kernel::thread_team::ThreadTeam;
 
-pub(super) struct Watched<'a, 'b> {
+/// The arrays of a mesh that finer steps need.
+pub(super) struct MeshStage<'a, 'b> {
     pub(super) mesh: &'a Mesh,
     pub(super) room: &'a mut Room,
     pub(super) force: &'a mut [f64],
@@ -13,7 +14,7 @@ pub(super) struct Watched<'a, 'b> {
     pub(super) team: &'a mut ThreadTeam<'b>,
 }
 
-impl Stage for Watched<'_, '_> {
+impl Stage for MeshStage<'_, '_> {
     fn pull(&mut self) {
         let motion = [&*self.x, &*self.d];
         self.mesh.total(motion, self.room, self.force, self.team);
@@ -29,9 +30,9 @@ impl Stage for Watched<'_, '_> {
     }
 }
 
-impl Watched<'_, '_> {
-    /// Go through a frame at whose beginning it stands, impulses given.
-    pub(super) fn by(mut self, guard: &mut Guard) {
+impl MeshStage<'_, '_> {
+    /// Compute one frame in finer steps; positions and steps are those at its beginning, impulses included.
+    pub(super) fn step_finer(mut self, guard: &mut Guard) {
         self.pull();
         guard.finer(&mut self);
     }

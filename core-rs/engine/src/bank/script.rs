@@ -1,0 +1,171 @@
+//! Oscillators of a bank in groups of lanes, and the blows that each group receives.
+
+use std::ops::Range;
+
+use super::{Kick, Oscillator, Strikes};
+use crate::kernel::bank::{LANES, Lanes, Motion, Rates};
+use crate::units::Rate;
+
+/// A lane that holds no oscillator.
+const NOBODY: u32 = u32::MAX;
+
+/// A blow on one lane of a group or on all lanes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Event {
+    pub(super) frame: u64,
+    pub(super) lanes: Target,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Target {
+    Lane(u32, Kick),
+    /// Index of the strikes, index of the blow, and whether this is the second of its two steps.
+    Group(u32, u32, bool),
+}
+
+/// Groups of oscillators with the same outputs.
+#[derive(Clone, Debug)]
+pub(super) struct Section {
+    pub(super) outputs: Vec<u32>,
+    pub(super) groups: Range<usize>,
+}
+
+/// The constant part of a bank.
+#[derive(Clone, Debug)]
+pub(super) struct Script {
+    pub(super) rate: Rate,
+    pub(super) sections: Vec<Section>,
+    /// (n_groups)
+    pub(super) rates: Vec<Rates>,
+    /// Weights of groups with several outputs, output by output; empty for one output   (n_groups)
+    pub(super) weights: Vec<Vec<Lanes>>,
+    /// Scale of the positions in the lanes: the weight where there is one output   (n_groups)
+    pub(super) scales: Vec<Lanes>,
+    /// By rising frame   (n_groups)
+    pub(super) events: Vec<Vec<Event>>,
+    pub(super) strikes: Vec<Strikes>,
+    /// Sum of amplitudes below which a group is set to rest.
+    pub(super) faint: f64,
+    /// Group and lane of each oscillator, in the order they were added.
+    pub(super) places: Vec<(u32, u32)>,
+    /// Which oscillator each lane holds   (n_groups · LANES)
+    pub(super) holds: Vec<u32>,
+}
+
+impl Script {
+    /// Add a group of oscillators with the same outputs; returns its motion at frame 0.
+    pub(super) fn group(&mut self, oscillators: &[Oscillator], members: &[usize]) -> Motion {
+        let of = |pick: &dyn Fn(&Oscillator) -> f64| {
+            let mut lanes = Lanes::ZERO;
+            for (lane, &member) in lanes.0.iter_mut().zip(members) {
+                *lane = pick(&oscillators[member]);
+            }
+            lanes
+        };
+        let group = self.rates.len();
+        let n_heard = oscillators[members[0]].heard.len();
+        // With one output the lanes hold weighted positions: the sum needs no weights.
+        let scale = |own: &Oscillator| match own.heard[..] {
+            [(_, weight)] => weight,
+            _ => 1.0,
+        };
+        self.rates.push(Rates {
+            a: of(&|own| own.a),
+            b: of(&|own| own.b),
+        });
+        let weights = if n_heard == 1 { 0 } else { n_heard };
+        self.weights.push(
+            (0..weights)
+                .map(|output| of(&|own| own.heard[output].1))
+                .collect(),
+        );
+        self.scales.push(of(&scale));
+        let mut events = Vec::new();
+        for (lane, &member) in members.iter().enumerate() {
+            self.places[member] = (group as u32, lane as u32);
+            for blow in &oscillators[member].blows {
+                events.push(Event {
+                    frame: blow.frame,
+                    lanes: Target::Lane(lane as u32, blow.kick),
+                });
+            }
+        }
+        self.events.push(events);
+        let holds = members.iter().map(|&member| member as u32);
+        self.holds.extend(holds);
+        self.holds.resize(self.rates.len() * LANES, NOBODY);
+        Motion {
+            now: of(&|own| scale(own) * own.now),
+            before: of(&|own| scale(own) * own.before),
+        }
+    }
+
+    /// Add shared strikes to the events of every group, and sort the events.
+    pub(super) fn share(&mut self) {
+        for (index, strikes) in self.strikes.iter().enumerate() {
+            let mut groups: Vec<u32> = self.places[strikes.among.clone()]
+                .iter()
+                .map(|&(group, _)| group)
+                .collect();
+            groups.sort_unstable();
+            groups.dedup();
+            let steps: &[bool] = if strikes.cells.is_empty() {
+                &[false]
+            } else {
+                &[false, true]
+            };
+            for group in groups {
+                for (blow, &(frame, _, _)) in strikes.blows.iter().enumerate() {
+                    for &second in steps {
+                        self.events[group as usize].push(Event {
+                            frame: frame + u64::from(second),
+                            lanes: Target::Group(index as u32, blow as u32, second),
+                        });
+                    }
+                }
+            }
+        }
+        for events in &mut self.events {
+            events.sort_by_key(|event| event.frame);
+        }
+    }
+
+    /// Add the displacements by an event to `added`; `motion`: positions of the group at the frame of the event.
+    pub(super) fn add(&self, group: usize, motion: &Motion, event: &Event, added: &mut Lanes) {
+        let scales = &self.scales[group].0;
+        match event.lanes {
+            Target::Lane(lane, Kick::By(x)) => {
+                let lane = lane as usize;
+                added.0[lane] += scales[lane] * x;
+            }
+            Target::Lane(lane, Kick::Ergon { mass, speed, w }) => {
+                let lane = lane as usize;
+                let rates = &self.rates[group];
+                let (now, before) = (motion.now.0[lane], motion.before.0[lane]);
+                let next = rates.a.0[lane] * now - rates.b.0[lane] * before + added.0[lane];
+                let velocity = (next - before) / scales[lane] * (0.5 * self.rate.hertz());
+                let struck = self.rate.step() * self.rate.step() / w;
+                let impulse = 2.0 * mass * struck / (mass + struck) * (speed - velocity);
+                added.0[lane] += scales[lane] * w * impulse * self.rate.hertz();
+            }
+            Target::Group(strikes, blow, second) => {
+                let strikes = &self.strikes[strikes as usize];
+                let (_, alpha, impulse) = strikes.blows[blow as usize];
+                let holds = &self.holds[group * LANES..(group + 1) * LANES];
+                for (lane, &member) in holds.iter().enumerate() {
+                    let member = member as usize;
+                    if !strikes.among.contains(&member) {
+                        continue;
+                    }
+                    let mode = member - strikes.among.start;
+                    let impulse = impulse * strikes.share[mode];
+                    let force = match strikes.cells.get(mode) {
+                        Some(cell) => cell.split(impulse, alpha, self.rate)[usize::from(second)],
+                        None => impulse * self.rate.hertz(),
+                    };
+                    added.0[lane] += scales[lane] * force * strikes.w;
+                }
+            }
+        }
+    }
+}
