@@ -24,7 +24,7 @@ demo: $(VENV)/built
 
 test: $(VENV)/dev
 	PROPTEST_RNG_SEED=1 cargo test --locked --quiet
-	CI=true $(BIN)/python -m pytest -q -m "not slow"
+	CI=true $(BIN)/python -m pytest -q -m "not slow" --numprocesses auto --dist loadfile
 
 test-long: $(VENV)/dev
 	PROPTEST_CASES=4096 cargo test --locked --release

@@ -26,13 +26,16 @@ class Terminated(BaseException):
 @contextlib.contextmanager
 def signals_as_exceptions() -> Iterator[None]:
     """SIGTERM and SIGHUP raise Terminated, so clean-up runs; a second Ctrl-C skips clean-up."""
+    arrived: list[BaseException] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        raise KeyboardInterrupt
+        arrived.append(KeyboardInterrupt())
+        raise arrived[-1]
 
     def terminate(number: int, frame: FrameType | None) -> None:
-        raise Terminated(number)
+        arrived.append(Terminated(number))
+        raise arrived[-1]
 
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -51,6 +54,12 @@ def signals_as_exceptions() -> Iterator[None]:
     try:
         with _not_lost(handlers):
             yield
+    except (KeyboardInterrupt, Terminated, Exception):
+        raise
+    except BaseException as panic:
+        # The core looks for numpy when it is first given an array. A signal that arrives meanwhile
+        # ends that import, and the core panics.
+        raise arrived[-1] if arrived else panic from None
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

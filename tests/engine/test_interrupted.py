@@ -12,7 +12,7 @@ from benches.interrupts import COMMANDS, begun
 from patience import PATIENCE
 
 from ergon import _core
-from ergon.cli.signals import signals_as_exceptions
+from ergon.cli.signals import Terminated, signals_as_exceptions
 
 # `fmt`, `info` and the rest are measured by the bench alone: they take seconds, not hours.
 _HOURS = [what for what in COMMANDS if COMMANDS[what][0] and "large" not in what]
@@ -131,3 +131,21 @@ def test_control_c_in_a_finaliser_is_not_lost():
 
     with signals_as_exceptions(), pytest.raises(KeyboardInterrupt):
         drop()
+
+
+class Panic(BaseException):
+    """What a panic of the core is in Python."""
+
+
+def test_a_panic_that_a_signal_causes_is_the_signal():
+    def panic():
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except Terminated as error:
+            raise Panic from error
+
+    with pytest.raises(Terminated) as ended, signals_as_exceptions():
+        panic()
+    assert ended.value.number == signal.SIGTERM
+    with pytest.raises(Panic), signals_as_exceptions():
+        raise Panic
