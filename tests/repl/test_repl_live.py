@@ -16,6 +16,7 @@ from emulators import emulator
 from patience import PATIENCE, until
 from tests.repl.test_repl_session import SCORE, onset
 
+from ergon import _core
 from ergon.live.perform import PlaybackConfig, bars
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import SessionStart, read_journal
@@ -190,27 +191,35 @@ def test_a_real_hand_is_captured_and_played_by_a_written_one(tmp_path: Path):
     with emulator("frame", "--udp", "0", *hand) as key:
         command = [*ERGON, "repl", "score.yaml", "--audio", "null", "--plain", "--strict"]
         command += ["--live", f"leo={key.url}", "--unchecked"]
-        with subprocess.Popen(
-            command,
-            cwd=tmp_path,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as repl:
+        out, recording = tmp_path / "out.txt", tmp_path / "session.take"
+        with (
+            out.open("w") as said,
+            subprocess.Popen(
+                command, cwd=tmp_path, stdin=subprocess.PIPE, stdout=said, stderr=said, text=True
+            ) as repl,
+        ):
             assert repl.stdin is not None
-            for line, seconds in (("play", 1.0), ("record leo as solo now", 1.5)):
+
+            def type_and_see(line: str, answer: str) -> None:
+                assert repl.stdin is not None
                 repl.stdin.write(f"{line}\n")
                 repl.stdin.flush()
-                time.sleep(seconds)
-            repl.stdin.write("record off now\n")
-            repl.stdin.flush()
-            until(lambda: (tmp_path / "takes" / "solo.take").exists(), "the take")
-            time.sleep(0.5)
+                until(lambda: answer in out.read_text(), answer)
+
+            def n_ticks() -> int:
+                return len(_core.read_recording(recording).ticks()) if recording.exists() else 0
+
+            type_and_see("play", "ok from")
+            until(lambda: n_ticks() > 0, "the hand")
+            type_and_see("record leo as solo now", "recording leo")
+            begun = n_ticks()
+            # The take begins a little later than the line.
+            until(lambda: n_ticks() > begun + 3000, "two seconds of the hand")
+            type_and_see("record off now", "take solo ends")
+            until(lambda: "solo.take" in out.read_text(), "the take in the score")
             repl.stdin.write("ada plays solo do scale 0.5\nsave with-solo\nquit\n")
-            said, told = repl.communicate(timeout=PATIENCE)
-    assert repl.returncode == 0, said + told
-    assert "solo.take" in said
+            repl.stdin.flush()
+            assert repl.wait(PATIENCE) == 0, out.read_text()
     saved = (tmp_path / "with-solo.yaml").read_text(encoding="utf-8")
     assert "solo: {file: takes/solo.take, channel: leo}" in saved
     done = subprocess.run([*ERGON, "check", "with-solo.yaml"], cwd=tmp_path, check=False)
