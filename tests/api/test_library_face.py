@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from one_bell import SCORE
+from patience import until
 from tests.house.test_docs import blocks, put
 
 import ergon
@@ -142,6 +143,7 @@ def test_a_journal_is_rendered_as_it_was_played():
     with ergon.open_session("bell.yaml", options, report=ergon.Report()) as session:
         assert isinstance(session.play(), ergon.Reply)
         assert isinstance(session.state, ergon.State)
+        until(lambda: session.state.where != "1|1", "a beat of the piece")
     with pytest.raises(ergon.OptionError, match="seed: a journal is rendered as it was played"):
         ergon.render_to_file("s.jsonl", "s.wav", ergon.FileOptions(seed=3))
     files = ergon.render_to_file("s.jsonl", "s.wav")

@@ -202,7 +202,11 @@ PLAYED = "keys: {k: {M: 400g, K: 60N/m}}\nplayers: {p: {key: k}}\ngestures: {g: 
         ("keys: {k: {M: 400N, K: 60N/m}}\n", "E203", "'N' does not measure mass"),
         ("keys: {k: {M: 400g, K: .nan}}\n", "E2", "K"),
         ("keys: {k: {M: -400g, K: 60N/m}}\n", "E2", "M"),
-        (PLAYED + "parts: {p: [{at: 0, play: g, rate: 4kHz}]}\n", "N403", "audio rate"),
+        (
+            PLAYED + "parts: {p: [{at: 0, play: g, rate: 4kHz}]}\n",
+            "N403",
+            "a part entry has no rate",
+        ),
         (PLAYED + _NOTHING + "accuracy: {error: -60dB, method: ca}\n", "E111", "method"),
         (PLAYED + _NOTHING + "accuracy: {upto: 5kHz}\n", "E103", "cents"),
         (PLAYED + _NOTHING + "accuracy: {error: 60dB}\n", "E2", "error"),

@@ -103,7 +103,7 @@ def test_without_matplotlib_it_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MatplotlibMissingError, match=r"pip install ergon-live\[lab\]"):
+    with pytest.raises(MatplotlibMissingError, match=r"pip install .*\[lab\]"):
         save(lambda: pytest.fail("it drew"), tmp_path / "x")
 
 

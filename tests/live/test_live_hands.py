@@ -92,7 +92,7 @@ def test_behind_a_lever_the_scene_sees_the_travel_scaled():
 
 
 def test_a_key_in_a_hand_is_nobody_elses():
-    with pytest.raises(StageError, match="plays 'k' too, which is in the real hand of 'remi'"):
+    with pytest.raises(StageError, match="plays key 'k' too, which the real hand of 'remi' moves"):
         stage(
             piece(", bo: [{at: 1|1, play: knock}]", ", bo: {key: k}"),
             real={"remi": None},

@@ -219,6 +219,9 @@ class Card:
     def __init__(self, staged: Stage) -> None:
         self.rate, self.began, self.now = staged.rate, 1000.0, 1000.0
 
+    def recording_trouble(self) -> None:
+        """Nothing is recorded."""
+
     def status(self) -> Any:
         frames = int((self.now - self.began) * self.rate) // self.BLOCK * self.BLOCK
         return SimpleNamespace(
@@ -226,7 +229,18 @@ class Card:
             sounding=frames / self.rate,
             latency=self.LATENCY,
             paced=True,
-            **{"underruns": 0, "dropped": 0, "alive": True, "late": 0, "hands": [], "peaks": []},
+            **{
+                "underruns": 0,
+                "xruns": 0,
+                "dropped": 0,
+                "alive": True,
+                "late": 0,
+                "done": False,
+                "lost": 0,
+                "ticks": 1,
+                "hands": [],
+                "peaks": [],
+            },
         )
 
 

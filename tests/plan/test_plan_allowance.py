@@ -71,7 +71,7 @@ def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
     out, err = capsys.readouterr()
     assert "planning ended" in out
     assert "warning[W403]" in err
-    assert "more than the 0.0001% it may" in err
+    assert "above the 0.0001% allowed" in err
     assert app.run(["check", "a.yaml"]) == 0
     assert "planning ended, for its work is bounded" in capsys.readouterr().err
 

@@ -119,7 +119,7 @@ def playing(folder: Path) -> Iterator[Played]:
             GAIN,
             1.0,
             None,
-            JournalTake(folder / "session.take", hands),
+            take=JournalTake(folder / "session.take", hands),
         )
         journal.tell("session", **opening.fields())
         with closing(session):

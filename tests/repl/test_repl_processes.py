@@ -213,7 +213,7 @@ def test_another_score_does_not_get_into_it(at_home: Stage):
             at_home.command("other.yaml"), cwd=at_home.folder, capture_output=True, text=True
         )
         assert done.returncode == 2
-        assert "is played" in done.stderr
+        assert "already" in done.stderr
         script = subprocess.run(
             at_home.command("--strict"), input="adda\n", capture_output=True, text=True
         )

@@ -86,7 +86,7 @@ def test_a_long_part_of_a_live_hand_is_refused():
     assert piece is not None
     with pytest.raises(StageError) as refused:
         stage(piece, real={"p": None})
-    assert "in ticks of" in refused.value.diagnostics[0].message
+    assert "with ticks of" in refused.value.diagnostics[0].message
 
 
 @pytest.mark.parametrize("seed", range(12))
