@@ -236,6 +236,7 @@ class Card:
                 "alive": True,
                 "late": 0,
                 "done": False,
+                "panicked": False,
                 "lost": 0,
                 "ticks": 1,
                 "hands": [],
