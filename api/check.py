@@ -63,7 +63,8 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     staged = None
     try:
         planned = loaded.piece.accuracy != Accuracy()
-        staged = stage(loaded.piece, planned=True) if planned else stage_or_plan(loaded.piece)
+        with (report or Report()).waiting("planning"):
+            staged = stage(loaded.piece, planned=True) if planned else stage_or_plan(loaded.piece)
         found = staged.diagnostics
     except StageError as error:
         found = error.diagnostics

@@ -103,7 +103,8 @@ def stage_piece(
         played = replace(played, accuracy=options.accuracy(played.accuracy, followed))
         pins = followed.choices if followed is not None else None
         build = partial(stage, planned=True, pins=pins, seed=options.seed)
-    with staging(lambda: loaded, report):
+    waiting = (report or Report()).waiting("planning")
+    with staging(lambda: loaded, report), waiting:
         staged = build(
             played,
             store=of_user(),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -104,6 +105,12 @@ class Console(Report):
         for severity, count in left_out.items():
             if count:
                 self.say(f"and {count:,} more {severity}" + ("s" if count > 1 else ""))
+
+    def waiting(self, task: str) -> AbstractContextManager[None]:
+        """After a second, on a terminal: the task, and how long it has taken."""
+        from .progress import waiting
+
+        return waiting(clean(task), self.quiet or self.json)
 
     def progress(self, task: str, total: int, rate: float) -> Progress:
         """A bar on a terminal, a JSON record per second under --json, otherwise silence."""

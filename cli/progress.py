@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, Self
 
 from ergon.common.report import Progress
@@ -15,6 +17,7 @@ from .colour import may_colour
 Record = Callable[..., None]  # an event's name, and its fields by name
 
 _RECORD_EVERY = 1.0  # [s]
+_WAIT_EVERY = 1.0  # [s]; a task that is over by then is not worth a word
 _DRAW_EVERY = 0.1  # [s] more often is flicker
 
 
@@ -82,6 +85,34 @@ def bar(task: str, total: int, rate: float, quiet: bool, record: Record | None) 
         return Progress()
     if record is not None:
         return _Records(record, task, total, rate)
-    if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
-        return Progress()
-    return _Bar(task, total, rate)
+    return _Bar(task, total, rate) if _redraws() else Progress()
+
+
+@contextmanager
+def waiting(task: str, quiet: bool) -> Iterator[None]:
+    """Show a task of unknown length, and the seconds that it has taken, until it ends."""
+    if quiet or not _redraws():
+        yield
+        return
+    ended, start = threading.Event(), time.monotonic()
+
+    def show() -> None:
+        while not ended.wait(_WAIT_EVERY):
+            sys.stderr.write(f"\r{task}: {time.monotonic() - start:.0f} s\x1b[K")
+            sys.stderr.flush()
+
+    thread = threading.Thread(target=show, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        if time.monotonic() - start >= _WAIT_EVERY:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def _redraws() -> bool:
+    """Whether a line on stderr may be drawn again."""
+    return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"

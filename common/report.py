@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -58,6 +59,10 @@ class Report:
     def progress(self, task: str, total: int, rate: float) -> Progress:
         """How far `task` is, of `total` frames at `rate` [Hz]."""
         return Progress()
+
+    def waiting(self, task: str) -> AbstractContextManager[None]:
+        """A task begins whose length nobody knows; it lasts as long as this context."""
+        return nullcontext()
 
 
 class PrintedReport(Report):

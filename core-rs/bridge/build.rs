@@ -2,10 +2,27 @@
 
 use std::path::Path;
 
+const PARTS: [&str; 12] = [
+    "api",
+    "cli",
+    "common",
+    "exchange",
+    "instruments",
+    "lab",
+    "live",
+    "notation",
+    "rendering",
+    "repl",
+    "scores",
+    "view",
+];
+
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
-    let package = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/ergon");
-    for part in ["cli", "exchange", "instruments", "lab", "scores", "view"] {
+    // Asked at run time: a target folder may be shared by several checkouts.
+    let bridge = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();
+    let package = Path::new(&bridge).join("../python/ergon");
+    for part in PARTS {
         assert!(
             package.join(part).is_dir(),
             "core-rs/python/ergon/{part} is not a link to {part}/. \

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -253,6 +254,26 @@ def test_a_bar_on_a_terminal() -> None:
     child.expect(pexpect.EOF)
     child.close()
     assert child.exitstatus == 0
+
+
+def test_a_wait_on_a_terminal_says_how_long() -> None:
+    pexpect = pytest.importorskip("pexpect")
+    code = "from ergon.cli.console import Console\nwith Console().waiting('planning'): input()\n"
+    child = pexpect.spawn(
+        sys.executable, ["-c", code], env={**os.environ, "TERM": "xterm"}, encoding="utf-8"
+    )
+    child.expect("planning: 2 s")
+    child.sendline("")
+    child.expect(re.escape("\r\x1b[K"))  # the line is cleared
+    child.expect(pexpect.EOF)
+    child.close()
+    assert child.exitstatus == 0
+
+
+def test_a_wait_without_a_terminal_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    with Console().waiting("planning"):
+        pass
+    assert capsys.readouterr() == ("", "")
 
 
 def test_version() -> None:

@@ -9,7 +9,7 @@ from ergon.notation.text.errors import TextError
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
 from ergon.scores.reading.load import load
-from ergon.scores.staging.stage import StageError, prepare
+from ergon.scores.staging.stage import StageError, prepare, stage
 
 
 @pytest.mark.parametrize(
@@ -73,3 +73,35 @@ def test_a_tick_is_no_slower_than_a_second():
     (error,) = (one for one in loaded.diagnostics if one.severity == "error")
     assert error.code == "E202"
     assert "below the minimum of 1Hz" in error.message
+
+
+LOST_BODY = """\
+ergon: 1
+laws:
+  bow: {damping: f*v*exp(-(v/w)**2), f: 0.4N, w: 0.1m/s}
+keys: {k: {M: 300g, K: 60N/m, Z: 1Ns/m}}
+instruments:
+  thing:
+    modules:
+      p: {PLATE: {shape: square, radius: 3, rim: fixed, M: 0.002855kg, f: 107.2Hz, t60: 1.837s}}
+      l1: {LNL: {between: [p.0, p.centre], damping: bow}}
+      l2: {BUT: {between: [p.centre, p.0], contact: plain, gap: 0.2mm, K: 419N/m, Z: 0.003478Ns/m}}
+      l3: {LNL: {between: [p.centre, p.0], points: [[-1mm, -1N], [0mm, 3600N], [1mm, 2N]]}}
+      hand: {LNL: {between: [k, p.0], damping: bow}}
+      drive: {ENF: {to: p.0, from: 0.4577N}}
+    out: {o0: {SOX: p.0}}
+gestures:
+  go: {notation: 0mm@0 smooth 4mm@40ms throw 0mm@90ms, touch: open, ergons: particle}
+players: {ada: {key: k}}
+parts: {ada: [{at: 1|1, play: go}]}
+accuracy: {cents: 3}
+"""
+
+
+def test_a_body_that_is_lost_leaves_its_contacts():
+    """A trial muted the plate, and contacts that are computed finely still looked for it."""
+    loaded = load("s.yaml", text=LOST_BODY)
+    assert loaded.piece is not None
+    plan = stage(loaded.piece, planned=True).plan
+    assert plan is not None
+    assert plan.rows()

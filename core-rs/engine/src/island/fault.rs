@@ -172,6 +172,20 @@ impl Island {
         if state.scheme.is_some() {
             state.scheme = Some(Box::new(scheme.clone()));
         }
+        if let Some(fine) = &mut state.fine {
+            let mut n_left = 0;
+            let places: Vec<Option<usize>> = (state.bodies.iter())
+                .map(|body| {
+                    let stays = !body.is_of(&ours, part);
+                    n_left += usize::from(stays);
+                    stays.then(|| n_left - 1)
+                })
+                .collect();
+            for link in fine.release(&ours, &places) {
+                state.body.link[link] = 0.0;
+                cut[link] = true;
+            }
+        }
         for body in state.bodies.iter().filter(|body| body.is_of(&ours, part)) {
             for output in body.outputs() {
                 state.mutes.outputs[output as usize].get_or_insert(n);

@@ -153,6 +153,32 @@ impl Fine {
         self.has_touched = old.has_touched;
     }
 
+    /// Let go of the contacts on some MATs (n_mat), whose links are returned, and of the bodies that leave: `places` are
+    /// where the others are from now on (n_bodies).
+    pub(super) fn release(&mut self, mats: &[bool], places: &[Option<usize>]) -> Vec<usize> {
+        // A part leaves once in a run: a copy of the script for it is allowed to cost.
+        let script = Arc::make_mut(&mut self.script);
+        for (joint, later) in script.joints.iter_mut().zip(&mut self.later) {
+            joint.port = (joint.port).and_then(|(owner, port)| Some((places[owner]?, port)));
+            if mats[joint.mat] {
+                joint.cell = None;
+                *later = 0.0;
+            }
+        }
+        let stays: Vec<bool> = (script.contacts.iter())
+            .map(|run| !mats[run.a] && !mats[run.b])
+            .collect();
+        let links = (script.contacts.iter().zip(&stays))
+            .filter(|(_, stays)| !**stays)
+            .map(|(run, _)| run.first)
+            .collect();
+        keep(&mut script.contacts, &stays);
+        keep(&mut script.ends, &stays);
+        keep(&mut self.before, &stays);
+        keep(&mut self.near, &stays);
+        links
+    }
+
     /// Work done so far, counted.
     pub(super) fn work(&self) -> FineWork {
         self.work
@@ -315,6 +341,12 @@ impl Fine {
             }
         }
     }
+}
+
+/// Keep the entries of a list that stay.
+fn keep<T>(list: &mut Vec<T>, stays: &[bool]) {
+    let mut stays = stays.iter();
+    list.retain(|_| *stays.next().unwrap_or(&true));
 }
 
 fn joint(
