@@ -198,6 +198,30 @@ impl Cell {
         self.response(t) / self.mass
     }
 
+    /// The same function continued to before the impulse, where it does not explode there: `t` [s] of any sign.
+    pub(crate) fn answer_around(&self, t: f64) -> f64 {
+        /// A motion that fades by more than e^-STEEP over `t` is continued as an odd function.
+        const STEEP: f64 = 25.0;
+        if t < 0.0 && self.reach() * -t > STEEP {
+            -self.answer(-t)
+        } else {
+            self.answer(t)
+        }
+    }
+
+    /// Velocity [m/s] per impulse [N·s], at once.
+    pub(crate) fn jump(&self) -> f64 {
+        1.0 / self.mass
+    }
+
+    /// The fastest of its motions: |λ| of e^(λt) [1/s].
+    pub(crate) fn reach(&self) -> f64 {
+        match self.poles {
+            Poles::Oscillating { omega } => sqrt(self.sigma * self.sigma + omega * omega),
+            Poles::Creeping { fast, .. } => fast,
+        }
+    }
+
     /// Weights of where it is about its rest, and of where it is one sample later, that make where it is `part`
     /// of the way between.
     pub(crate) fn way(&self, part: f64, rate: Rate) -> (f64, f64) {

@@ -44,7 +44,8 @@ impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
         let bodies = self.bodies.iter().map(cost::body_cost);
-        let hub = cost::stepped_cost(&self.network, &self.timeline);
+        let hub = cost::stepped_cost(&self.network, &self.timeline)
+            + cost::laws_cost(&self.network, self.contact_substeps);
         f64::from(self.oversampling) * (hub + bodies.sum::<f64>())
     }
 }
@@ -128,19 +129,19 @@ impl Plan {
         unchecked: bool,
     ) -> Result<Self, Error> {
         let mut plan = Self::empty(network.clone(), timeline);
-        if !unchecked {
-            let certificate = Scheme::new(&network, timeline.rate)?.certify(&network)?;
-            plan.rows
-                .push(Row::stepped(&network, timeline, certificate));
-        }
-        plan.units.push(Unit::IslandPlan(Box::new(IslandPlan {
-            network,
+        let island_plan = IslandPlan {
+            network: network.clone(),
             timeline: timeline.clone(),
             bodies: Vec::new(),
             contact_substeps: 1,
             oversampling: 1,
             to_whole: Whole::default(),
-        })));
+        };
+        if !unchecked {
+            let certificate = Scheme::new(&network, timeline.rate)?.certify(&network)?;
+            plan.rows.push(Row::stepped(&island_plan, certificate));
+        }
+        plan.units.push(Unit::IslandPlan(Box::new(island_plan)));
         Ok(plan)
     }
 

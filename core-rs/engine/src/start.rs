@@ -10,18 +10,20 @@ use crate::units::Rate;
 /// d[0] = x[0] − x[−1] of every MAT [m], (n_mat): a CEL by its own exact backward flow, a MAS by
 /// Taylor, both with the forces of the links at t = 0: x[−1] = own(−T) + ½T²·F/m. Under `ca`, V0·T.
 ///
-/// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton).
+/// `x` are the positions at frame 0 [m], `pushes` the forces of ENF there, as (MAT, newton). `acts`: whether the run that
+/// begins with a link acts at frames, and not between them.
 pub(crate) fn backward_steps(
     network: &Network,
     timeline: &Timeline,
     scheme: &Scheme,
     x: &[f64],
     pushes: &[(usize, f64)],
+    acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
     let rate = timeline.rate;
     let t = rate.step();
     let mats = network.mats();
-    let force = forces(network, timeline, x, pushes);
+    let force = forces(network, timeline, x, pushes, acts);
     (0..network.n_mat())
         .map(|i| {
             let (x0, v0) = (x[i], mats.v0[i]);
@@ -43,12 +45,13 @@ pub(crate) fn backward_steps(
         .collect()
 }
 
-/// Forces of all links on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
+/// Forces of all links that act at frames on the MATs at t = 0, from positions `x` and V0, with SI damping [N], (n_mat).
 pub(crate) fn forces(
     network: &Network,
     timeline: &Timeline,
     x: &[f64],
     pushes: &[(usize, f64)],
+    acts: &dyn Fn(usize) -> bool,
 ) -> Vec<f64> {
     let mats = network.mats();
     let mut force = vec![0.0; network.n_mat()];
@@ -61,7 +64,8 @@ pub(crate) fn forces(
             .iter()
             .any(|gate| gate.links().contains(&first) && gate.open(0) == 0.0)
     };
-    for run in network.runs().iter().filter(|run| !closed(run.first)) {
+    let runs = network.runs().iter();
+    for run in runs.filter(|run| !closed(run.first) && acts(run.first)) {
         let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);
         let t_own = ca.map_or(1.0, Rate::step);
         for i in 0..run.len {

@@ -110,6 +110,7 @@ impl Island {
             drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
         }
         if let Some(fine) = &mut state.fine {
+            fine.lean(&state.body);
             fine.carry(&mut state.body);
         }
         layers(script, state);

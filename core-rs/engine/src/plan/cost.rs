@@ -3,8 +3,9 @@
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::slow::Slow;
-use crate::network::{Contact, LinkKind, Network};
+use crate::network::{Contact, LinkKind, Network, Run};
 use crate::plan::BankPlan;
+use crate::plan::budget::Budget;
 use crate::plan::passes::mesh::LADDER;
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -48,6 +49,16 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
         return ns;
     }
     ns + Costs::of("hand") * timeline.keys.len() as f64
+}
+
+/// What laws that are computed finer than a frame cost a frame beside [ns].
+pub(super) fn laws_cost(network: &Network, contact_substeps: usize) -> f64 {
+    if contact_substeps < Budget::STEPS_MIN {
+        return 0.0;
+    }
+    let is_fine = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_)) && run.len == 1;
+    let parts = contact_substeps / Budget::STEPS_MIN * network.runs().iter().filter(is_fine).count();
+    parts as f64 * Costs::of("collocation")
 }
 
 /// What a body inside an island costs a frame [ns].

@@ -223,6 +223,7 @@ impl Maker<'_> {
             bodies,
             certificate,
             because,
+            ..
         } = island;
         self.plan.choices.push(Choice {
             modules,
@@ -232,7 +233,7 @@ impl Maker<'_> {
         });
         let n_ports: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
         if island_plan.network.n_mat() > n_ports {
-            let mut row = Row::stepped(&island_plan.network, &island_plan.timeline, certificate);
+            let mut row = Row::stepped(&island_plan, certificate);
             row.mats -= n_ports;
             (row.oversampling, row.contact_substeps, row.error) = (
                 island_plan.oversampling,
@@ -246,7 +247,8 @@ impl Maker<'_> {
         // What is left beside bodies has a row of its own, or goes with the first of them.
         let mut hub = if self.plan.rows.len() == first_row {
             cost::seconds(
-                cost::stepped_cost(&island_plan.network, &island_plan.timeline),
+                cost::stepped_cost(&island_plan.network, &island_plan.timeline)
+                    + cost::laws_cost(&island_plan.network, island_plan.contact_substeps),
                 &island_plan.timeline,
             )
         } else {

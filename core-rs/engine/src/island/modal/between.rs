@@ -5,32 +5,32 @@ use crate::kernel::bank::{LANES, Lanes};
 use crate::kernel::ports;
 use crate::state::Body;
 
-/// Tables for S instants of a frame, for every group of modes.
+/// Tables for n instants of a frame, for every group of modes.
 #[derive(Clone, Debug)]
 pub(super) struct Between {
-    /// Weights of a mode's position now and at the next frame that make where it is at j/S   (n_groups, S + 1)
+    /// Weights of a mode's position now and at the next frame that make where it is at each instant   (n_groups, n)
     way: Vec<Vec<[Lanes; 2]>>,
-    /// What an impulse at j/S moves a mode by at the next frame, and has to add at the one after, for its
-    /// motion to be exact from then on   (n_groups, S)
+    /// What an impulse at each instant moves a mode by at the next frame, and has to add at the one after, for its
+    /// motion to be exact from then on   (n_groups, n)
     kick: Vec<Vec<[Lanes; 2]>>,
 }
 
 impl RunningModal {
-    /// Make tables for `steps` instants of a frame: for continuous modes alone.
-    pub(crate) fn divide(&mut self, steps: usize) {
+    /// Make tables for instants of a frame, 0 to 1: for continuous modes alone.
+    pub(crate) fn divide(&mut self, instants: &[f64]) {
         let plan = &self.script.plan;
         let (modes, rate) = (&plan.modes, plan.rate);
         let square = rate.step() * rate.step();
-        let part = |j: usize| j as f64 / steps as f64;
+        let n = instants.len();
         let way = |mode: usize, j: usize| {
             modes[mode]
                 .cell
-                .map_or((0.0, 0.0), |cell| cell.way(part(j), rate))
+                .map_or((0.0, 0.0), |cell| cell.way(instants[j], rate))
         };
         let kick = |mode: usize, j: usize| {
             modes[mode]
                 .cell
-                .map_or([0.0; 2], |cell| cell.split(square, part(j), rate))
+                .map_or([0.0; 2], |cell| cell.split(square, instants[j], rate))
         };
         let table = |group: usize, j: usize, of: &dyn Fn(usize, usize) -> [f64; 2]| {
             [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
@@ -40,25 +40,39 @@ impl RunningModal {
         self.between = Some(Between {
             way: groups
                 .clone()
-                .map(|group| (0..=steps).map(|j| table(group, j, &pair)).collect())
+                .map(|group| (0..n).map(|j| table(group, j, &pair)).collect())
                 .collect(),
             kick: groups
-                .map(|group| (0..steps).map(|j| table(group, j, &kick)).collect())
+                .map(|group| (0..n).map(|j| table(group, j, &kick)).collect())
                 .collect(),
         });
     }
 
-    /// What an impulse at one port moves another by, `t` [s] later [m/N·s].
+    /// What an impulse at one port moves another by, `t` [s] later [m/N·s]; continued to before it.
     pub(crate) fn response(&self, from: usize, to: usize, t: f64) -> f64 {
         let plan = &self.script.plan;
         let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
         let terms = plan.modes.iter().zip(shapes);
         terms
-            .map(|(mode, (a, b))| mode.cell.map_or(0.0, |cell| a * b * cell.answer(t)))
+            .map(|(mode, (a, b))| mode.cell.map_or(0.0, |cell| a * b * cell.answer_around(t)))
             .sum()
     }
 
-    /// Where a port goes in this frame if nothing more pushes it [m], (S + 1).
+    /// Velocity that an impulse at one port gives another at once [m/s per N·s].
+    pub(crate) fn jump(&self, from: usize, to: usize) -> f64 {
+        let ports = &self.script.plan.ports;
+        let shapes = ports[from].shape.iter().zip(&ports[to].shape);
+        shapes.map(|(a, b)| a * b).sum()
+    }
+
+    /// The fastest motion of its modes: |λ| of e^(λt) [1/s].
+    pub(crate) fn reach(&self) -> f64 {
+        let modes = self.script.plan.modes.iter();
+        let cells = modes.filter_map(|mode| mode.cell);
+        cells.map(|cell| cell.reach()).fold(0.0, f64::max)
+    }
+
+    /// Where a port goes in this frame if nothing more pushes it [m], at each instant (n).
     pub(crate) fn way(&mut self, port: usize, way: &mut [f64]) {
         let script = self.script.clone();
         self.back(&script);
@@ -71,7 +85,7 @@ impl RunningModal {
         }
     }
 
-    /// Take impulses [N·s] at S instants of this frame on a port.
+    /// Take impulses [N·s] at the instants of this frame on a port (n).
     pub(crate) fn give(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
         let script = self.script.clone();
         self.back(&script);

@@ -26,6 +26,8 @@ pub(in crate::plan) struct Assembled {
     pub(in crate::plan) certificate: Certificate,
     /// Why a body goes by no modes.
     pub(in crate::plan) because: Option<NoModes>,
+    /// It has single laws that can be computed finer than a frame, as contacts are.
+    pub(in crate::plan) may_collocate: bool,
 }
 
 impl Assembled {
@@ -60,7 +62,7 @@ impl Assembled {
                 Err(_) => because = Some(NoModes::Stiff),
             }
         }
-        let (cut, (contact_substeps, certificate)) = match found {
+        let (cut, (contact_substeps, may_collocate, certificate)) = match found {
             Some(found) => found,
             None => {
                 let stable = hub(&subset.network, rate, budget)?;
@@ -90,6 +92,7 @@ impl Assembled {
             bodies,
             certificate,
             because,
+            may_collocate,
         })
     }
 
@@ -138,20 +141,28 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
     })
 }
 
-/// How often a frame the contacts of a network are computed, and whether the rest of it is stable.
-fn hub(network: &Network, rate: Rate, budget: &Budget) -> Result<(usize, Certificate), Error> {
+/// How finely the contacts of a network are computed, whether laws may be too, and whether the rest of it is stable.
+fn hub(
+    network: &Network,
+    rate: Rate,
+    budget: &Budget,
+) -> Result<(usize, bool, Certificate), Error> {
     let mut scheme = Scheme::new(network, rate)?;
     let parts = network.mats().part.iter().map(|&part| part as usize);
     let mut truths = parts.map(|part| network.parts()[part].ca_rate);
-    let contact_substeps = match scheme.stiffest_contact() {
-        // Where the discrete network is the truth, so are its contacts.
-        Some(kappa) if !truths.any(|truth| truth.is_some()) => budget.contact_substeps(kappa),
-        _ => 1,
+    // Where the discrete network is the truth, so are its contacts.
+    let is_discrete = truths.any(|truth| truth.is_some());
+    let (has_contacts, has_laws) = scheme.has_fine();
+    let contact_substeps = if has_contacts && !is_discrete {
+        budget.contact_substeps()
+    } else {
+        1
     };
     if contact_substeps > 1 {
-        scheme.without_contacts();
+        scheme.take_fine();
     }
-    Ok((contact_substeps, scheme.certify(network)?))
+    let may_collocate = has_laws && !is_discrete;
+    Ok((contact_substeps, may_collocate, scheme.certify(network)?))
 }
 
 /// Two maps one after the other.

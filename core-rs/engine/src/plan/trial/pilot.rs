@@ -7,8 +7,7 @@
 use std::cell::OnceCell;
 
 use crate::island::inside::BodyPlan;
-use crate::network::{Error, LinkKind, Run};
-use crate::plan::IslandPlan;
+use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
 use crate::plan::passes::assemble::Assembled;
@@ -20,10 +19,10 @@ use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::prune_modes::fewer;
 use crate::plan::trial::search::{Search, Standing, TIMES_MAX};
 use crate::plan::trial::take::{Take, length, play};
-use crate::plan::trial::waveform_error::{ORDERS, Spans, difference, errors};
+use crate::plan::trial::waveform_error::{Spans, difference, errors};
 
-/// The search for how finely contacts are computed begins here.
-const LEAST: usize = 2;
+/// Order of the error of contacts: of one that closes or opens it is none the lower.
+const ORDER: f64 = 4.0;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
@@ -80,7 +79,7 @@ pub(in crate::plan) fn pilot(
     let spans = Spans::of(&island.island_plan, n_frames);
     let stretches = OnceCell::new();
     let found = contacts(
-        &island.island_plan,
+        &island,
         budget,
         n_frames,
         (&spans, &stretches),
@@ -201,13 +200,16 @@ struct Contacts {
 }
 
 fn contacts(
-    island_plan: &IslandPlan,
+    island: &Assembled,
     budget: &Budget,
     n_frames: usize,
     (spans, stretches): (&Spans, &OnceCell<Stretches>),
     allowance: &Allowance,
 ) -> Result<Contacts, Halt> {
-    if island_plan.contact_substeps == 1 {
+    let island_plan = &island.island_plan;
+    // Of what no waveform is promised laws are right as they are.
+    let may_collocate = island.may_collocate && matches!(budget, Budget::Error(_));
+    if island_plan.contact_substeps == 1 && !may_collocate {
         return Ok(Contacts {
             contact_substeps: 1,
             error: None,
@@ -216,19 +218,9 @@ fn contacts(
         });
     }
     let aim = budget.contact();
-    // Where a contact with damping closes its force jumps.
-    let jumps = |run: &Run| matches!(run.kind, LinkKind::But(_)) && run.z != 0.0;
-    let order = if island_plan.network.runs().iter().any(jumps) {
-        ORDERS.0
-    } else {
-        ORDERS.1
-    };
-    let mut contact_substeps = LEAST;
+    let mut contact_substeps = island_plan.contact_substeps;
     let mut take = play(island_plan, contact_substeps, n_frames, allowance)?;
-    // Once a frame tells how fast the error falls; it is no choice, for it may diverge.
-    let once = play(island_plan, 1, n_frames, allowance)?;
-    let once = difference(&once.sound, &take.sound, spans);
-    let mut last = Some(once).filter(|change| change.is_finite());
+    let mut last = None;
     let (mut parting, mut until) = (None, n_frames);
     // What is known of the take: its error, and where it parts from others.
     let mut known: Option<(f64, Option<Parting>)> = None;
@@ -268,8 +260,9 @@ fn contacts(
                 .map(|(own, pair)| own.again(&pair, is_finer))
         };
         let change = difference(&take.sound, &finer.sound, &spans.within(until));
-        let (own, left) = errors(change, last, order);
-        last = Some(change);
+        let (own, left) = errors(change, last, ORDER);
+        // Once a step is another method: it tells nothing of how fast the error falls.
+        last = Some(change).filter(|_| contact_substeps > 1);
         if own <= aim {
             let parting = told(false);
             return Ok(Contacts {

@@ -138,7 +138,8 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// How often a step contacts are computed at `times` the rate.
     fn contact_substeps(&self, oversampling: u32) -> usize {
-        (self.once / oversampling as usize).max(1)
+        let least = self.once.min(Budget::STEPS_MIN);
+        (self.once / oversampling as usize).max(least)
     }
 
     /// Improve the island until the budget is met, nothing helps any more, or the allowance is spent.

@@ -1,0 +1,411 @@
+//! A frame of contacts, step by step: from one closing or opening to the next.
+//!
+//! A step is BM4's sequence of kicks by the contacts that push, with the exact linear motion of everything between them:
+//! of order 4 while no contact closes or opens within it, so a step in which one does is taken again, up to that instant.
+
+use super::basis::{At, dot};
+use super::laws::LawScript;
+use super::{Fine, Script};
+use crate::integrate::STAGES;
+use crate::kernel::{Contact, side};
+use crate::maths::{expm1, pow, power_law, sqrt};
+use crate::network::But;
+use crate::scheme::Kind;
+use crate::state::Body;
+
+/// So many steps are tried in a frame before a step that is stable at any length takes the rest.
+const MOST: usize = 256;
+/// An instant is found once it moves by less than this part of a step.
+const FOUND: f64 = 1e-9;
+const TRIES: usize = 30;
+/// A frame in which nothing pushes is searched for closing contacts at so many instants.
+const LOOKS: usize = 8;
+/// Rounds over contacts that are solved together, and the relative change of a force that ends them.
+const ROUNDS: usize = 50;
+const AGREE: f64 = 1e-12;
+/// A clamped contact that pulled pushes again where its force is more than this part of what it is made of.
+const PULL: f64 = 1e-9;
+
+/// A contact in this frame.
+#[derive(Clone, Copy)]
+struct Own<'a> {
+    but: &'a But,
+    ends: (usize, usize),
+    side: f64,
+    /// [N/m^exponent], and [N·frame/m]
+    k: f64,
+    z: f64,
+    rest: f64,
+    /// Velocity by an impulse [m/frame per N·s].
+    jump: f64,
+}
+
+impl Own<'_> {
+    fn elastic(&self, g: f64) -> f64 {
+        if g >= 0.0 {
+            self.k * power_law(g, self.but.exponent)
+        } else {
+            -self.k * power_law(-g, self.but.exponent)
+        }
+    }
+
+    /// What decides whether a contact at penetration `g` [m] that closes by `v` [m/frame] goes on pushing: it does
+    /// while this is positive.
+    fn holds(&self, [g, v]: [f64; 2]) -> f64 {
+        if self.is_pulled_off() && g > 0.0 {
+            self.elastic(g) + self.z * v
+        } else {
+            g
+        }
+    }
+
+    /// Whether its force ends before it opens.
+    fn is_pulled_off(&self) -> bool {
+        self.but.clamp && self.z > 0.0
+    }
+
+    /// Whether an open contact begins to push.
+    fn closes(&self, [g, v]: [f64; 2]) -> bool {
+        if self.is_pulled_off() {
+            let (elastic, drag) = (self.elastic(g), self.z * v);
+            g > 0.0 && elastic + drag > PULL * (elastic + drag.abs())
+        } else {
+            g > 0.0 && v > 0.0
+        }
+    }
+
+    /// The fastest that it may swing or fade from now on [rad/frame].
+    fn quickness(&self, [g, v]: [f64; 2], step: f64) -> f64 {
+        let give = self.jump * step;
+        if give == 0.0 {
+            return 0.0;
+        }
+        let tangent = if self.but.exponent == 1.0 {
+            self.k
+        } else {
+            // As deep as all its energy takes it.
+            let order = self.but.exponent + 1.0;
+            let stored = self.k * pow(g.max(0.0), order) / order;
+            let energy = stored + 0.5 * v * v / give;
+            let depth = pow(energy * order / self.k, 1.0 / order);
+            self.k * self.but.exponent * pow(depth, self.but.exponent - 1.0)
+        };
+        sqrt(tangent * give).max(self.z * give)
+    }
+
+    /// The impulse of a kick that lasts `b` frames at penetration `g`, `v` changing as it does [N·s].
+    fn kick(&self, [g, v]: [f64; 2], b: f64, step: f64) -> f64 {
+        let elastic = self.elastic(g);
+        let fades = self.jump * step * self.z;
+        if fades == 0.0 {
+            return (elastic + self.z * v) * b * step;
+        }
+        (elastic + self.z * v) * step * -expm1(-fades * b) / fades
+    }
+}
+
+impl Fine {
+    /// The pushes of a frame.
+    pub(super) fn march(
+        &mut self,
+        script: &Script,
+        laws: &LawScript,
+        gates: &[f64],
+        body: &mut Body,
+    ) {
+        let start = At::new(script.basis.n(), 0.0);
+        for index in 0..script.links.len() {
+            self.pushes[index] = false;
+            let Some(own) = self.own(script, gates, index) else {
+                continue;
+            };
+            let now = self.look(script, &own, &start);
+            let pushes = own.holds(now) > 0.0;
+            self.pushes[index] = pushes;
+            if pushes {
+                body.link[script.links[index].first] =
+                    own.side * (own.elastic(now[0]) + own.z * now[1]);
+            }
+        }
+        let (mut s, mut left) = (0.0, MOST);
+        while s < 1.0 {
+            if laws.links.is_empty() && !self.pushes.contains(&true) {
+                match self.next_closing(script, gates, s) {
+                    Some((at, index)) => {
+                        s = at;
+                        self.pushes[index] = true;
+                    }
+                    None => return,
+                }
+            }
+            self.has_touched |= self.pushes.contains(&true);
+            if left == 0 {
+                self.finish(script, laws, gates, s);
+                return;
+            }
+            s = self.advance(script, (laws, gates), s, &mut left);
+        }
+    }
+
+    /// A contact that may be closed in this frame.
+    fn own<'a>(&self, script: &'a Script, gates: &[f64], index: usize) -> Option<Own<'a>> {
+        let run = &script.links[index];
+        let Kind::But(but) = &run.kind else {
+            return None;
+        };
+        let open = run.gate.map_or(1.0, |gate| gates[gate]);
+        if !self.near[index] || open == 0.0 {
+            return None;
+        }
+        let (a, b) = script.ends[index];
+        Some(Own {
+            but,
+            ends: (a, b),
+            side: side(but),
+            k: open * run.k,
+            z: open * run.z,
+            rest: run.rest,
+            jump: script.jump(a, b),
+        })
+    }
+
+    /// Penetration [m] and how fast it grows [m/frame].
+    fn look(&self, script: &Script, own: &Own<'_>, at: &At) -> [f64; 2] {
+        let n = script.basis.n();
+        let (a, b) = own.ends;
+        let [a, b] = [a, b].map(|end| &self.way[end * n..(end + 1) * n]);
+        let g = dot(b, &at.value) - dot(a, &at.value) - own.rest;
+        let v = dot(b, &at.slope) - dot(a, &at.slope);
+        [own.side * g, own.side * v]
+    }
+
+    /// Push both ends of a contact [N·s].
+    fn push(&mut self, script: &Script, own: &Own<'_>, impulse: f64, at: &At) {
+        let (a, b) = own.ends;
+        self.shove(script, a, own.side * impulse, at);
+        self.shove(script, b, -own.side * impulse, at);
+    }
+
+    /// From `s` by a step, or up to where a contact closes or opens in it: how far.
+    fn advance(
+        &mut self,
+        script: &Script,
+        (laws, gates): (&LawScript, &[f64]),
+        s: f64,
+        left: &mut usize,
+    ) -> f64 {
+        let h = self.length(script, gates, s);
+        let [way, given] = &mut self.saved;
+        way.copy_from_slice(&self.way);
+        given.copy_from_slice(&self.given);
+        *left -= 1;
+        self.leap(script, (laws, gates), s, h);
+        let end = if s + h > 1.0 - FOUND * h { 1.0 } else { s + h };
+        let Some(index) = self.turned(script, gates, end) else {
+            return end;
+        };
+        let Some(own) = self.own(script, gates, index) else {
+            return end;
+        };
+        let n = script.basis.n();
+        let saved = |fine: &mut Self| {
+            std::mem::swap(&mut fine.way, &mut fine.saved[0]);
+            let at = At::new(n, s);
+            let held = own.holds(fine.look(script, &own, &at));
+            std::mem::swap(&mut fine.way, &mut fine.saved[0]);
+            held
+        };
+        let (mut low, mut high) = ((0.0, saved(self)), (h, f64::NAN));
+        let mut taken = h;
+        for _ in 0..TRIES {
+            let at = At::new(n, s + taken);
+            let state = self.look(script, &own, &at);
+            let held = own.holds(state);
+            // Half of what stays keeps the secant from creeping up from one side.
+            if (held > 0.0) == (low.1 > 0.0) {
+                low = (taken, held);
+                high.1 *= 0.5;
+            } else {
+                high = (taken, held);
+                low.1 *= if taken < h { 0.5 } else { 1.0 };
+            }
+            if (low.1 > 0.0) == (high.1 > 0.0) || high.0 - low.0 <= FOUND * h || *left == 0 {
+                break;
+            }
+            // Newton's step where what is looked for is the gap, whose slope is known.
+            let newton = taken - state[0] / state[1];
+            let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
+            let is_gap = !own.is_pulled_off() || held == state[0];
+            let next = if is_gap && newton > low.0 && newton < high.0 {
+                newton
+            } else {
+                secant
+            };
+            let moved = (next - taken).abs();
+            taken = next;
+            self.way.copy_from_slice(&self.saved[0]);
+            self.given.copy_from_slice(&self.saved[1]);
+            *left -= 1;
+            self.leap(script, (laws, gates), s, taken);
+            if moved <= FOUND * h {
+                break;
+            }
+        }
+        self.pushes[index] = !self.pushes[index];
+        if s + taken > 1.0 - FOUND * h {
+            1.0
+        } else {
+            s + taken
+        }
+    }
+
+    /// The step from `s`.
+    fn length(&self, script: &Script, gates: &[f64], s: f64) -> f64 {
+        let (steps, step) = (script.steps as f64, script.rate.step());
+        let at = At::new(script.basis.n(), s);
+        let mut quickest = 1.0_f64;
+        for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
+            if let Some(own) = self.own(script, gates, index) {
+                quickest = quickest.max(own.quickness(self.look(script, &own, &at), step));
+            }
+        }
+        let rest = 1.0 - s;
+        rest / (rest * steps * quickest).ceil().max(1.0)
+    }
+
+    /// One step of the contacts that push, and of all laws.
+    fn leap(&mut self, script: &Script, forces: (&LawScript, &[f64]), s: f64, h: f64) {
+        let mut at_stage = 0.0;
+        for (stage, [kick, drift]) in STAGES.iter().enumerate() {
+            self.kick(script, forces, (s + at_stage * h, kick * h), stage > 3);
+            at_stage += drift;
+        }
+        self.kick(script, forces, (s + h, STAGES[0][0] * h), true);
+    }
+
+    /// Kicks of all contacts that push; in turn, as the losses of each need it, and back again in a step's second half.
+    fn kick(
+        &mut self,
+        script: &Script,
+        (laws, gates): (&LawScript, &[f64]),
+        (s, b): (f64, f64),
+        is_back: bool,
+    ) {
+        let n = script.links.len();
+        let at = At::new(script.basis.n(), s);
+        for turn in 0..n {
+            let index = if is_back { n - 1 - turn } else { turn };
+            if !self.pushes[index] {
+                continue;
+            }
+            let Some(own) = self.own(script, gates, index) else {
+                continue;
+            };
+            self.work.instants += 1;
+            let impulse = own.kick(self.look(script, &own, &at), b, script.rate.step());
+            self.push(script, &own, impulse, &at);
+        }
+        for &law in &laws.links {
+            self.kick_law(script, gates, law, (&at, b));
+        }
+    }
+
+    /// A contact that at `s` no longer pushes, or begins to.
+    fn turned(&self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
+        let at = At::new(script.basis.n(), s);
+        (0..script.links.len()).find(|&index| {
+            self.own(script, gates, index).is_some_and(|own| {
+                let state = self.look(script, &own, &at);
+                if self.pushes[index] {
+                    own.holds(state) < 0.0
+                } else {
+                    own.closes(state)
+                }
+            })
+        })
+    }
+
+    /// The first instant from `s` on at which a contact closes while none pushes, and which.
+    fn next_closing(&self, script: &Script, gates: &[f64], s: f64) -> Option<(f64, usize)> {
+        let n = script.basis.n();
+        let mut from = s;
+        for look in 1..=LOOKS {
+            let to = s + (1.0 - s) * look as f64 / LOOKS as f64;
+            let at = At::new(n, to);
+            let mut first: Option<(f64, usize)> = None;
+            for index in 0..script.links.len() {
+                let Some(own) = self.own(script, gates, index) else {
+                    continue;
+                };
+                if !own.closes(self.look(script, &own, &at)) {
+                    continue;
+                }
+                let closes = |s: f64| own.closes(self.look(script, &own, &At::new(n, s)));
+                let (mut open, mut closed) = (from, to);
+                // Halving finds it to the last bit but a few.
+                while closed - open > 1e-13 && !closes(open) {
+                    let half = 0.5 * (open + closed);
+                    if closes(half) {
+                        closed = half;
+                    } else {
+                        open = half;
+                    }
+                }
+                let at = if closes(open) { open } else { closed };
+                if first.is_none_or(|(other, _)| at < other) {
+                    first = Some((at, index));
+                }
+            }
+            if first.is_some() {
+                return first;
+            }
+            from = to;
+        }
+        None
+    }
+
+    /// The rest of a frame that would take too many steps: by the discrete gradient, stable at any length.
+    fn finish(&mut self, script: &Script, laws: &LawScript, gates: &[f64], from: f64) {
+        let n = script.basis.n();
+        let h = (1.0 - from) / script.steps as f64;
+        let step = script.rate.step();
+        for part in 0..script.steps {
+            let s = from + part as f64 * h;
+            let [start, middle, end] = [s, s + 0.5 * h, s + h].map(|s| At::new(n, s));
+            self.saved[0].copy_from_slice(&self.way);
+            for &law in &laws.links {
+                self.kick_law(script, gates, law, (&middle, h));
+            }
+            self.forces.fill(0.0);
+            for _ in 0..ROUNDS {
+                let mut change = 0.0_f64;
+                for index in 0..script.links.len() {
+                    let Some(own) = self.own(script, gates, index) else {
+                        continue;
+                    };
+                    self.work.instants += 1;
+                    // Without the force of the last round.
+                    self.push(script, &own, -self.forces[index] * h * step, &middle);
+                    std::mem::swap(&mut self.way, &mut self.saved[0]);
+                    let [now, _] = self.look(script, &own, &start);
+                    std::mem::swap(&mut self.way, &mut self.saved[0]);
+                    let [free, _] = self.look(script, &own, &end);
+                    let contact = Contact {
+                        k: own.k,
+                        z: 2.0 * own.z / h,
+                        exponent: own.but.exponent,
+                        beta: 0.5 * h * h * own.jump * step,
+                        clamp: own.but.clamp,
+                    };
+                    let force = contact.push(free, now, now.max(free));
+                    self.push(script, &own, force * h * step, &middle);
+                    change = change.max((force - self.forces[index]).abs() - AGREE * force.abs());
+                    self.forces[index] = force;
+                }
+                if change <= 0.0 {
+                    break;
+                }
+            }
+        }
+    }
+}
