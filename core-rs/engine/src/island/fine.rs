@@ -297,6 +297,9 @@ impl Fine {
         if !any && self.laws.is_empty() {
             return;
         }
+        if any {
+            self.spread();
+        }
         let (script, laws) = (self.script.clone(), self.law_script.clone());
         self.work.products += script.ways;
         self.given.fill(0.0);
@@ -308,6 +311,28 @@ impl Fine {
             self.collocate(&script, &laws, gates);
         }
         self.give(&script, bodies, body);
+    }
+
+    /// What a near contact pushes may go elsewhere than it would by itself: contacts of it are near as well.
+    fn spread(&mut self) {
+        let script = &*self.script;
+        let is_moved_by = |mover: usize, moved: usize| {
+            let n = script.joints.len();
+            let pairs = |(a, b): (usize, usize)| [a, b];
+            let of = |from: usize, to: usize| !script.moves[from * n + to].is_empty();
+            let (mover, moved) = (pairs(script.ends[mover]), pairs(script.ends[moved]));
+            mover.iter().any(|&from| moved.iter().any(|&to| of(from, to)))
+        };
+        loop {
+            let is_reached = |link: &usize| {
+                let mut near = (0..script.links.len()).filter(|&other| self.near[other]);
+                !self.near[*link] && near.any(|near| is_moved_by(near, *link))
+            };
+            match (0..script.links.len()).find(is_reached) {
+                Some(link) => self.near[link] = true,
+                None => return,
+            }
+        }
     }
 
     /// Where all joints go in this frame if no contact pushes them.

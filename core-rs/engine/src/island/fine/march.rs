@@ -190,73 +190,84 @@ impl Fine {
     fn advance(
         &mut self,
         script: &Script,
-        (laws, gates): (&LawScript, &[f64]),
+        forces: (&LawScript, &[f64]),
         s: f64,
         left: &mut usize,
     ) -> f64 {
-        let h = self.length(script, gates, s);
+        let h = self.length(script, forces.1, s);
         let [way, given] = &mut self.saved;
         way.copy_from_slice(&self.way);
         given.copy_from_slice(&self.given);
         *left -= 1;
-        self.leap(script, (laws, gates), s, h);
-        let end = if s + h > 1.0 - FOUND * h { 1.0 } else { s + h };
-        let Some(index) = self.turned(script, gates, end) else {
-            return end;
-        };
-        let Some(own) = self.own(script, gates, index) else {
-            return end;
-        };
-        let n = script.basis.n();
-        let saved = |fine: &mut Self| {
-            std::mem::swap(&mut fine.way, &mut fine.saved[0]);
-            let at = At::new(n, s);
-            let held = own.holds(fine.look(script, &own, &at));
-            std::mem::swap(&mut fine.way, &mut fine.saved[0]);
-            held
-        };
-        let (mut low, mut high) = ((0.0, saved(self)), (h, f64::NAN));
-        let mut taken = h;
-        for _ in 0..TRIES {
-            let at = At::new(n, s + taken);
-            let state = self.look(script, &own, &at);
-            let held = own.holds(state);
-            // Half of what stays keeps the secant from creeping up from one side.
-            if (held > 0.0) == (low.1 > 0.0) {
-                low = (taken, held);
-                high.1 *= 0.5;
-            } else {
-                high = (taken, held);
-                low.1 *= if taken < h { 0.5 } else { 1.0 };
-            }
-            if (low.1 > 0.0) == (high.1 > 0.0) || high.0 - low.0 <= FOUND * h || *left == 0 {
-                break;
-            }
-            // Newton's step where what is looked for is the gap, whose slope is known.
-            let newton = taken - state[0] / state[1];
-            let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
-            let is_gap = !own.is_pulled_off() || held == state[0];
-            let next = if is_gap && newton > low.0 && newton < high.0 {
-                newton
-            } else {
-                secant
-            };
-            let moved = (next - taken).abs();
-            taken = next;
-            self.way.copy_from_slice(&self.saved[0]);
-            self.given.copy_from_slice(&self.saved[1]);
-            *left -= 1;
-            self.leap(script, (laws, gates), s, taken);
-            if moved <= FOUND * h {
-                break;
-            }
+        self.leap(script, forces, s, h);
+        let (mut taken, mut first) = (h, None);
+        while let Some(index) = self.turned(script, forces.1, s + taken, first) {
+            taken = self.locate(script, forces, (s, taken, index), left);
+            first = Some(index);
         }
-        self.pushes[index] = !self.pushes[index];
+        if let Some(index) = first {
+            self.pushes[index] = !self.pushes[index];
+        }
         if s + taken > 1.0 - FOUND * h {
             1.0
         } else {
             s + taken
         }
+    }
+
+    /// Go from `s` up to where a contact turns that has turned by a step of `h`: how far.
+    fn locate(
+        &mut self,
+        script: &Script,
+        forces: (&LawScript, &[f64]),
+        (s, h, index): (f64, f64, usize),
+        left: &mut usize,
+    ) -> f64 {
+        let Some(own) = self.own(script, forces.1, index) else {
+            return h;
+        };
+        let held = |fine: &Self, s: f64| {
+            let state = fine.look(script, &own, &At::new(script.basis.n(), s));
+            (own.holds(state), state)
+        };
+        let (mut taken, (at_high, mut state)) = (h, held(self, s + h));
+        self.restore();
+        let mut low = (0.0, held(self, s).0);
+        let mut high = (h, at_high);
+        if (low.1 > 0.0) == (high.1 > 0.0) {
+            return 0.0; // it had turned before
+        }
+        let is_gap = !own.is_pulled_off() || at_high == state[0];
+        for _ in 0..TRIES {
+            // Newton's step where what is looked for is the gap, whose slope is known.
+            let newton = taken - state[0] / state[1];
+            let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
+            let is_inside = newton > low.0 && newton < high.0;
+            let next = if is_gap && is_inside { newton } else { secant };
+            let moved = (next - taken).abs();
+            taken = next;
+            self.restore();
+            *left = left.saturating_sub(1);
+            self.leap(script, forces, s, taken);
+            if moved <= FOUND * h || *left == 0 {
+                break;
+            }
+            let found;
+            (found, state) = held(self, s + taken);
+            // Half of what stays keeps the secant from creeping up from one side.
+            if (found > 0.0) == (low.1 > 0.0) {
+                (low, high.1) = ((taken, found), 0.5 * high.1);
+            } else {
+                (high, low.1) = ((taken, found), 0.5 * low.1);
+            }
+        }
+        taken
+    }
+
+    /// Take the last step back.
+    fn restore(&mut self) {
+        self.way.copy_from_slice(&self.saved[0]);
+        self.given.copy_from_slice(&self.saved[1]);
     }
 
     /// The step from `s`.
@@ -310,10 +321,17 @@ impl Fine {
         }
     }
 
-    /// A contact that at `s` no longer pushes, or begins to.
-    fn turned(&self, script: &Script, gates: &[f64], s: f64) -> Option<usize> {
+    /// A contact, but for one, that at `s` no longer pushes, or begins to.
+    fn turned(
+        &self,
+        script: &Script,
+        gates: &[f64],
+        s: f64,
+        but: Option<usize>,
+    ) -> Option<usize> {
         let at = At::new(script.basis.n(), s);
-        (0..script.links.len()).find(|&index| {
+        let others = (0..script.links.len()).filter(|&index| Some(index) != but);
+        others.into_iter().find(|&index| {
             self.own(script, gates, index).is_some_and(|own| {
                 let state = self.look(script, &own, &at);
                 if self.pushes[index] {

@@ -21,8 +21,9 @@ use crate::plan::trial::search::{Search, Standing, TIMES_MAX};
 use crate::plan::trial::take::{Take, length, play};
 use crate::plan::trial::waveform_error::{Spans, difference, errors};
 
-/// Order of the error of contacts: of one that closes or opens it is none the lower.
-const ORDER: f64 = 4.0;
+/// Orders of the error of contacts, none the lower where they close or open, and of laws: many have a kink.
+const CONTACT: f64 = 4.0;
+const LAW: f64 = 2.0;
 
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct Piloted {
@@ -218,6 +219,7 @@ fn contacts(
         });
     }
     let aim = budget.contact();
+    let order = if island.may_collocate { LAW } else { CONTACT };
     let mut contact_substeps = island_plan.contact_substeps;
     let mut take = play(island_plan, contact_substeps, n_frames, allowance)?;
     let mut last = None;
@@ -260,7 +262,7 @@ fn contacts(
                 .map(|(own, pair)| own.again(&pair, is_finer))
         };
         let change = difference(&take.sound, &finer.sound, &spans.within(until));
-        let (own, left) = errors(change, last, ORDER);
+        let (own, left) = errors(change, last, order);
         // Once a step is another method: it tells nothing of how fast the error falls.
         last = Some(change).filter(|_| contact_substeps > 1);
         if own <= aim {
