@@ -80,7 +80,7 @@ pub(crate) struct Fine {
 /// Work of contacts that are computed finely, counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct FineWork {
-    /// Contacts, once for each instant at which they were computed.
+    /// Contacts and laws, once for each time they were computed.
     pub(crate) instants: u64,
     /// Sums of products.
     pub(crate) products: u64,

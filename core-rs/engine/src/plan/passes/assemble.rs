@@ -28,6 +28,8 @@ pub(in crate::plan) struct Assembled {
     pub(in crate::plan) because: Option<NoModes>,
     /// It has single laws that can be computed finer than a frame, as contacts are.
     pub(in crate::plan) may_collocate: bool,
+    /// It has no bodies though it might have.
+    is_stepped: bool,
 }
 
 impl Assembled {
@@ -93,7 +95,27 @@ impl Assembled {
             certificate,
             because,
             may_collocate,
+            is_stepped: matches!(ways, Ways::Stepped),
         })
+    }
+
+    /// The same at another rate; `ways`: how its meshes go.
+    pub(in crate::plan) fn again<'a>(
+        &self,
+        ways: &'a [Option<(MeshMethod, u32)>],
+    ) -> Ways<'a> {
+        if self.is_stepped {
+            Ways::Stepped
+        } else {
+            Ways::As(ways)
+        }
+    }
+
+    /// Whether linear bodies of it go by their modes.
+    pub(in crate::plan) fn has_modes(&self) -> bool {
+        let bodies = &self.island_plan.bodies;
+        bodies.iter().any(|body| matches!(body, BodyPlan::Modal(_)))
+            && !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_)))
     }
 
     /// How its bodies go that are meshes, in order.

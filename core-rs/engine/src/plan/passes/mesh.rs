@@ -38,6 +38,8 @@ pub(in crate::plan) enum Ways<'a> {
     As(&'a [Option<(MeshMethod, u32)>]),
     /// All by one method.
     All((MeshMethod, u32)),
+    /// Neither they nor linear bodies by themselves: all of the island module by module.
+    Stepped,
 }
 
 /// Error of a pitch [cents] by a method, x = ωT of its steps.
@@ -85,6 +87,7 @@ pub(in crate::plan) fn mesh(
                 certify(&subset.network, rate, way, substeps).ok()?;
                 (way, substeps)
             }
+            Ways::Stepped => return None,
             Ways::Safe => choose(&subset.network, rate, budget, true)?,
             Ways::Budget => choose(&subset.network, rate, budget, false)?,
         },

@@ -54,23 +54,27 @@ pub(in crate::plan) fn cut(
     let network = &island.network;
     let mut wiring = Wiring::new(network, timeline);
     let (mut found, mut why) = (Vec::new(), None);
+    // What was decided before has no bodies then.
+    let has_bodies = !matches!(ways, Ways::Stepped) && pin.is_none_or(|pin| !pin.kept.is_empty());
     for (body, slow) in slow(network, timeline).bodies {
         wiring.take(&body.mats);
         found.push((body, BodyPlan::Slow(slow)));
     }
-    if budget.takes_modes() {
-        for body in wiring.bodies(network, false) {
+    if budget.takes_modes() && has_bodies {
+        for body in wiring.bodies(network, false, false) {
             match modal(network, timeline, &body, memo) {
                 Ok(modal) => found.push((body, BodyPlan::Modal(modal))),
                 Err(reason) => why = Some(reason),
             }
         }
     }
-    if budget.takes_meshes() {
+    if budget.takes_meshes() && has_bodies {
         for (body, _) in &found {
             wiring.take(&body.mats);
         }
-        for body in wiring.bodies(network, true) {
+        // One method for everything: for the smallest body too.
+        let is_asked = matches!(budget, Budget::Method(_));
+        for body in wiring.bodies(network, true, is_asked) {
             let pin = pin.map(|pin| pin.kept.get(found.len()).map_or(&[][..], Vec::as_slice));
             if let Some(mesh) =
                 mesh::mesh(network, timeline, &body, budget, pin, (ways, found.len()))

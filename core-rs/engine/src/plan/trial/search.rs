@@ -87,7 +87,7 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     pub(in crate::plan) fn finer(&self, island: &Assembled) -> Option<Assembled> {
         let finer = (self.assemble)((
             2 * island.island_plan.oversampling,
-            Ways::As(&island.ways()),
+            island.again(&island.ways()),
         ))
         .ok()?;
         is_worth(&finer.island_plan, self.n_frames + self.n_frames / 2).then_some(finer)
@@ -177,6 +177,13 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
     }
 
     fn better(&self, best: &Standing) -> Result<Option<Standing>, Halt> {
+        // Where links of order 1 hold a body's ports its modes gain nothing.
+        if best.island.has_modes() && best.oversampling == 1 {
+            let stand = self.stand(1, Ways::Stepped, None, None)?;
+            if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.0)) {
+                return Ok(Some(stand));
+            }
+        }
         let next = best.rung.map_or(0, |rung| rung + 1);
         for (rung, &way) in RUNGS.iter().enumerate().skip(next) {
             let stand = self.stand(best.oversampling, Ways::All(way), Some(rung), None)?;
@@ -189,7 +196,8 @@ impl<F: Fn((u32, Ways<'_>)) -> Result<Assembled, Error>> Search<'_, F> {
         }
         let ways = best.island.ways();
         let last = (!best.take.is_lost).then_some(best.change);
-        let stand = self.stand(2 * best.oversampling, Ways::As(&ways), best.rung, last)?;
+        let again = best.island.again(&ways);
+        let stand = self.stand(2 * best.oversampling, again, best.rung, last)?;
         if let Some(stand) = stand.filter(|stand| stand.beats(best, GAINS.1)) {
             return Ok(Some(stand));
         }
