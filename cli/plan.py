@@ -210,9 +210,8 @@ def _why(row: PlanRow) -> list[str]:
     if row.stays is not None:
         said.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.steps > 1:
-        said.append(
-            f"  Closed contacts, and laws that stand alone, are computed between frames: {row.steps} steps or more."
-        )
+        said.append("  Closed contacts, and laws that stand alone, are computed between frames,")
+        said.append(f"  {row.steps} steps a frame or more.")
     if row.error_db is not None and row.error_s is not None:
         over = f"over the first {row.error_s:.2g} s"
         said.append(f"  A pilot measured an error of {row.error_db:.0f} dB {over}.")

@@ -1,4 +1,4 @@
-"""Contacts and single laws that a plan computes between frames, against the exact motion of their equations."""
+"""Contacts and single laws that a plan computes between frames, against their exact motion."""
 
 import re
 

@@ -144,7 +144,12 @@ impl Scheme {
 
     /// Whether it has contacts, and whether it has laws, that can be computed finer than a frame.
     pub(crate) fn has_fine(&self) -> (bool, bool) {
-        let runs = || self.runs.iter().chain(&self.exact).filter(|run| run.can_substep());
+        let runs = || {
+            self.runs
+                .iter()
+                .chain(&self.exact)
+                .filter(|run| run.can_substep())
+        };
         let is_law = |run: &Run| matches!(run.kind, Kind::Lnl { .. });
         (runs().any(|run| !is_law(run)), runs().any(is_law))
     }

@@ -321,7 +321,9 @@ impl Fine {
             let pairs = |(a, b): (usize, usize)| [a, b];
             let of = |from: usize, to: usize| !script.moves[from * n + to].is_empty();
             let (mover, moved) = (pairs(script.ends[mover]), pairs(script.ends[moved]));
-            mover.iter().any(|&from| moved.iter().any(|&to| of(from, to)))
+            mover
+                .iter()
+                .any(|&from| moved.iter().any(|&to| of(from, to)))
         };
         loop {
             let is_reached = |link: &usize| {
@@ -374,7 +376,9 @@ impl Fine {
                     *x_at -= bend * s * (1.0 - s);
                 }
             }
-            script.basis.fit(values, &mut self.way[at * n..(at + 1) * n]);
+            script
+                .basis
+                .fit(values, &mut self.way[at * n..(at + 1) * n]);
         }
         // What else pushes a port acts from the start of the frame.
         let start = At::new(n, 0.0);

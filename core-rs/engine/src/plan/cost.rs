@@ -57,7 +57,8 @@ pub(super) fn laws_cost(network: &Network, contact_substeps: usize) -> f64 {
         return 0.0;
     }
     let is_fine = |run: &&Run| matches!(run.kind, LinkKind::Lnl(_)) && run.len == 1;
-    let parts = contact_substeps / Budget::STEPS_MIN * network.runs().iter().filter(is_fine).count();
+    let parts =
+        contact_substeps / Budget::STEPS_MIN * network.runs().iter().filter(is_fine).count();
     parts as f64 * Costs::of("collocation")
 }
 

@@ -32,7 +32,10 @@ pub(super) fn reach(
 ) -> f64 {
     let own = |mat: usize| {
         let body = bodies.iter().filter_map(RunningBody::modal);
-        match body.into_iter().find(|body| body.ports().any(|port| port == mat)) {
+        match body
+            .into_iter()
+            .find(|body| body.ports().any(|port| port == mat))
+        {
             Some(body) => body.reach(),
             None => cell(mat, network, scheme).map_or(0.0, |cell| cell.reach()),
         }
@@ -92,7 +95,9 @@ pub(super) fn moves(
     let step = rate.step();
     let table = |answer: &dyn Fn(f64) -> f64| {
         let instants = &basis.instants;
-        let pairs = instants.iter().flat_map(|from| instants.iter().map(move |to| to - from));
+        let pairs = instants
+            .iter()
+            .flat_map(|from| instants.iter().map(move |to| to - from));
         let values: Vec<f64> = pairs.map(|part| answer(part * step)).collect();
         basis.fit_both(&values)
     };

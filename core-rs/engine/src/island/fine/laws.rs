@@ -217,7 +217,13 @@ impl Fine {
     }
 
     /// Forces of all laws at the start of the frame, for those who listen.
-    pub(super) fn tell_laws(&self, script: &Script, laws: &LawScript, gates: &[f64], body: &mut Body) {
+    pub(super) fn tell_laws(
+        &self,
+        script: &Script,
+        laws: &LawScript,
+        gates: &[f64],
+        body: &mut Body,
+    ) {
         let at = At::new(script.basis.n(), 0.0);
         for &link in &laws.links {
             let [e, v] = self.elongation(script, link, &at);
@@ -284,7 +290,9 @@ fn inverse(m: &Square) -> Square {
         let [c, d] = [(column + 1) % 3, (column + 2) % 3];
         m[r][c] * m[s][d] - m[r][d] * m[s][c]
     };
-    let whole: f64 = (0..STAGES).map(|column| m[0][column] * cofactor(0, column)).sum();
+    let whole: f64 = (0..STAGES)
+        .map(|column| m[0][column] * cofactor(0, column))
+        .sum();
     let mut inverse = [[0.0; STAGES]; STAGES];
     for (row, own) in inverse.iter_mut().enumerate() {
         for (column, own) in own.iter_mut().enumerate() {

@@ -322,13 +322,7 @@ impl Fine {
     }
 
     /// A contact, but for one, that at `s` no longer pushes, or begins to.
-    fn turned(
-        &self,
-        script: &Script,
-        gates: &[f64],
-        s: f64,
-        but: Option<usize>,
-    ) -> Option<usize> {
+    fn turned(&self, script: &Script, gates: &[f64], s: f64, but: Option<usize>) -> Option<usize> {
         let at = At::new(script.basis.n(), s);
         let others = (0..script.links.len()).filter(|&index| Some(index) != but);
         others.into_iter().find(|&index| {

@@ -100,10 +100,7 @@ impl Assembled {
     }
 
     /// The same at another rate; `ways`: how its meshes go.
-    pub(in crate::plan) fn again<'a>(
-        &self,
-        ways: &'a [Option<(MeshMethod, u32)>],
-    ) -> Ways<'a> {
+    pub(in crate::plan) fn again<'a>(&self, ways: &'a [Option<(MeshMethod, u32)>]) -> Ways<'a> {
         if self.is_stepped {
             Ways::Stepped
         } else {

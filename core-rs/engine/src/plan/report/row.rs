@@ -3,11 +3,11 @@
 use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
-use crate::plan::{BankPlan, IslandPlan};
 use crate::plan::cost::{self, Costs};
 use crate::plan::passes::body::Body;
 use crate::plan::passes::islands::IslandMembers;
 use crate::plan::passes::ported::PortedBody;
+use crate::plan::{BankPlan, IslandPlan};
 use crate::scheme::{Certificate, StabilityGuarantee};
 use crate::timeline::Timeline;
 

@@ -79,13 +79,7 @@ pub(in crate::plan) fn pilot(
     }
     let spans = Spans::of(&island.island_plan, n_frames);
     let stretches = OnceCell::new();
-    let found = contacts(
-        &island,
-        budget,
-        n_frames,
-        (&spans, &stretches),
-        allowance,
-    );
+    let found = contacts(&island, budget, n_frames, (&spans, &stretches), allowance);
     let Some(found) = unless_spent(found)? else {
         return Ok(Piloted {
             island,
