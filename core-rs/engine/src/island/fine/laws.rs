@@ -2,11 +2,8 @@
 //! law at the three Gauss points, with the exact linear motion of all else between them. Its order is 6, its equations
 //! are implicit, and it damps what the laws damp at any slope (Hairer, Nørsett & Wanner, II.7).
 
-use std::sync::Arc;
-
 use super::basis::{At, dot};
 use super::{Fine, Script};
-use crate::law::Law;
 use crate::scheme::Kind;
 use crate::state::Body;
 
@@ -196,7 +193,8 @@ impl Fine {
             let [by_x, by_v] = &laws.moves[own * n_laws + own];
             let mut left = [[0.0; STAGES]; STAGES];
             for stage in 0..STAGES {
-                let [k, z] = slopes(law, open, e[stage], v[stage] * rate);
+                let force = |e: f64, v: f64| open * law.force(e, v);
+                let [k, z] = slopes(&force, e[stage], v[stage] * rate);
                 for column in 0..STAGES {
                     let one = if column == stage { 1.0 } else { 0.0 };
                     left[stage][column] =
@@ -274,10 +272,9 @@ fn law_force(script: &Script, gates: &[f64], link: usize, [e, v]: [f64; 2]) -> f
     }
 }
 
-/// Slopes of a law in its elongation and in its rate [N/m, N·s/m].
-fn slopes(law: &Arc<Law>, open: f64, e: f64, v: f64) -> [f64; 2] {
+/// Slopes of a force in the elongation and in its rate [N/m, N·s/m].
+fn slopes(force: &impl Fn(f64, f64) -> f64, e: f64, v: f64) -> [f64; 2] {
     let [by_e, by_v] = [e, v].map(|at| NEAR.0 * at.abs() + NEAR.1);
-    let force = |e: f64, v: f64| open * law.force(e, v);
     [
         (force(e + by_e, v) - force(e - by_e, v)) / (2.0 * by_e),
         (force(e, v + by_v) - force(e, v - by_v)) / (2.0 * by_v),
