@@ -15,7 +15,7 @@ from ergon.notation.text.values import Place
 MAX_SHOWN = 20  # of each severity: more is a wall, not a help
 MAX_KEPT = 10_000  # found before sorting; the rest is only counted, so that memory is bounded
 _MAX_NAMES = 2_000  # names that did-you-mean compares with: about 10 ms
-_MAX_LISTED = 12  # names that are told where none is near
+_MAX_LISTED = 20  # names that are told where none is near
 _MAX_LINE = 160  # columns of source shown; longer lines are shown round the caret
 
 Severity = Literal["error", "warning", "note"]
