@@ -189,13 +189,17 @@ class Files:
 
 def _similar(name: str, folder: Path) -> str | None:
     """The file beside the score, or in the library, that a name was most likely meant for."""
-    try:
-        with os.scandir(folder) as entries:
-            names = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
-    except (OSError, ValueError):
-        names = []
-    names.sort()
+    known = {}
     for prefix, root in _LIBRARY.items():
-        names += sorted(f"{prefix}/{path.name}" for path in root.glob("*.yaml"))
-    by_stem = {PurePosixPath(known).stem: known for known in reversed(names)}
-    return by_stem.get(PurePosixPath(name).stem) or nearest(name, names)
+        known |= {path.stem: f"{prefix}/{path.name}" for path in sorted(root.glob("*.yaml"))}
+    for inside in (PurePosixPath(), PurePosixPath(name).parent):
+        if inside.is_absolute() or ".." in inside.parts:
+            continue
+        try:
+            with os.scandir(folder / inside) as entries:
+                files = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
+        except (OSError, ValueError):
+            continue
+        known |= {PurePosixPath(file).stem: str(inside / file) for file in sorted(files)}
+    stem = nearest(PurePosixPath(name).stem, known)
+    return known[stem] if stem is not None else None
