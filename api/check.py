@@ -58,11 +58,12 @@ def try_stage(loaded: Loaded, report: Report | None) -> tuple[Stage | None, list
     if loaded.piece is None:
         return None, []
     from ergon.scores.staging.stage import StageError
+    from ergon.scores.staging.unused import unused
 
     staged = None
     try:
         staged = stage_as_checked(loaded.piece, report)
-        found = staged.diagnostics
+        found = [*unused(loaded.piece), *staged.diagnostics]
     except StageError as error:
         found = error.diagnostics
     scores.show(report, loaded, found)

@@ -19,6 +19,7 @@ from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.probes import probed
 from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.unused import unused
 
 _TABLE = Path(__file__).with_name("codes.yaml")
 NAME = "score.yaml"  # what the examples are called
@@ -56,7 +57,7 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             played = stage(loaded.piece, planned=True)
         except StageError as error:
             return [*loaded.diagnostics, *error.diagnostics], loaded
-        reports = [*loaded.diagnostics, *played.diagnostics]
+        reports = [*loaded.diagnostics, *unused(loaded.piece), *played.diagnostics]
         if entry.code == "W320":
             return [*reports, *_simulated(loaded.piece)], loaded
         frames = np.zeros((min(played.n_frames, int(played.rate)), played.simulation.n_out))

@@ -189,7 +189,7 @@ class Files:
 
 def _similar(name: str, folder: Path) -> str | None:
     """The file beside the score, or in the library, that a name was most likely meant for."""
-    known = {}
+    known: dict[str, str] = {}
     for prefix, root in _LIBRARY.items():
         known |= {path.stem: f"{prefix}/{path.name}" for path in sorted(root.glob("*.yaml"))}
     for inside in (PurePosixPath(), PurePosixPath(name).parent):
