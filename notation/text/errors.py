@@ -82,6 +82,7 @@ class Collector:
         self._found: dict[tuple[str, str, Place], tuple[Diagnostic, tuple[str, ...]]] = {}
         self._counts: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
         self._files: dict[str, int] = {}
+        self.lacks_names = False  # a file that is used cannot be read: unknown names may be its own
 
     def error(
         self,
@@ -96,6 +97,8 @@ class Collector:
     ) -> None:
         """Add one of any severity; with `word`, the nearest of `names` becomes the suggestion."""
         self.told += 1
+        if self.lacks_names and code == "E301":
+            return
         message = printable(message)  # a name of a file may hold what moves a terminal
         if (code, message, place) in self._found:  # an alias is read at each of its places
             return

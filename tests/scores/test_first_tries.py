@@ -38,12 +38,12 @@ def test_the_score_itself_is_right():
     [
         ("instruments/bell.yaml", "bell.yaml", 2, 7, "instruments/bell.yaml"),
         ("instruments/bell.yaml", "instruments/bel.yaml", 2, 7, "instruments/bell.yaml"),
-        ("72 -> 40", "72..40", 5, 18, "72 -> 40"),
-        ("2bar", "2 bars", 5, 34, "2bars"),
+        ("72 -> 40", "72..40", 5, 20, "72 -> 40"),
+        ("2bar", "2 bars", 5, 36, "2bars"),
         ("-6dB", "0.5", 12, 54, "x0.5"),
         ("4s", "4,5s", 13, 16, "4.5s"),
-        ("1.2Ns/m", "1,2Ns/m", 6, 33, "1.2Ns/m"),
-        ("-15mm", "\u221215mm", 6, 50, "-15mm"),
+        ("1.2Ns/m", "1,2Ns/m", 6, 34, "1.2Ns/m"),
+        ("-15mm", "\u221215mm", 6, 51, "-15mm"),
         ("{at: 1|1, play", "{at: '5:1', play", 10, 15, "5|1"),
     ],
 )
