@@ -14,8 +14,12 @@ import yaml
 
 from ergon import _core
 from ergon.notation.text.errors import Diagnostic, full
+from ergon.rendering.swings import never_closed, swings
 from ergon.scores.reading.load import Loaded, load
+from ergon.scores.reading.piece import Piece
+from ergon.scores.staging.probes import probed
 from ergon.scores.staging.stage import StageError, stage
+from ergon.scores.staging.unused import unused
 
 _TABLE = Path(__file__).with_name("codes.yaml")
 NAME = "score.yaml"  # what the examples are called
@@ -53,13 +57,23 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             played = stage(loaded.piece, planned=True)
         except StageError as error:
             return [*loaded.diagnostics, *error.diagnostics], loaded
-        reports = [*loaded.diagnostics, *played.diagnostics]
+        reports = [*loaded.diagnostics, *unused(loaded.piece), *played.diagnostics]
+        if entry.code == "W320":
+            return [*reports, *_simulated(loaded.piece)], loaded
         frames = np.zeros((min(played.n_frames, int(played.rate)), played.simulation.n_out))
         try:
             played.simulation.process(frames)
         except _core.DivergedError as error:
             reports.append(played.fault(error))
         return reports, loaded
+
+
+def _simulated(piece: Piece) -> list[Diagnostic]:
+    """What `check --simulate` adds."""
+    points = probed(piece)
+    played = stage(points.piece)
+    _, closed = swings(played, points, lambda at: None)
+    return never_closed(piece, played.rate, closed)
 
 
 def told(entry: Code, text: str) -> list[str]:

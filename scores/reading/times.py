@@ -41,6 +41,7 @@ class Times:
             good &= self._mark_exists(mark.at, mark.place)
         for values, entry in self._lines:
             good &= self._mark_exists(entry.at, values.place_of("at"))
+            good &= all(name in values.given for name in values.nodes)  # else it is reported
         if not good or len(positions) != len(self._known):
             return TempoMap()
         entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
