@@ -7,31 +7,27 @@ from math import isnan
 from typing import TYPE_CHECKING
 
 from ergon.api import score
-from ergon.api.check import stage_as_checked
-from ergon.rendering.follow import GestureFidelity, followed
-from ergon.rendering.swings import Closing, Swing, never_closed, swings
-from ergon.scores.staging.probes import probed
+from ergon.api.simulate import never_closed, simulate
 
 from .console import Console, plural
 from .units import metres
 
 if TYPE_CHECKING:
+    from ergon.rendering.follow import GestureFidelity
+    from ergon.rendering.swings import Closing, Swing
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
 
 
 def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None:
     """Play a score to its end, and say what keys, masses and contacts did."""
-    points = probed(piece)
-    stage = stage_as_checked(points.piece, console)
-    with console.progress(f"simulating {path}", stage.n_frames, stage.rate) as progress:
-        moved, closed = swings(stage, points, progress.at)
-    _keys(console, piece, followed(stage))
-    _swings(console, moved)
-    _contacts(console, piece, stage.rate, closed)
-    if points.left_out:
-        console.say(f"{plural(points.left_out, 'more point and contact')} not measured")
-    score.show(console, loaded, never_closed(piece, stage.rate, closed))
+    done = simulate(piece, f"simulating {path}", console)
+    _keys(console, piece, done.followed)
+    _swings(console, done.swings)
+    _contacts(console, piece, done.rate, done.contacts)
+    if done.left_out:
+        console.say(f"{plural(done.left_out, 'more point and contact')} not measured")
+    score.show(console, loaded, never_closed(piece, done))
 
 
 def _swings(console: Console, moved: Sequence[Swing]) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
-
-from ergon.notation.text.errors import Diagnostic, quote
 
 from .render import frames_of
 
@@ -15,7 +13,6 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.probes import Contact, Point, Probed
 
 # Frames: short enough that 256 points fit into the processor's cache.
@@ -80,20 +77,3 @@ def swings(
         at += len(frames)
         progress(at)
     return moved, closed
-
-
-def never_closed(piece: Piece, rate: float, closed: Sequence[Closing]) -> list[Diagnostic]:
-    """W320 for each contact that did not close; frames are at `rate` [Hz]."""
-    tempo = piece.tempo_map
-    found = []
-    for one in closed:
-        if one.times:
-            continue
-        contact, nearest = one.contact, tempo.written(tempo.beats(one.deepest_at / rate))
-        message = (
-            f"contact {quote(contact.name)} never closes: {contact.a.name} comes within "
-            f"{-1e3 * one.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"
-        )
-        help = "make the gap smaller by more than that, or the movement larger"
-        found.append(Diagnostic("W320", message, contact.module.place, None, help))
-    return found

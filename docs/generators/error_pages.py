@@ -13,11 +13,9 @@ import numpy as np
 import yaml
 
 from ergon import _core
+from ergon.api.simulate import never_closed, simulate
 from ergon.notation.text.errors import Diagnostic, full
-from ergon.rendering.swings import never_closed, swings
 from ergon.scores.reading.load import Loaded, load
-from ergon.scores.reading.piece import Piece
-from ergon.scores.staging.probes import probed
 from ergon.scores.staging.stage import StageError, stage
 from ergon.scores.staging.unused import unused
 
@@ -59,21 +57,13 @@ def found(entry: Code, text: str) -> tuple[list[Diagnostic], Loaded]:
             return [*loaded.diagnostics, *error.diagnostics], loaded
         reports = [*loaded.diagnostics, *unused(loaded.piece), *played.diagnostics]
         if entry.code == "W320":
-            return [*reports, *_simulated(loaded.piece)], loaded
+            return [*reports, *never_closed(loaded.piece, simulate(loaded.piece, NAME))], loaded
         frames = np.zeros((min(played.n_frames, int(played.rate)), played.simulation.n_out))
         try:
             played.simulation.process(frames)
         except _core.DivergedError as error:
             reports.append(played.fault(error))
         return reports, loaded
-
-
-def _simulated(piece: Piece) -> list[Diagnostic]:
-    """What `check --simulate` adds."""
-    points = probed(piece)
-    played = stage(points.piece)
-    _, closed = swings(played, points, lambda at: None)
-    return never_closed(piece, played.rate, closed)
 
 
 def told(entry: Code, text: str) -> list[str]:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from commands import ERGON
+from patience import PATIENCE
 from tests.robust.test_kills import LIVE, SCORE
 
 from ergon import _core
@@ -24,7 +25,6 @@ from ergon.repl.session.journal import read
 DEVICE = [*ERGON, "emulate", "frame", "--udp", "0", "--json"]
 NEVER = ("Traceback", "internal error", "Exception ignored", "panicked", "in ergon itself")
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
-PATIENCE = 120.0  # [s] of a machine that does much else
 
 
 @pytest.fixture
