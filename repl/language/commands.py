@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.piece import Manner
@@ -65,6 +66,7 @@ class Plays(Command):
     until: Position | None
     do: tuple[Transform, ...]
     manner: Manner
+    entry: Entry | None = field(default=None, compare=False, repr=False)  # as a part has it
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,12 @@ class Do(Command):
 
     player: str
     do: tuple[Transform, ...]
+
+    @property
+    def chain(self) -> tuple[str, ...]:
+        """Each transformation as it was written."""
+        text = self.words["do"].text
+        return tuple(text[one.offset : one.offset + one.length] for one in self.do)
 
 
 @dataclass(frozen=True, slots=True)

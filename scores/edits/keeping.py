@@ -30,9 +30,7 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         lines = entries.lines(texts, piece, player)
         chosen = [entry for line in lines if (entry := window.of(line)) is not None]
         found = found or bool(chosen)
-        kept = entries.stop(kept, player, "", (), lines)
-        for entry in chosen:
-            kept = entries.add(kept, player, entry)
+        kept = entries.change(kept, player, dropped=lines, new=chosen)
     for strikes in piece.strikes:
         kept, is_in = window.strikes(kept, strikes)
         found = found or is_in
@@ -50,14 +48,16 @@ def bring(texts: Texts, piece: Piece, kept: Piece, said: Texts, at: float) -> Te
     """Let kept bars be played from a beat on by their players; others rest. Raises EditError."""
     texts = parts.rest(texts, piece, None, at)
     for player in kept.players:
+        new = []
         for line in entries.lines(said, kept, player):
             entry = line.entry.with_fields(at=written(piece, at + line.begin))
             if line.play.until is not None:
                 until = at + kept.tempo_map.resolve(line.play.until)
                 entry = entry.with_fields(until=written(piece, until))
-            if player not in piece.players:
-                raise EditError(f"this score has no player {player}")
-            texts = entries.add(texts, player, entry)
+            new.append(entry)
+        if new and player not in piece.players:
+            raise EditError(f"this score has no player {player}")
+        texts = entries.change(texts, player, new=new)
     return texts
 
 

@@ -7,6 +7,7 @@ from edited import SCORES, TWO, begun, opened, piece_of, same
 
 from ergon.notation.text.edit import EditError
 from ergon.scores.edits import keeping, keys, matter, names, parts, times
+from ergon.scores.edits.entries import of_words
 from ergon.scores.edits.texts import Texts
 
 
@@ -53,8 +54,8 @@ def some_line(choice, texts, piece, at):
     tempo = choice([("72",), ("60 -> 90", "2bar")])
     pair = [*piece.keys][:2]
     edits = {
-        "play": lambda: parts.play(texts, piece, player, at, words),
-        "transform": lambda: parts.transform(texts, piece, player, at, "scale 0.9, mirror"),
+        "play": lambda: parts.play(texts, piece, player, at, of_words(words)),
+        "transform": lambda: parts.transform(texts, piece, player, at, ["scale 0.9", "mirror"]),
         "define": lambda: names.define(texts, name, "0@0 smooth 5@60ms 0@120ms"),
         "set": lambda: matter.set_value(texts, piece, target, "x1.1"),
         "tempo": lambda: times.change(texts, piece, at, *tempo),
