@@ -1,4 +1,5 @@
-"""The end of a long list as a text of its own, so that an edit reads no more than it changes."""
+"""A line or the end of a long list as a text of its own, so that an edit reads little more than it
+changes."""
 
 from __future__ import annotations
 
@@ -66,6 +67,30 @@ def last_items(
         start, stop = line, _line_end(text, end)
     head = "".join(one for one in heads if one is not None)
     return Window(head + text[start:stop], len(head), start, stop, first)
+
+
+def one_line(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
+    """The line of the value that a path below a section leads into, with the names above it.
+
+    None where the path ends before a line of its own, or where that cannot be read alone.
+    """
+    if "&" in text or "*" in text or text.count("\r") != text.count("\r\n"):
+        return None
+    head, node = _head(text, name, value), value
+    for word in path[:-1]:
+        entry = node.entries.get(str(word)) if isinstance(node, document.Mapping) else None
+        if entry is None or head is None:
+            return None
+        name, node = entry
+        line = text.rfind("\n", 0, name.start) + 1
+        stop = _line_end(text, name.end)
+        if isinstance(node, document.Mapping) and text[node.start] == "{":
+            if text[line : name.start].strip() or node.end > stop:
+                return None
+            return Window(head + text[line:stop], len(head), line, stop, 0)
+        own = _head(text, name, node)
+        head = None if own is None else head + own
+    return None
 
 
 def _head(text: str, name: Scalar, value: Node) -> str | None:

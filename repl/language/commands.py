@@ -282,6 +282,18 @@ class Keep(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class Scene(Command):
+    """Play kept bars from their beginning, again and again; `over` is how long parameters glide.
+
+    With `before` its bars are played meanwhile, and those of `name` afterwards.
+    """
+
+    name: str
+    before: str | None = None
+    over: Length | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Save(Command):
     """Write the score; None: to its own file."""
 

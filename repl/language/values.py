@@ -14,7 +14,7 @@ from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.scope import Scope, scores_in
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
@@ -391,5 +391,30 @@ def _file(text: str, *_: Any) -> str:
     return str(k.PATH.parse(word))
 
 
-FILE = Value("the name of a file", _file, _no_offers)
+def _files(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:
+    """The scores in the session's folder."""
+    for path in scores_in(context.scope.folder):
+        yield Completion(path.name if suffix else path.stem, "a score")
+
+
+def _scenes(text: str, *_: Any) -> tuple[str, str | None]:
+    names = [(word.strip(), text.index(word)) for word in text.split("->")]
+    if len(names) > 2:
+        raise TextError("a scene goes to one other: scene A -> B over 4bar", length=len(text))
+    for name, offset in names:
+        if not NAME.fullmatch(name) or len(name) > MAX_NAME:
+            message = f"{quote(name)} is not the name of a scene, such as verse-2"
+            raise TextError(message, offset=offset, length=max(1, len(name)))
+    return names[0][0], names[1][0] if len(names) > 1 else None
+
+
+def _scene_offers(context: CompletionContext) -> Iterator[Completion]:
+    if not context.before or context.before[-1] == "->":
+        yield from _files(context, suffix=False)
+    elif len(context.before) == 1:
+        yield Completion("->", "to another scene")
+
+
+FILE = Value("the name of a file", _file, _files)
+SCENES = Value("the name of a scene, such as verse-2", _scenes, _scene_offers)
 EXPRESSION = Value("a Python expression", lambda text, *_: text, _no_offers)

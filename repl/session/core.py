@@ -18,11 +18,11 @@ from ergon.repl.session import computing, version_edits
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
-from ergon.repl.session.disk import Disk
+from ergon.repl.session.disk import Disk, folder_of
 from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.journal_content import text_fields
+from ergon.repl.session.journal_content import effect_fields, text_fields
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
@@ -91,7 +91,7 @@ class SessionCore:
         self.taps: list[float] = []
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
-        self._scope = scope_of(version.piece)
+        self._scope = scope_of(version.piece, folder_of(version.texts))
         self._scope_piece = version.piece
         self._messages: deque[str] = deque(maxlen=1000)
         # The share of the scene's force that each player was last told.
@@ -120,7 +120,7 @@ class SessionCore:
         when: When = next((c.when for c in commands if c.when is not None), None)
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
-        said = [version_edits.summary(command, made) for command in commands]
+        said = [version_edits.summary(command, made, where) for command in commands]
         said += self.force_messages(made)
         said += self._dropped_messages(made.version)
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
@@ -226,7 +226,7 @@ class SessionCore:
             if self.watch is not None:
                 self.watch.follow(version.read)
         disk["disk"] = self.disk.hashes_by_name(version.texts)
-        return {**text_fields(version.texts), **disk}
+        return {**text_fields(version.texts), **disk, **effect_fields(version)}
 
     def drop(self, waiting: Waiting) -> None:
         """Remove a line that has not taken effect."""
@@ -332,13 +332,17 @@ class SessionCore:
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
                 # What a line read is merged with what plays when it takes effect.
-                texts = text_fields(one.made.version.texts) if one.is_read and one.made else {}
+                texts: dict[str, object] = {}
+                if one.is_read and one.made:
+                    version = one.made.version
+                    texts = {**text_fields(version.texts), **effect_fields(version)}
                 self._tell("commit", number=one.number, frame=frame, beat=one.beat, **texts)
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece
         if piece is not self._scope_piece:
-            self._scope, self._scope_piece = scope_of(piece), piece
+            folder = folder_of(self.commits.head.texts)
+            self._scope, self._scope_piece = scope_of(piece, folder), piece
 
     def _written(self, frame: int) -> str:
         running: Running = self.commits.running

@@ -16,6 +16,7 @@ from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
 from ergon.repl.session import computing, files, inspection, version_edits
+from ergon.repl.session.scene_edits import scene_of
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.repl.session_protocol import Reply
 
@@ -256,7 +257,9 @@ def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
 
 @_does(c.Keep)
 def _keep(session: SessionCore, command: c.Keep) -> Reply:
-    return Reply(True, f"ok wrote {', '.join(files.keep(session, command.length, command.name))}")
+    written = files.keep(session, command.length, command.name)
+    scene_of(session.commits.head.texts, command.name)  # so that `scene` answers at once
+    return Reply(True, f"ok wrote {', '.join(written)}")
 
 
 @_does(c.Py)

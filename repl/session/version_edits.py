@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
+from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
 from ergon.repl.session.edit_table import makes, moves, with_texts, writes
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
 from ergon.scores.edits import keys, matter, merging, names, parts, times
+from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
@@ -201,7 +203,8 @@ def _load(command: c.Load) -> VersionEdit:
             trust = before is not None and before.trusts
             folder = Path(command.file).parent
             files.append(_file(command.file, Bounds.around(folder, trust=trust)))
-        return replace(with_texts(version, files[0]), read=files[0], base=files[0])
+        made = replace(with_texts(version, files[0]), read=files[0], base=files[0])
+        return replace(made, enters=beat if sounds_from(made.piece, beat) else 0.0)
 
     return edit
 
@@ -244,18 +247,23 @@ def _damp(command: c.Damp) -> VersionEdit:
     return lambda version, beat: replace(hushed(version, beat), damp=command.time)
 
 
-READS_FILES = (c.Load, c.Reload)
+READS_FILES = (c.Load, c.Reload, c.Scene)
 
 
 # --- what is said of it --------------------------------------------------------------------------
 
 
-def summary(command: c.Command, made: Running) -> str:
-    """What a reply says of a command beyond `ok`."""
+def summary(command: c.Command, made: Running, where: str) -> str:
+    """What a reply says of a command beyond `ok` and `where` it acts."""
     if isinstance(command, c.Define):
         return _defined(command, made)
     if isinstance(command, c.Plays):
         return f"{command.player}: {command.words['play'].text}"
+    if isinstance(command, c.Scene):
+        begun = "" if command.before is None else f"{command.before}, then "
+        return f"{begun}{command.name}, from its beginning, again and again"
+    if isinstance(command, c.Load) and made.version.enters == 0.0 and where != "1|1":
+        return f"{Path(command.file).name} begins at 1|1, for its bars are past"
     if isinstance(command, c.Guide):
         by = command.by
         return (

@@ -1,7 +1,8 @@
 """Keeping some bars of a score as a score of their own.
 
 It is the whole score with the same keys, instruments, gestures and mix, and with only those bars in
-its parts, from 1|1 on: it can be checked, rendered, loaded, copied from, or brought back.
+its parts, from 1|1 to its mark `end`: it can be checked, rendered, loaded, copied from, or brought
+back as a scene.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, parts
+from ergon.scores.edits import entries
 from ergon.scores.edits.lists import dropped, items, place
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.scenes import END
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -37,28 +38,11 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
     if not found:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
-    kept = window.duet(kept)
+    kept = window.duet(kept).put(("marks", END), window.at(stop))
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
     # The tempo last: until then positions are read by the old tempo map.
     return window.tempo(kept)
-
-
-def bring(texts: Texts, piece: Piece, kept: Piece, said: Texts, at: float) -> Texts:
-    """Let kept bars be played from a beat on by their players; others rest. Raises EditError."""
-    texts = parts.rest(texts, piece, None, at)
-    for player in kept.players:
-        new = []
-        for line in entries.lines(said, kept, player):
-            entry = line.entry.with_fields(at=written(piece, at + line.begin))
-            if line.play.until is not None:
-                until = at + kept.tempo_map.resolve(line.play.until)
-                entry = entry.with_fields(until=written(piece, until))
-            new.append(entry)
-        if new and player not in piece.players:
-            raise EditError(f"this score has no player {player}")
-        texts = entries.change(texts, player, new=new)
-    return texts
 
 
 class _Window:

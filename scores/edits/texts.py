@@ -17,7 +17,7 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.memory import Memory
 from ergon.notation.text.sections import Section, alone, lines
 from ergon.notation.text.syntax import MAX_BYTES, decode
-from ergon.notation.text.window import last_items
+from ergon.notation.text.window import Window, last_items, one_line
 from ergon.scores.reading.load import Loaded, load
 from ergon.scores.reading.sections import SCORE
 from ergon.scores.reading.uses import Names, Uses
@@ -131,16 +131,38 @@ class Texts:
         `change` is told how many items its document lacks. Where the items cannot stand alone it
         edits the section.
         """
+
+        def window(text: str, section: Section) -> Window | None:
+            return last_items(text, section.name, section.value, path[1:], first)
+
+        return self._edited_alone(path, window, change, file)
+
+    def _edited_line(
+        self, path: edit.Path, change: Callable[[Document], str], file: str | None
+    ) -> Texts:
+        """Edit a value below the line at which a path ends, and no more is read where it can be."""
+
+        def window(text: str, section: Section) -> Window | None:
+            return one_line(text, section.name, section.value, path[1:])
+
+        return self._edited_alone(path, window, lambda own, _: change(own), file)
+
+    def _edited_alone(
+        self,
+        path: edit.Path,
+        window: Callable[[str, Section], Window | None],
+        change: Callable[[Document, int], str],
+        file: str | None,
+    ) -> Texts:
         own = lines(self.text, str(path[0])) if file in (None, self.path) else None
         section = self._alone(str(path[0])) if own is not None else None
         if own is not None and section is not None:
             text = self.text[slice(*own)]
-            window = last_items(text, section.name, section.value, path[1:], first)
             with contextlib.suppress(EditError):
-                if window is not None:
-                    said = change(edit.read(window.text, self.path), window.first)
-                    if (text_ := window.put_back(text, said)) is not None:
-                        return self.changed(self.text[: own[0]] + text_ + self.text[own[1] :])
+                if (part := window(text, section)) is not None:
+                    said = change(edit.read(part.text, self.path), part.first)
+                    if (whole := part.put_back(text, said)) is not None:
+                        return self.changed(self.text[: own[0]] + whole + self.text[own[1] :])
         return self.edited(path[0], lambda own: change(own, 0), file)
 
     def _alone(self, name: str) -> Section | None:
@@ -161,7 +183,7 @@ class Texts:
             return edit.put(own, _shifted(path, lacks), text, SECTIONS)
 
         if first is None:
-            return self.edited(path[0], lambda own: change(own, 0), file)
+            return self._edited_line(path, lambda own: change(own, 0), file)
         return self.edited_list(at, first, change, file)
 
     def append(self, path: edit.Path, text: str) -> Texts:
@@ -176,7 +198,7 @@ class Texts:
         found = [_list_in(path) for path in paths]
         firsts = [first for _, first in found if first is not None]
         if len(firsts) < len(found):
-            return self.edited(paths[0][0], lambda own: edit.remove(own, *paths), file)
+            return self._edited_line(paths[0], lambda own: edit.remove(own, *paths), file)
 
         def change(own: Document, lacks: int) -> str:
             return edit.remove(own, *(_shifted(path, lacks) for path in paths))

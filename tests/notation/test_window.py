@@ -82,3 +82,52 @@ def test_a_long_list_is_read_once_by_an_edit(monkeypatch: pytest.MonkeyPatch):
     made = texts.append(("parts", "ada"), "{at: 400|1, play: y}")
     assert made.text.endswith("    - {at: 400|1, play: y}\n")
     assert sum(read) < 400
+
+
+@pytest.mark.parametrize("n_gone", [1, 2, 3])
+@pytest.mark.parametrize("tail", ["", ", "])
+def test_the_last_items_of_a_list_go_with_their_commas(n_gone: int, tail: str):
+    items = [f"{{at: {n}}}" for n in range(4)]
+    text = f"parts:\n  ada: [{', '.join(items)}{tail}]\n"
+    gone = [("parts", "ada", n) for n in range(4 - n_gone, 4)]
+    made = edit.remove(edit.read(text, ""), *gone)
+    assert made == f"parts:\n  ada: [{', '.join(items[: 4 - n_gone])}{tail}]\n"
+    more = edit.append(edit.read(made, ""), ("parts", "ada"), "{at: 9}")
+    assert edit.tree(edit.read(more, "").root)["parts"]["ada"][-1] == {"at": "9"}
+
+
+MODULES = """\
+instruments:   # all
+  bell:
+    modules:
+      m: {CEL: {M: 2g, f: A3}}  # rings
+      b:
+        BUT: {between: [k1, m], K: 900N/m}
+    out: {SOX: m}
+  gong: {from: gong/plate, f: A1}
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("bell", "modules", "m", "CEL", "M"), "3g"),
+        (("bell", "modules", "m", "CEL", "t60"), "2s"),
+        (("bell", "modules", "b", "BUT", "K"), "1kN/m"),
+        (("bell", "modules", "b", "BUT"), "{between: [k2, m]}"),
+        (("bell", "modules", "n"), "{MAS: {M: 1g}}"),
+        (("bell", "out"), "{SOX: b}"),
+        (("gong", "f"), None),
+        (("bell", "modules", "m", "CEL", "f"), None),
+        (("bell", "modules", "b"), None),
+    ],
+)
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_an_edit_of_a_line_is_the_edit_of_the_whole(path, value, newline):
+    text = MODULES.replace("\n", newline)
+    texts, own = Texts("s.yaml", text), edit.read(text, "s.yaml")
+    place = ("instruments", *path)
+    if value is None:
+        assert texts.remove(place).text == edit.remove(own, place)
+    else:
+        assert texts.put(place, value).text == edit.put(own, place, value)

@@ -6,8 +6,9 @@ import pytest
 from edited import SCORES, TWO, begun, opened, piece_of, same
 
 from ergon.notation.text.edit import EditError
-from ergon.scores.edits import keeping, keys, matter, names, parts, times
+from ergon.scores.edits import keeping, keys, matter, names, parts, scenes, times
 from ergon.scores.edits.entries import of_words
+from ergon.scores.edits.scenes import Scene
 from ergon.scores.edits.texts import Texts
 
 
@@ -25,7 +26,8 @@ def test_bars_are_kept_as_they_were(path, start, stop):
         seconds = tempo.seconds(start + beat) - tempo.seconds(start)
         assert kept.tempo_map.seconds(beat) == pytest.approx(seconds, abs=1e-9)
         assert kept.tempo_map.bar_beat(beat)[1] == tempo.bar_beat(start + beat)[1]
-    back = piece_of(keeping.bring(texts, piece, kept, said, 100.0))
+    scene = Scene.of(said, kept)
+    back = piece_of(scenes.bring(texts, piece, scene, 100.0, 100.0 + scene.beats))
     for player in piece.players:
         again = [(b - 100.0, *rest) for b, *rest in begun(back, player) if b >= 100.0]
         same(again, begun(kept, player))

@@ -92,6 +92,8 @@ class Player:
             "release",
             "save",
             f"save {self.one('one', 'two', 'score')}",
+            f"scene {self.one('kept', 'more', 'other')}",
+            f"scene {self.one('kept', 'more')} -> {self.one('kept', 'more')} over 1bar",
             f"keep {self.draw.randint(1, 8)}bar as {self.one('kept', 'more')}",
             "history",
             self.one("show", "show ada", "? knock", "scope ada", "meters", "help", "py piece.seed"),

@@ -54,6 +54,7 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "back 3": lambda s: s.back(3),
     "history": lambda s: s.history(),
     "keep 8bar as verse-2": lambda s: s.keep("8bar", "verse-2"),
+    "scene verse-2 -> refrain over 4bar": lambda s: s.scene("verse-2 -> refrain", over="4bar"),
     "save scores/duet-live.yaml": lambda s: s.save(Path("scores/duet-live.yaml")),
     "load duet.yaml": lambda s: s.load("duet.yaml"),
     "reload": lambda s: s.reload(),
