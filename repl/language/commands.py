@@ -187,6 +187,62 @@ class Uncouple(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class Build(Command):
+    """`bell2 = bell/bell transpose 7st`: an instrument like another, or from a file.
+
+    `fields` replace those of the other, as written.
+    """
+
+    name: str
+    base: str
+    semitones: float
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Link(Command):
+    """Join two modules by a link of a kind, with its fields as written."""
+
+    a: str
+    b: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Takes(Command):
+    """Let a player take a key; a key that is new is `like` another (None: the first)."""
+
+    player: str
+    key: str
+    like: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Route(Command):
+    """Let an instrument sound from channels."""
+
+    name: str
+    channels: tuple[str, ...]
+    gain: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Remove(Command):
+    """Remove what has a name, with what belongs to it alone."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rename(Command):
+    """Give a gesture, a take or a player another name."""
+
+    old: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Guide(Command):
     """Guide a real hand along another player's part; by None: end that.
 

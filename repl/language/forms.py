@@ -97,6 +97,17 @@ def tempo(
     return c.Tempo(*bpm, over, when=when, words=words)
 
 
+def build(
+    name: str,
+    base: tuple[str, float, Mapping[str, str]],
+    *,
+    when: c.When,
+    words: Words,
+) -> c.Build:
+    """An instrument with its own fields."""
+    return c.Build(name, *base, when=when, words=words)
+
+
 def scene(
     names: tuple[str, str | None], over: Length | None, *, when: c.When, words: Words
 ) -> c.Scene:

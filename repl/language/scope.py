@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from ergon.instruments.kinds import KINDS
 from ergon.instruments.model import Module
@@ -60,9 +61,13 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
     )
 
 
-def with_gesture(scope: Scope, name: str) -> Scope:
-    """The scope, and a gesture that a line above has defined."""
-    return replace(scope, gestures={**scope.gestures, name: "gesture"})
+def with_name(scope: Scope, section: str, name: str) -> Scope:
+    """The scope, and a name in one of its sections that a line above has defined."""
+    known = getattr(scope, section)
+    if name in known:
+        return scope
+    added: Any = {section: {**known, name: "defined above"}}
+    return replace(scope, **added)
 
 
 def _about(gesture: Gesture) -> str:

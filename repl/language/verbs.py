@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import forms
+from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
@@ -94,6 +95,30 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
         _form("couple", "c", "joins two keys by a spring and a damper",
               "couple k1 k2 K=40N/m", forms.couple, *_KEYS, *_LINK),
+        _form("=", "=", "adds an instrument like another, or from a file",
+              "bell2 = bell/bell transpose 7st", forms.build,
+              Slot("name", "NAME", s.PART_NAME),
+              Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE,
+                   many=True), subject=True),
+        _form("link", "li", "joins two modules, or a key and a module, by a link",
+              "link k1 bell.m BUT K=4kN/m", c.Link,
+              Slot("a", "MODULE", s.LINK_END), Slot("b", "MODULE", s.OTHER_END),
+              Slot("kind", "KIND", s.LINK_KIND),
+              Slot("fields", "FIELD=VALUE …", s.LINK_FIELDS, many=True)),
+        _form("takes", "t", "the player takes a key; who and what is new is added",
+              "mia takes k3 like k1", c.Takes,
+              Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
+              Slot("like", "KEY", v.KEY, "like", optional=True), subject=True),
+        _form("route", "ro", "an instrument sounds from these channels, and no others",
+              "route bell 3 4 gain -6dB", c.Route,
+              Slot("name", "INSTRUMENT", s.INSTRUMENT),
+              Slot("channels", "CHANNEL …|nearest", s.CHANNELS, many=True),
+              Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True)),
+        _form("remove", "rem", "removes what has a name, and what belongs to it alone",
+              "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
+        _form("rename", "ren", "gives a gesture, a take or a player another name",
+              "rename lean tilt", c.Rename,
+              Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME)),
         _form("uncouple", "unc", "removes what joins two keys",
               "uncouple k1 k2", c.Uncouple, *_KEYS),
     ),
@@ -163,7 +188,6 @@ FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in som
 SHORTEST = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(form.verb for form in FORMS if form.subject and form.verb != "=")
 VERBS = tuple(dict.fromkeys(form.verb for form in FORMS if not form.subject))  # they begin a line
-NOT_BUILT = {"link": "ergon cannot share its tempo with other machines (link) yet"}
 
 
 def forms_of(verb: str) -> tuple[Form, ...]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ergon.exchange.safe import FileRefusedError
 from ergon.exchange.together import write_all
+from ergon.notation.text.edit import EditError
 from ergon.repl.language.scope import SUFFIXES
 from ergon.repl.session import save_as
 from ergon.repl.session.disk import as_written, folder_of, home
@@ -24,12 +25,20 @@ def keep(session: SessionCore, length: Length, name: str) -> list[str]:
     """Write the last bars as a score beside this one; the names of the files written."""
     version, now = session.commits.head, session.commits.now()
     tempo = version.piece.tempo_map
-    if length.bars and not length.beats and not length.seconds:  # whole bars, those that are over
-        bar, _ = tempo.bar_beat(now)
-        now = tempo.bars.start(bar) if bar > 1 else now
-    beats = tempo.after(0.0, length) if not length.seconds else None
-    start = now - beats if beats is not None else tempo.beats(tempo.seconds(now) - length.seconds)
-    kept = keeping.keep(version.texts, version.piece, name, max(0.0, start), now)
+    bar = tempo.bars.start(tempo.bar_beat(now)[0])
+    is_bars = length.bars and not length.beats and not length.seconds
+    ends = [bar, now] if is_bars and bar > 0.0 else [now]  # whole bars are those that are over
+    while True:
+        stop = ends.pop(0)
+        start = tempo.beats(tempo.seconds(stop) - length.seconds)
+        if not length.seconds:
+            start = stop - tempo.after(0.0, length)
+        try:
+            kept = keeping.keep(version.texts, version.piece, name, max(0.0, start), stop)
+            break
+        except EditError:
+            if not ends:
+                raise
     piece_of(kept)
     target = _target(kept, Path(name))
     if target is None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
 from ergon.repl.session import scene_edits as scene_edits
+from ergon.repl.session import structure_edits as structure_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
 from ergon.repl.session.edit_table import makes, moves, with_texts, writes
 from ergon.repl.session.guidance import guide_of
