@@ -373,9 +373,10 @@ class Reload(Command):
 
 @dataclass(frozen=True, slots=True)
 class Look(Command):
-    """Draw a gesture or a take, or show where a name is defined; nothing is played."""
+    """Draw a gesture or a take, or show where a name is defined; None: who plays what at which
+    beat."""
 
-    name: str
+    name: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,9 +388,16 @@ class Show(Command):
 
 @dataclass(frozen=True, slots=True)
 class Trace(Command):
-    """Draw the gesture that a player is playing."""
+    """Draw where a player's key was."""
 
     name: str
+
+
+@dataclass(frozen=True, slots=True)
+class TraceOn(Command):
+    """Keep that drawing above the status line; None: end it."""
+
+    name: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

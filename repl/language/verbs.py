@@ -28,7 +28,6 @@ _OVER = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
 _OFF = Slot("", "", None, "off")
 _SOUNDING = Slot("name", "NAME", v.SOUNDING)
 _SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
-_SHOWN = Slot("name", "NAME", v.LOOKED_AT)
 _SHOWN_OR_ALL = Slot("name", "NAME", v.LOOKED_AT, optional=True)
 _PLAY = "NAME [from TIME] [every LENGTH] [times N] [until WHERE] [do …] [touch …]"
 
@@ -168,12 +167,16 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "seed 7", c.Seed, Slot("seed", "N", v.SEED)),
     ),
     "looking": (
-        _form("?", "?", "draws a gesture, or shows where a name is defined",
-              "? lean", c.Look, _SHOWN, timed=False),
+        _form("?", "?", "draws a gesture, shows where a name is defined, or draws two bars",
+              "? lean", c.Look, _SHOWN_OR_ALL, timed=False),
         _form("show", "sh", "lists who plays what, or shows where a name is defined",
               "show ada", c.Show, _SHOWN_OR_ALL, timed=False),
         _form("scope", "sc", "draws where a player's key was in the last two seconds",
               "scope ada", c.Trace, Slot("name", "NAME", v.MOVING), timed=False),
+        _form("scope", "sc", "keeps that drawing above the status line, while the key moves",
+              "scope remi on", c.TraceOn, Slot("name", "NAME", v.MOVING), Slot("", "", None, "on"),
+              timed=False),
+        _form("scope", "sc", "ends it", "scope off", c.TraceOn, _OFF, timed=False),
         _form("help", "he", "lists the verbs, or explains one",
               "help plays", c.Help, Slot("verb", "VERB", VERB, optional=True), timed=False),
         _form("py", "py", "evaluates Python in which `session` and `piece` are known",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import threading
 from collections import deque
@@ -14,7 +15,7 @@ from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.scope import scope_of
-from ergon.repl.session import computing, version_edits
+from ergon.repl.session import computing, inspection, version_edits
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _BAR = Length(bars=1.0)
+_DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
+_TRACE_HEIGHT = 6  # characters
 _LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
 
 
@@ -89,6 +92,9 @@ class SessionCore:
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
         self.taps: list[float] = []
+        self.traced: str | None = None  # whose key is drawn while it moves
+        self.drawing: tuple[str, ...] = ()
+        self._drawn = 0  # the frame of that drawing
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
         self._scope = scope_of(version.piece, folder_of(version.texts))
@@ -268,6 +274,20 @@ class SessionCore:
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
             self._tell_troubles()
+            if self.traced is not None:
+                frame = self.commits.engine.frame
+                if frame >= self._drawn + _DRAWS_EVERY * self.commits.rate:
+                    self.trace()
+
+    def trace(self) -> None:
+        """Draw the key that is traced, if one is."""
+        engine, running = self.commits.engine, self.commits.running
+        self._drawn, self.drawing = engine.frame, ()
+        if self.traced is not None:
+            with contextlib.suppress(NotTakenError):  # the player is gone, or has not moved yet
+                own = self.traced, engine.tick_frames, self.captures.path
+                lines = inspection.scoped(running, engine.frame, *own, height=_TRACE_HEIGHT)
+                self.drawing = tuple(lines)
 
     def _tell_troubles(self) -> None:
         """A message for each trouble of the engine that is new; counts not more than once a

@@ -15,7 +15,7 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import is_shipped
 from ergon.repl.language import commands as c
 from ergon.repl.language.help import about, overview
-from ergon.repl.session import computing, files, inspection, version_edits
+from ergon.repl.session import bars, computing, files, inspection, version_edits
 from ergon.repl.session.scene_edits import scene_of
 from ergon.repl.session.version import NotTakenError, Version
 from ergon.repl.session_protocol import Reply
@@ -195,8 +195,12 @@ def _show(session: SessionCore, command: c.Show) -> Reply:
 
 @_does(c.Look)
 def _look(session: SessionCore, command: c.Look) -> Reply:
+    commits = session.commits
+    if command.name is None:
+        playing = commits.running.in_flight(commits.engine.frame)
+        return Reply(True, "", lines=tuple(bars.drawn(commits.head.piece, playing, commits.now())))
     with session.computing.within(computing.LINE):
-        return Reply(True, "", lines=tuple(inspection.drawn(session.commits.head, command.name)))
+        return Reply(True, "", lines=tuple(inspection.drawn(commits.head, command.name)))
 
 
 @_does(c.Trace)
@@ -210,6 +214,15 @@ def _scope(session: SessionCore, command: c.Trace) -> Reply:
             session.captures.path,
         )
     return Reply(True, "", lines=tuple(lines))
+
+
+@_does(c.TraceOn)
+def _scope_on(session: SessionCore, command: c.TraceOn) -> Reply:
+    if command.name is not None:
+        _scope(session, c.Trace(command.name))  # refuses what cannot be drawn
+    session.traced = command.name
+    session.trace()
+    return Reply(True, "ok")
 
 
 @_does(c.Meters)

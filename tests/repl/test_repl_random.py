@@ -68,6 +68,13 @@ class Player:
             f"set drum.m.f {self.number(50, 200)}Hz",
             f"couple k1 k2 K={self.number(1, 60)}N/m Z=0.2Ns/m",
             "uncouple k1 k2",
+            f"b2 = {self.one('bell', 'drum')} transpose {self.draw.randint(-5, 9)}st\nroute b2 2",
+            f"link {self.one('k1', 'k2', 'bell.m')} {self.one('b2.m', 'drum.m')} "
+            + self.one("BUT K=300N/m gap=1mm", "REF K=20N/m Z=0.1Ns/m", "RES K=2kN/m"),
+            f"remove {self.one('b2', 'links.but-1', 'links.ref-1', 'links', 'far', 'mia')}",
+            f"{self.one('mia', 'leo')} takes {self.one('k1', 'k2', 'k3')}",
+            f"rename {self.one('knock far2', 'far2 knock', 'leo leo2', 'leo2 leo')}",
+            f"route {self.one('bell', 'drum')} {self.one('1', '2', '1 2', '3')}",
             f"gain {part} {self.number(-20, 3)}dB",
             f"mute {part}",
             f"solo {part}",

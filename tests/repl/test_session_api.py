@@ -68,6 +68,8 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "? lean": lambda s: s.look("lean"),
     "show ada": lambda s: s.show("ada"),
     "scope ada": lambda s: s.scope("ada"),
+    "scope remi on": lambda s: s.scope("remi", "on"),
+    "scope off": lambda s: s.scope("off"),
     "help plays": lambda s: s.help("plays"),
     "py session.state().tempo": lambda s: s.py("session.state().tempo"),
     "quit": lambda s: s.quit(),

@@ -131,6 +131,8 @@ OTHERS = [
     ("show", c.Show(None)),
     ("show ada", c.Show("ada")),
     ("scope k1", c.Trace("k1")),
+    ("scope ada on", c.TraceOn("ada")),
+    ("sc off", c.TraceOn()),
     ("help", c.Help(None)),
     ("help te", c.Help("tempo")),
     ("help record", c.Help("record")),
