@@ -128,6 +128,14 @@ def _bases(context: CompletionContext) -> Iterator[Completion]:
         yield Completion("transpose", "higher or lower, in semitones")
 
 
+def _new_part(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    for what, known in (("gesture", scope.gestures), ("take", scope.takes)):
+        if text in known:
+            message = f"{quote(text)} is a {what}: give the instrument another name"
+            raise TextError(message, length=len(text))
+    return v.new_name(text)
+
+
 def _known_or_new(section: str) -> Value:
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         return text if text in getattr(scope, section) else v.new_name(text)
@@ -160,7 +168,7 @@ def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-PART_NAME = Value("a new name", lambda text, *_: v.new_name(text), lambda _: ())
+PART_NAME = Value("a new name", _new_part, lambda _: ())
 BASE = Value("an instrument, or a file and a name such as bell/bell", _base, _bases)
 LINK_END = Value("a key or a module, such as k1 or bell.m", _end, _ends)
 OTHER_END = v.another(LINK_END, "a")

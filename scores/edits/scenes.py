@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -52,18 +53,20 @@ def bring(texts: Texts, piece: Piece, scene: Scene, at: float, until: float | No
         raise EditError(f"this score has no player {missing}, who plays in the scene")
     texts = parts.hush(texts, piece, at)
     stop = end(piece, at) if until is None else written(piece, until)
+    last = math.inf if until is None else until - SAME
     for player in scene.piece.players:
         lines = entries.lines(scene.texts, scene.piece, player)
         new = [
             entry.with_fields(at=written(piece, at + begin), until=stop)
             for line in lines
             for begin, entry in _looped(line, scene.beats)
+            if at + begin < last
         ]
         texts = entries.change(texts, player, new=new)
     texts = _defined(texts, scene)
     texts = _coupled(texts, piece, scene, at, None if until is None else stop)
     for strikes in scene.piece.strikes:
-        texts = _struck(texts, piece, scene, strikes, at, stop)
+        texts = _struck(texts, piece, scene, strikes, at, last, stop)
     return texts
 
 
@@ -172,7 +175,13 @@ def _coupled(texts: Texts, piece: Piece, scene: Scene, at: float, until: str | N
 
 
 def _struck(
-    texts: Texts, piece: Piece, scene: Scene, strikes: Strikes, at: float, until: str
+    texts: Texts,
+    piece: Piece,
+    scene: Scene,
+    strikes: Strikes,
+    at: float,
+    last: float,
+    until: str,
 ) -> Texts:
     """Strikes of a scene from a beat on, under names that are free.
 
@@ -191,8 +200,10 @@ def _struck(
     body = {name: value for name, value in body.items() if name not in ("for", "until", "times")}
     if strikes.rate is not None:
         fills = begin < SAME and stop >= scene.beats - SAME
-        last = until if fills else written(piece, at + min(stop, scene.beats))
-        rounds = [{**body, "at": written(piece, at + begin), "until": last}]
+        end_ = at + min(stop, scene.beats)
+        ends = until if fills or end_ > last else written(piece, end_)
+        rounds = [{**body, "at": written(piece, at + begin), "until": ends}]
+        rounds = rounds if begin < scene.beats - SAME and at + begin < last else []
     else:
         limit = None if strikes.until is None and strikes.span is None else stop
         every, count = strikes.every, strikes.times
@@ -205,7 +216,7 @@ def _struck(
                 "until": until,
             }
             for beat in found
-            if beat < scene.beats - SAME
+            if beat < scene.beats - SAME and at + beat < last
         ]
     for one in rounds:
         texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(one))

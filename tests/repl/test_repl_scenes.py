@@ -236,6 +236,37 @@ def test_what_is_kept_of_any_score_comes_back_in_rounds(path, start, stop):
         assert [b for b, *_ in found] == pytest.approx([b for b, *_ in wanted])
 
 
+STRUCK = SCORE.replace(
+    "gestures:",
+    """strikes:
+  rain: {to: [bell.m, drum.m], at: 1|1, until: 3|1, rate: 9Hz, impulse: 1uNs..4uNs}
+  tick: {to: drum.m, at: 1|2, every: 2, times: 5, impulse: 2uNs}
+  late: {to: drum.m, at: 2|2, until: 4|1, rate: 5Hz, impulse: 2uNs}
+gestures:""",
+)
+
+
+@pytest.mark.parametrize("until", [None, 101.5, 102.5, 120.0])
+def test_strikes_come_back_in_rounds(until: float | None):
+    texts, piece = opened("s.yaml", STRUCK + "marks: {end: 3|1}\n")
+    scene = Scene.of(texts, piece)
+    assert scene.beats == 8.0
+    back = piece_of(scenes.bring(texts, piece, scene, 100.0, until))
+    tempo = back.tempo_map
+    new = [
+        (one.name, tempo.resolve(one.at), tempo.resolve(one.until), one.every is None)
+        for one in back.strikes
+        if tempo.resolve(one.at) >= 100.0 and one.until is not None
+    ]
+    end = until or 3992.0  # 999|1
+    wanted = [
+        ("rain-2", 100.0, end, True),
+        *((f"tick-{2 + n}", 101.0 + 2 * n, end, False) for n in range(4)),
+        ("late-2", 105.0, min(108.0, end), True),
+    ]
+    assert new == [one for one in wanted if one[1] < end]
+
+
 # --- a score that is loaded ----------------------------------------------------------------------
 
 SHORT = SCORE.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1, times: 16}]")
