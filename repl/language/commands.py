@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from ergon.notation.clock.positions import Length, Position
+from ergon.scores.edits.entries import Entry
 from ergon.scores.gesture.notation import Notation
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.piece import Manner
@@ -65,6 +66,7 @@ class Plays(Command):
     until: Position | None
     do: tuple[Transform, ...]
     manner: Manner
+    entry: Entry | None = field(default=None, compare=False, repr=False)  # as a part has it
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,12 @@ class Do(Command):
 
     player: str
     do: tuple[Transform, ...]
+
+    @property
+    def chain(self) -> tuple[str, ...]:
+        """Each transformation as it was written."""
+        text = self.words["do"].text
+        return tuple(text[one.offset : one.offset + one.length] for one in self.do)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +187,62 @@ class Uncouple(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class Build(Command):
+    """`bell2 = bell/bell transpose 7st`: an instrument like another, or from a file.
+
+    `fields` replace those of the other, as written.
+    """
+
+    name: str
+    base: str
+    semitones: float
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Link(Command):
+    """Join two modules by a link of a kind, with its fields as written."""
+
+    a: str
+    b: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Takes(Command):
+    """Let a player take a key; a key that is new is `like` another (None: the first)."""
+
+    player: str
+    key: str
+    like: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Route(Command):
+    """Let an instrument sound from channels."""
+
+    name: str
+    channels: tuple[str, ...]
+    gain: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Remove(Command):
+    """Remove what has a name, with what belongs to it alone."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rename(Command):
+    """Give a gesture, a take or a player another name."""
+
+    old: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
 class Guide(Command):
     """Guide a real hand along another player's part; by None: end that.
 
@@ -274,6 +338,18 @@ class Keep(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class Scene(Command):
+    """Play kept bars from their beginning, again and again; `over` is how long parameters glide.
+
+    With `before` its bars are played meanwhile, and those of `name` afterwards.
+    """
+
+    name: str
+    before: str | None = None
+    over: Length | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Save(Command):
     """Write the score; None: to its own file."""
 
@@ -297,9 +373,10 @@ class Reload(Command):
 
 @dataclass(frozen=True, slots=True)
 class Look(Command):
-    """Draw a gesture or a take, or show where a name is defined; nothing is played."""
+    """Draw a gesture or a take, or show where a name is defined; None: who plays what at which
+    beat."""
 
-    name: str
+    name: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,9 +388,16 @@ class Show(Command):
 
 @dataclass(frozen=True, slots=True)
 class Trace(Command):
-    """Draw the gesture that a player is playing."""
+    """Draw where a player's key was."""
 
     name: str
+
+
+@dataclass(frozen=True, slots=True)
+class TraceOn(Command):
+    """Keep that drawing above the status line; None: end it."""
+
+    name: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,3 +95,28 @@ def tempo(
         message = "a ramp needs two tempos and a length: tempo 60 -> 84 over 4bar"
         raise TextError(message, offset=word.start, length=len(word.text))
     return c.Tempo(*bpm, over, when=when, words=words)
+
+
+def build(
+    name: str,
+    base: tuple[str, float, Mapping[str, str]],
+    *,
+    when: c.When,
+    words: Words,
+) -> c.Build:
+    """An instrument with its own fields."""
+    return c.Build(name, *base, when=when, words=words)
+
+
+def scene(
+    names: tuple[str, str | None], over: Length | None, *, when: c.When, words: Words
+) -> c.Scene:
+    """A scene, or the way from one to another, which has a length. Raises TextError."""
+    first, second = names
+    if second is None:
+        return c.Scene(first, None, over, when=when, words=words)
+    if over is None:
+        word = words["names"]
+        message = "the way from one scene to another needs a length: scene A -> B over 4bar"
+        raise TextError(message, offset=word.start, length=len(word.text))
+    return c.Scene(second, first, over, when=when, words=words)

@@ -119,8 +119,6 @@ def _no_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextErro
         )
     if some:
         return verbs.ambiguous(first, some, place)
-    if first in verbs.NOT_BUILT:
-        return TextError(verbs.NOT_BUILT[first], offset=place, length=len(first))
     played = first in scope.gestures or first in scope.takes
     if played and (player := next(iter(scope.players), None)):
         message = f"{quote(first)} is not a verb; a player plays it"

@@ -14,7 +14,7 @@ from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
-from ergon.repl.language.scope import Scope
+from ergon.repl.language.scope import Scope, scores_in
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
@@ -90,7 +90,8 @@ def unknown(text: str, what: str, names: Iterable[str]) -> TextError:
     return TextError(message, length=len(text), suggestion=near)
 
 
-def _new_name(text: str) -> str:
+def new_name(text: str) -> str:
+    """A name that could be given to something. Raises TextError."""
     if not NAME.fullmatch(text) or len(text) > MAX_NAME:
         message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
         raise TextError(message, length=len(text))
@@ -102,7 +103,7 @@ def _new_name(text: str) -> str:
 
 
 def _free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    _new_name(text)
+    new_name(text)
     taken = {*scope.gestures, *scope.takes, *scope.marks}
     if text in taken:
         numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", text)
@@ -119,11 +120,11 @@ def _defined(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         return text
     if text in scope.takes:
         raise TextError(f"{quote(text)} is a take: give the gesture another name", length=len(text))
-    return _new_name(text)
+    return new_name(text)
 
 
-def _another(value: Value, field: str) -> Value:
-    """A name that is not the one given before."""
+def another(value: Value, field: str) -> Value:
+    """A name that is not the one given before, in the field."""
 
     def read(text: str, scope: Scope, given: Mapping[str, Any]) -> Any:
         if text == given[field]:
@@ -150,8 +151,8 @@ PLAYER_OR_ALL = Value(
 )
 PLAYED = name("a gesture or a take", "gestures", "takes")
 KEY = name("a key", "keys")
-OTHER_KEY = _another(KEY, "a")
-OTHER_PLAYER = _another(PLAYER, "player")
+OTHER_KEY = another(KEY, "a")
+OTHER_PLAYER = another(PLAYER, "player")
 SOUNDING = name("an instrument or a player", "instruments", "players")
 ANYTHING = name(
     "a name of this score", "gestures", "takes", "players", "keys", "instruments", "marks"
@@ -346,6 +347,8 @@ CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _chan
 
 
 def _points(context: CompletionContext) -> Iterator[Completion]:
+    if context.before and "@" not in context.before[0]:
+        return  # no notation begins so
     match = _NUMBER.fullmatch(context.typed.partition("@")[0])
     if context.typed and match is None:
         yield from _curves(context)
@@ -391,5 +394,32 @@ def _file(text: str, *_: Any) -> str:
     return str(k.PATH.parse(word))
 
 
-FILE = Value("the name of a file", _file, _no_offers)
+def _files(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:
+    """The scores in the session's folder."""
+    for path in scores_in(context.scope.folder):
+        yield Completion(path.name if suffix else path.stem, "a score")
+
+
+def _scenes(text: str, *_: Any) -> tuple[str, str | None]:
+    names = [(word.strip(), text.index(word)) for word in text.split("->")]
+    if len(names) > 2:
+        raise TextError("a scene goes to one other: scene A -> B over 4bar", length=len(text))
+    for name, offset in names:
+        if not name:
+            raise TextError("a scene needs a name, such as verse-2", offset=len(text))
+        if not NAME.fullmatch(name) or len(name) > MAX_NAME:
+            message = f"{quote(name)} is not the name of a scene, such as verse-2"
+            raise TextError(message, offset=offset, length=max(1, len(name)))
+    return names[0][0], names[1][0] if len(names) > 1 else None
+
+
+def _scene_offers(context: CompletionContext) -> Iterator[Completion]:
+    if not context.before or context.before[-1] == "->":
+        yield from _files(context, suffix=False)
+    elif len(context.before) == 1:
+        yield Completion("->", "to another scene")
+
+
+FILE = Value("the name of a file", _file, _files)
+SCENES = Value("the name of a scene, such as verse-2", _scenes, _scene_offers)
 EXPRESSION = Value("a Python expression", lambda text, *_: text, _no_offers)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import commands as c
 from ergon.repl.language import forms
+from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
@@ -27,7 +28,6 @@ _OVER = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
 _OFF = Slot("", "", None, "off")
 _SOUNDING = Slot("name", "NAME", v.SOUNDING)
 _SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
-_SHOWN = Slot("name", "NAME", v.LOOKED_AT)
 _SHOWN_OR_ALL = Slot("name", "NAME", v.LOOKED_AT, optional=True)
 _PLAY = "NAME [from TIME] [every LENGTH] [times N] [until WHERE] [do …] [touch …]"
 
@@ -94,6 +94,30 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
         _form("couple", "c", "joins two keys by a spring and a damper",
               "couple k1 k2 K=40N/m", forms.couple, *_KEYS, *_LINK),
+        _form("=", "=", "adds an instrument like another, or from a file",
+              "bell2 = bell/bell transpose 7st", forms.build,
+              Slot("name", "NAME", s.PART_NAME),
+              Slot("base", "INSTRUMENT|FILE/NAME [transpose Nst] [FIELD=VALUE …]", s.BASE,
+                   many=True), subject=True),
+        _form("link", "li", "joins two modules, or a key and a module, by a link",
+              "link k1 bell.m BUT K=4kN/m", c.Link,
+              Slot("a", "MODULE", s.LINK_END), Slot("b", "MODULE", s.OTHER_END),
+              Slot("kind", "KIND", s.LINK_KIND),
+              Slot("fields", "FIELD=VALUE …", s.LINK_FIELDS, many=True)),
+        _form("takes", "t", "the player takes a key; who and what is new is added",
+              "mia takes k3 like k1", c.Takes,
+              Slot("player", "NAME", s.PLAYER_NAME), Slot("key", "KEY", s.KEY_NAME),
+              Slot("like", "KEY", v.KEY, "like", optional=True), subject=True),
+        _form("route", "ro", "an instrument sounds from these channels, and no others",
+              "route bell 3 4 gain -6dB", c.Route,
+              Slot("name", "INSTRUMENT", s.INSTRUMENT),
+              Slot("channels", "CHANNEL …|nearest", s.CHANNELS, many=True),
+              Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True)),
+        _form("remove", "rem", "removes what has a name, and what belongs to it alone",
+              "remove bell", c.Remove, Slot("name", "NAME", s.REMOVABLE)),
+        _form("rename", "ren", "gives a gesture, a take or a player another name",
+              "rename lean tilt", c.Rename,
+              Slot("old", "NAME", s.RENAMED), Slot("name", "NAME", v.NEW_NAME)),
         _form("uncouple", "unc", "removes what joins two keys",
               "uncouple k1 k2", c.Uncouple, *_KEYS),
     ),
@@ -129,6 +153,9 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("keep", "k", "writes what was played last as a score of its own",
               "keep 8bar as verse-2", c.Keep, Slot("length", "LENGTH", v.LENGTH),
               Slot("name", "NAME", v.NEW_NAME, "as"), timed=False),
+        _form("scene", "sce", "plays kept bars from their beginning, again and again",
+              "scene verse-2 -> refrain over 4bar", forms.scene,
+              Slot("names", "NAME|NAME -> NAME", v.SCENES, many=True), _OVER),
         _form("save", "sa", "writes the score, comments and all",
               "save scores/duet-live.yaml", c.Save,
               Slot("file", "FILE", v.FILE, optional=True), timed=False),
@@ -140,12 +167,16 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "seed 7", c.Seed, Slot("seed", "N", v.SEED)),
     ),
     "looking": (
-        _form("?", "?", "draws a gesture, or shows where a name is defined",
-              "? lean", c.Look, _SHOWN, timed=False),
+        _form("?", "?", "draws a gesture, a name's definition, or alone two bars",
+              "? lean", c.Look, _SHOWN_OR_ALL, timed=False),
         _form("show", "sh", "lists who plays what, or shows where a name is defined",
               "show ada", c.Show, _SHOWN_OR_ALL, timed=False),
         _form("scope", "sc", "draws where a player's key was in the last two seconds",
               "scope ada", c.Trace, Slot("name", "NAME", v.MOVING), timed=False),
+        _form("scope", "sc", "keeps that drawing above the status line",
+              "scope remi on", c.TraceOn, Slot("name", "NAME", v.MOVING), Slot("", "", None, "on"),
+              timed=False),
+        _form("scope", "sc", "ends it", "scope off", c.TraceOn, _OFF, timed=False),
         _form("help", "he", "lists the verbs, or explains one",
               "help plays", c.Help, Slot("verb", "VERB", VERB, optional=True), timed=False),
         _form("py", "py", "evaluates Python in which `session` and `piece` are known",
@@ -160,7 +191,6 @@ FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in som
 SHORTEST = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(form.verb for form in FORMS if form.subject and form.verb != "=")
 VERBS = tuple(dict.fromkeys(form.verb for form in FORMS if not form.subject))  # they begin a line
-NOT_BUILT = {"link": "ergon cannot share its tempo with other machines (link) yet"}
 
 
 def forms_of(verb: str) -> tuple[Form, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import threading
 from collections import deque
@@ -14,15 +15,15 @@ from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
 from ergon.repl.language.commands import NOW, Command, Guide, When
 from ergon.repl.language.scope import scope_of
-from ergon.repl.session import computing, version_edits
+from ergon.repl.session import computing, inspection, version_edits
 from ergon.repl.session.captures import Capture, Captures
 from ergon.repl.session.clock import Clock
 from ergon.repl.session.commits import REFUSALS, Commits, VersionEdit, Waiting, fader_ratios
-from ergon.repl.session.disk import Disk
+from ergon.repl.session.disk import Disk, folder_of
 from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
-from ergon.repl.session.journal_content import text_fields
+from ergon.repl.session.journal_content import effect_fields, text_fields
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 _BAR = Length(bars=1.0)
+_DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
+_TRACE_HEIGHT = 6  # characters
 _LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
 
 
@@ -89,9 +92,12 @@ class SessionCore:
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
         self.taps: list[float] = []
+        self.traced: str | None = None  # whose key is drawn while it moves
+        self.drawing: tuple[str, ...] = ()
+        self._drawn = 0  # the frame of that drawing
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
-        self._scope = scope_of(version.piece)
+        self._scope = scope_of(version.piece, folder_of(version.texts))
         self._scope_piece = version.piece
         self._messages: deque[str] = deque(maxlen=1000)
         # The share of the scene's force that each player was last told.
@@ -120,7 +126,7 @@ class SessionCore:
         when: When = next((c.when for c in commands if c.when is not None), None)
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         where, made = self.queue(text, version_edits.combined(commands), when, is_read=is_read)
-        said = [version_edits.summary(command, made) for command in commands]
+        said = [version_edits.summary(command, made, where) for command in commands]
         said += self.force_messages(made)
         said += self._dropped_messages(made.version)
         return Reply(True, f"ok {where} {'; '.join(filter(None, said))}".rstrip())
@@ -226,7 +232,7 @@ class SessionCore:
             if self.watch is not None:
                 self.watch.follow(version.read)
         disk["disk"] = self.disk.hashes_by_name(version.texts)
-        return {**text_fields(version.texts), **disk}
+        return {**text_fields(version.texts), **disk, **effect_fields(version)}
 
     def drop(self, waiting: Waiting) -> None:
         """Remove a line that has not taken effect."""
@@ -268,6 +274,20 @@ class SessionCore:
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
             self._tell_troubles()
+            if self.traced is not None:
+                frame = self.commits.engine.frame
+                if frame >= self._drawn + _DRAWS_EVERY * self.commits.rate:
+                    self.trace()
+
+    def trace(self) -> None:
+        """Draw the key that is traced, if one is."""
+        engine, running = self.commits.engine, self.commits.running
+        self._drawn, self.drawing = engine.frame, ()
+        if self.traced is not None:
+            with contextlib.suppress(NotTakenError):  # the player is gone, or has not moved yet
+                own = self.traced, engine.tick_frames, self.captures.path
+                lines = inspection.scoped(running, engine.frame, *own, height=_TRACE_HEIGHT)
+                self.drawing = tuple(lines)
 
     def _tell_troubles(self) -> None:
         """A message for each trouble of the engine that is new; counts not more than once a
@@ -332,13 +352,17 @@ class SessionCore:
         for one in lines:
             if one.number:  # 0: no line, only the timeline was extended
                 # What a line read is merged with what plays when it takes effect.
-                texts = text_fields(one.made.version.texts) if one.is_read and one.made else {}
+                texts: dict[str, object] = {}
+                if one.is_read and one.made:
+                    version = one.made.version
+                    texts = {**text_fields(version.texts), **effect_fields(version)}
                 self._tell("commit", number=one.number, frame=frame, beat=one.beat, **texts)
 
     def _rescope(self) -> None:
         piece = self.commits.head.piece
         if piece is not self._scope_piece:
-            self._scope, self._scope_piece = scope_of(piece), piece
+            folder = folder_of(self.commits.head.texts)
+            self._scope, self._scope_piece = scope_of(piece, folder), piece
 
     def _written(self, frame: int) -> str:
         running: Running = self.commits.running

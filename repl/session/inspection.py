@@ -55,7 +55,15 @@ def drawn(version: Version, name: str) -> list[str]:
     return [f"{name} on {first.key}", *text.splitlines()]
 
 
-def scoped(running: Running, frame: int, name: str, every: int, hands: Path | None) -> list[str]:
+def scoped(
+    running: Running,
+    frame: int,
+    name: str,
+    every: int,
+    hands: Path | None,
+    *,
+    height: int = _HEIGHT,
+) -> list[str]:
     """Draw where a player's key was in the last seconds.
 
     A real hand's is read from the recording `hands`, in ticks of `every` frames; any other is where
@@ -82,7 +90,7 @@ def scoped(running: Running, frame: int, name: str, every: int, hands: Path | No
     step = max(1, len(path) // (_POINTS * width))
     seconds = [(number - len(path)) * every / rate for number in range(0, len(path), step)]
     curve = Curve(name, seconds, [1e3 * float(x) for x in path[::step]])
-    text = plot([curve], width=width, height=_HEIGHT, x_label="position [mm]")
+    text = plot([curve], width=width, height=height, x_label="position [mm]")
     whose = "its hand" if is_real else "as its part moves it"
     head = f"{name} on {key}, the last {len(path) * every / rate:.1f} s, {whose}"
     return [head, *text.splitlines()]

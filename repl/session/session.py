@@ -102,6 +102,7 @@ class Session(SessionCore):
             recording=None if capture is None else capture.seconds(frame, running.stage.rate),
             panicked=self.stops.panicked,
             let_go=look.let_go,
+            drawing=self.drawing,
             troubles=(*(("JOURNAL NOT WRITTEN",) if failed else ()), *look.troubles),
         )
 

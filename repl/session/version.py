@@ -58,9 +58,10 @@ class Version:
 
     A version that `cuts` ends every gesture in flight; `damp` [s] is the T60 that it gives to all
     that sounds; parameters that differ from those before glide for `glide` [s]; `guides` says by
-    player who guides a real hand; `read` is what the line read from the disk, and `dropped` are the
-    places whose typing gave way to it. `base` is what the files held when they were last read or
-    saved.
+    player who guides a real hand; a version that `enters` goes on from that beat of its own
+    piece, whatever the beat was before; `read` is what the line read from the disk, and `dropped`
+    are the places whose typing gave way to it. `base` is what the files held when they were last
+    read or saved.
     """
 
     number: int
@@ -72,6 +73,7 @@ class Version:
     damp: float | None = None
     glide: float = GLIDE
     guides: Mapping[str, HandGuide] = field(default_factory=dict)
+    enters: float | None = None
     read: Texts | None = None
     dropped: Sequence[Spot] = ()
     base: Texts | None = None

@@ -1,7 +1,8 @@
 """Keeping some bars of a score as a score of their own.
 
 It is the whole score with the same keys, instruments, gestures and mix, and with only those bars in
-its parts, from 1|1 on: it can be checked, rendered, loaded, copied from, or brought back.
+its parts, from 1|1 to its mark `end`: it can be checked, rendered, loaded, copied from, or brought
+back as a scene.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.values import Time
-from ergon.scores.edits import entries, parts
+from ergon.scores.edits import entries
 from ergon.scores.edits.lists import dropped, items, place
-from ergon.scores.edits.positions import written
+from ergon.scores.edits.scenes import END
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece, Strikes
 
@@ -30,35 +31,18 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
         lines = entries.lines(texts, piece, player)
         chosen = [entry for line in lines if (entry := window.of(line)) is not None]
         found = found or bool(chosen)
-        kept = entries.stop(kept, player, "", (), lines)
-        for entry in chosen:
-            kept = entries.add(kept, player, entry)
+        kept = entries.change(kept, player, dropped=lines, new=chosen)
     for strikes in piece.strikes:
         kept, is_in = window.strikes(kept, strikes)
         found = found or is_in
     if not found:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
-    kept = window.duet(kept)
+    kept = window.duet(kept).put(("marks", END), window.at(stop))
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
     # The tempo last: until then positions are read by the old tempo map.
     return window.tempo(kept)
-
-
-def bring(texts: Texts, piece: Piece, kept: Piece, said: Texts, at: float) -> Texts:
-    """Let kept bars be played from a beat on by their players; others rest. Raises EditError."""
-    texts = parts.rest(texts, piece, None, at)
-    for player in kept.players:
-        for line in entries.lines(said, kept, player):
-            entry = line.entry.with_fields(at=written(piece, at + line.begin))
-            if line.play.until is not None:
-                until = at + kept.tempo_map.resolve(line.play.until)
-                entry = entry.with_fields(until=written(piece, until))
-            if player not in piece.players:
-                raise EditError(f"this score has no player {player}")
-            texts = entries.add(texts, player, entry)
-    return texts
 
 
 class _Window:

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
 from ergon.scores.edits import entries
+from ergon.scores.edits.entries import Entry
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import Middle, apply
 from ergon.scores.reading.piece import Piece
 
 
-def play(texts: Texts, piece: Piece, player: str, at: float, words: str) -> Texts:
-    """Let a player play the words of a line from a beat on; `every` alone repeats without end.
+def play(texts: Texts, piece: Piece, player: str, at: float, entry: Entry) -> Texts:
+    """Let a player play an entry from a beat on; `every` alone repeats without end.
 
     Raises EditError.
     """
-    entry = entries.of_words(words, written(piece, at))
+    entry = entry.at(written(piece, at))
     if "every" in entry.fields and not {"times", "until"} & set(entry.fields):
         entry = entry.with_fields(until=end(piece, at))
-    return entries.add(rest(texts, piece, player, at), player, entry)
+    return _ended(texts, piece, _known(piece, player), at, [entry])
 
 
-def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Texts:
+def transform(texts: Texts, piece: Piece, player: str, at: float, chain: Sequence[str]) -> Texts:
     """Transform further what a player plays; its next occurrence keeps its beat.
 
     What begins just there begins so; a gesture that plays once and is still under way begins
     again. Raises EditError.
     """
-    chain = tuple(text.strip() for text in do.split(","))
     lines = entries.lines(texts, piece, _known(piece, player))
     playing = [line for line in lines if line.is_open(at, piece)]
     begins = [line for line in lines if abs(line.begin - at) < SAME]
@@ -37,32 +39,35 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
         playing = [line for line in lines if _is_under_way(line, piece, at)][-1:]
     if not (playing or begins):
         raise EditError(f"{player} plays nothing at {piece.tempo_map.written(at)}")
+    closed, new = [], []
     for line in playing:
-        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
-        if not line.is_open(at, piece):
+        more = Entry(line.entry.fields, (*line.entry.do, *chain))
+        if line.is_open(at, piece):
+            closed.append(line)
+            left = [start for start in line.starts or () if start >= at - SAME]
+            more = more.with_fields(at=written(piece, left[0] if left else at))
+            if left and "times" in more.fields:
+                more = more.with_fields(times=str(len(left)))
+        else:
             more = more.with_fields(at=written(piece, at), every=None, times=None, until=None)
-            texts = entries.add(texts, player, more)
-            continue
-        texts = entries.stop(texts, player, written(piece, at), [line])
-        left = [start for start in line.starts or () if start >= at - SAME]
-        more = more.with_fields(at=written(piece, left[0] if left else at))
-        if left and "times" in more.fields:
-            more = more.with_fields(times=str(len(left)))
-        texts = entries.add(texts, player, more)
-    for line in begins:
-        more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
-        texts = entries.add(texts, player, more)
-    return entries.stop(texts, player, written(piece, at), [], begins)
+        new.append(more)
+    new += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
+    return entries.change(texts, player, written(piece, at), closed, begins, new)
 
 
 def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
     """End the part of a player (None: of all) at a beat. Raises EditError."""
     for name in piece.players if player is None else (_known(piece, player),):
-        lines = entries.lines(texts, piece, name)
-        closed = [line for line in lines if line.is_open(at, piece)]
-        later = [line for line in lines if line.begin >= at - SAME]
-        texts = entries.stop(texts, name, written(piece, at), closed, later)
+        texts = _ended(texts, piece, name, at)
     return texts
+
+
+def _ended(texts: Texts, piece: Piece, player: str, at: float, new: Sequence[Entry] = ()) -> Texts:
+    """The part of a player ended at a beat, and new entries in its place."""
+    lines = entries.lines(texts, piece, player)
+    closed = [line for line in lines if line.is_open(at, piece)]
+    later = [line for line in lines if line.begin >= at - SAME]
+    return entries.change(texts, player, written(piece, at), closed, later, new)
 
 
 def hush(texts: Texts, piece: Piece, at: float) -> Texts:
@@ -94,7 +99,7 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
                 continue
             # An entry that begins later is left to play once.
             until = written(piece, max(at, line.begin + 1.0))
-            texts = entries.stop(texts, name, until, [line])
+            texts = entries.change(texts, name, until, [line])
     return texts
 
 

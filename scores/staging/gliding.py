@@ -51,12 +51,16 @@ def glides(
     before: Piece, after: Piece, running: Iterable[Glide], start: float, seconds: float
 ) -> tuple[Glide, ...]:
     """What glides from `start` [s] on, when a piece takes over from another: for so many seconds
-    what differs, and what is `running` already to its end."""
+    what differs, and what is `running` already to its end. A link that is new comes from no force,
+    where it joins what was there before."""
     old, new = dict(_values(before)), dict(_values(after))
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     found = {}
     for where, values in new.items():
         current = under_way.get(where)
+        if where not in old and len(values) == 1 and _joins(after, where, before):
+            found[where] = current or Glide(*where, (0.0,), values, start, start + seconds)
+            continue
         if where not in old or len(old[where]) != len(values):
             continue
         if current is not None and current.after == values:
@@ -65,6 +69,15 @@ def glides(
             now = old[where] if current is None else current.at(start)
             found[where] = Glide(*where, now, values, start, start + seconds)
     return tuple(found.values())
+
+
+def _joins(piece: Piece, where: tuple[str, str], before: Piece) -> bool:
+    """Whether a link has an end in a part that another piece has too."""
+    part, name = where
+    owner = piece.keys.get(part) or piece.instruments[part]
+    module = next(module for module in owner.modules if module.name == name)
+    ends = {end.part for end in module.fields["between"]}
+    return any(end in before.keys or end in before.instruments for end in ends)
 
 
 def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
