@@ -9,7 +9,7 @@ from pathlib import Path
 from ergon.repl.language.playing import OPTION_HINTS
 from ergon.repl.language.verbs import GROUPS, SHORTEST, forms_of
 from ergon.scores.gesture.transforms import EXAMPLES
-from ergon.scores.gesture.words import OPTIONS
+from ergon.scores.pattern.words import OPTIONS
 
 WHEN = (
     ("", "at the next boundary of `quant`: the next bar, unless it was set"),

@@ -12,8 +12,8 @@ from ergon.notation.text.errors import TextError
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Plays, When, Word
 from ergon.repl.language.scope import Scope
-from ergon.scores.gesture import words as play_words
 from ergon.scores.gesture.transforms import ARITY, Transform
+from ergon.scores.pattern import words as play_words
 from ergon.scores.reading.manner import manner
 from ergon.scores.reading.part import PLAY, SHAPES
 
@@ -89,7 +89,8 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
 
 
 # The options of `plays`, each with a line about it.
-OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in (*_ELSEWHERE, "at")}
+_UNTYPED = (*_ELSEWHERE, "at", play_words.NTH)
+OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _UNTYPED}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 

@@ -18,7 +18,7 @@ from ergon.repl.language.scope import Scope
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
-from ergon.scores.gesture.words import OPTIONS
+from ergon.scores.pattern.words import OPTIONS
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.

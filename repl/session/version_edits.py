@@ -331,7 +331,7 @@ def _defined(command: c.Define, made: Running) -> str:
     if "throw" not in {point.curve for point in gesture.points[1:]}:
         seconds = last.beats * 60.0 / piece.tempo_map.bpm(0.0) + last.seconds
         said += f", {int(seconds * made.stage.rate + 0.5):,} ergons"
-    if any(play.what == command.name for play in piece.parts):
+    if any(command.name in play.names for play in piece.parts):
         return said
     able = keys_for(piece, command.name)
     if len(able) == len(piece.keys):

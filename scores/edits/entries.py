@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ergon.notation.clock.meter import SAME
@@ -12,7 +13,8 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import TextError
 from ergon.scores.edits.texts import Texts
-from ergon.scores.gesture import words
+from ergon.scores.pattern import words
+from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Play
 
 
@@ -39,7 +41,9 @@ class Entry:
         """As the words of a row, after its position."""
         said = [self.fields["play"]]
         for name, text in self.fields.items():
-            if name in words.OPTIONS and name != "at":
+            if name == words.NTH:
+                said += ["every", text]
+            elif name in words.OPTIONS and name != "at":
                 is_flag = words.OPTIONS[name] is None
                 said += ([name] if text == "true" else []) if is_flag else [name, text]
         return " ".join([*said, *(["do", ", ".join(self.do)] if self.do else [])])
@@ -65,6 +69,26 @@ class Line:
         if self.play.until is not None:
             return piece.tempo_map.resolve(self.play.until) > at + SAME
         return self.play.times not in (None, 1)
+
+    def count_before(self, at: float) -> int:
+        """How many of its beginnings, or places of its pattern, lie before a beat."""
+        return bisect_left(self.starts or (), at - SAME)
+
+    def part(self, first: int, last: int, at: Callable[[float], str]) -> Entry:
+        """The entry of its beginnings from number `first` up to `last`, its beats as `at` says."""
+        starts = self.starts or ()
+        if not isinstance(starts, Steps):
+            count = last - first
+            entry = self.entry.with_fields(at=at(starts[first]), until=None, times=str(count))
+            return entry if count > 1 else entry.with_fields(every=None, times=None)
+        pattern = starts.course.pattern
+        fields = {"at": at(starts[first]), "until": at(starts.beat(last)), "times": None}
+        skipped = pattern.skip + first
+        euclid = pattern.euclid
+        if not skipped and euclid is not None:  # its first pulse may be later than its beginning
+            rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
+            fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
+        return self.entry.with_fields(**fields, skip=str(skipped) if skipped else None)
 
 
 def of_words(text: str, at: str) -> Entry:

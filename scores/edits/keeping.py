@@ -93,13 +93,8 @@ class _Window:
             return entry.with_fields(
                 until=self.at(min(self.stop, self.map.resolve(line.play.until)))
             )
-        inside = self.within(list(line.starts))
-        if not inside:
-            return None
-        entry = line.entry.with_fields(at=self.at(inside[0]), until=None)
-        if len(inside) == 1:
-            return entry.with_fields(every=None, times=None)
-        return entry.with_fields(times=str(len(inside)))
+        first, last = line.count_before(self.start), line.count_before(self.stop)
+        return line.part(first, last, self.at) if first < last else None
 
     def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
         """Strikes as far as they fall here."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
@@ -9,16 +12,19 @@ from ergon.scores.edits import entries
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import Middle, apply
+from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece
 
 
 def play(texts: Texts, piece: Piece, player: str, at: float, words: str) -> Texts:
-    """Let a player play the words of a line from a beat on; `every` alone repeats without end.
+    """Let a player play the words of a line from a beat on.
+
+    `every` or `euclid` without an end repeats for ever.
 
     Raises EditError.
     """
     entry = entries.of_words(words, written(piece, at))
-    if "every" in entry.fields and not {"times", "until"} & set(entry.fields):
+    if {"every", "euclid"} & set(entry.fields) and not {"times", "until"} & set(entry.fields):
         entry = entry.with_fields(until=end(piece, at))
     return entries.add(rest(texts, piece, player, at), player, entry)
 
@@ -44,15 +50,26 @@ def transform(texts: Texts, piece: Piece, player: str, at: float, do: str) -> Te
             texts = entries.add(texts, player, more)
             continue
         texts = entries.stop(texts, player, written(piece, at), [line])
-        left = [start for start in line.starts or () if start >= at - SAME]
-        more = more.with_fields(at=written(piece, left[0] if left else at))
-        if left and "times" in more.fields:
-            more = more.with_fields(times=str(len(left)))
+        more = _rest_of(line, piece, more, at)
         texts = entries.add(texts, player, more)
     for line in begins:
         more = entries.Entry(line.entry.fields, (*line.entry.do, *chain))
         texts = entries.add(texts, player, more)
     return entries.stop(texts, player, written(piece, at), [], begins)
+
+
+def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) -> entries.Entry:
+    """An entry of a line that goes on from a beat on."""
+    starts = line.starts or ()
+    done = line.count_before(at)
+    if isinstance(starts, Steps) and done < len(starts):
+        left = replace(line, entry=entry).part(done, len(starts), partial(written, piece))
+        until = None if "times" in entry.fields else entry.fields.get("until")
+        return left if until is None else left.with_fields(until=until)
+    more = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else at))
+    if done < len(starts) and "times" in more.fields:
+        more = more.with_fields(times=str(len(starts) - done))
+    return more
 
 
 def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
@@ -106,8 +123,15 @@ def _known(piece: Piece, player: str) -> str:
 
 def _is_under_way(line: entries.Line, piece: Piece, at: float) -> bool:
     """Whether the last occurrence of an entry has begun and not ended."""
-    tempo, gesture = piece.tempo_map, piece.gestures.get(line.play.what)
+    tempo, what = piece.tempo_map, line.play.what
     begin = line.starts[-1] if line.starts else line.begin
+    if isinstance(line.starts, Steps):
+        places = range(len(line.starts))
+        last = next((n for n in reversed(places) if line.starts.course.played(n)), None)
+        if last is None:
+            return False
+        begin, what = line.starts[last], line.starts.course.played(last) or ""
+    gesture = piece.gestures.get(what)
     if begin >= at - SAME or gesture is None:
         return False
     beat = 60.0 / tempo.bpm(begin)

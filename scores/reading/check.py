@@ -285,8 +285,9 @@ class Checker:
             if part is MISSING:
                 continue
             for play in part:
-                if isinstance(play.what, Name):
-                    self._reach_played(play.what, f"part of {quote(name)}")
+                for played in play.names:
+                    if isinstance(played, Name):
+                        self._reach_played(played, f"part of {quote(name)}")
                 plays.append(play)
         return plays
 
