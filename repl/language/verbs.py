@@ -29,7 +29,7 @@ _SOUNDING = Slot("name", "NAME", v.SOUNDING)
 _SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
 _SHOWN = Slot("name", "NAME", v.LOOKED_AT)
 _SHOWN_OR_ALL = Slot("name", "NAME", v.LOOKED_AT, optional=True)
-_PLAY = "NAME [from TIME] [every LENGTH] [times N] [until WHERE] [do …] [touch …]"
+_PLAY = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
 
 
 def _form(
@@ -51,7 +51,7 @@ def _form(
 # fmt: off
 GROUPS: dict[str, tuple[Form, ...]] = {
     "what is played": (
-        _form("plays", "p", "the player plays a gesture or a take, in place of the last",
+        _form("plays", "p", "the player plays a gesture, a take or a pattern, in place of the last",
               "ada plays knock every 1 times 8", plays,
               _PLAYER, Slot("play", _PLAY, PLAYING, many=True), subject=True),
         _form("do", "d", "transforms further what the player plays",

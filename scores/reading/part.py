@@ -105,9 +105,7 @@ _PLAYED = _PlayedShape("a gesture or a take, or several, such as knock lean knoc
 _TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror")
 _AT = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
-    Field(
-        "every", k.LENGTH, "time between repetitions or steps", shown="its own length"
-    ),
+    Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
     Field("times", k.TIMES, "number of repetitions, or of rounds", shown="once, or until `until`"),
     Field("until", k.WHEN, "position from which on no repetition begins"),
     *OF_PATTERN,
