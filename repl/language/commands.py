@@ -76,6 +76,17 @@ class Do(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class StrikeModules(Command):
+    """`rain strikes sky.all every 1/2 impulse 2mNs`: strike modules in place of what it struck.
+
+    The fields are those of `strikes:` in a score, as texts.
+    """
+
+    name: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Rest(Command):
     """Play no further occurrence after the one in flight. None: every player."""
 

@@ -25,6 +25,7 @@ class Scope:
     marks: Mapping[str, str] = field(default_factory=dict)
     instruments: Mapping[str, str] = field(default_factory=dict)
     targets: Mapping[str, Text] = field(default_factory=dict)
+    strikes: Mapping[str, str] = field(default_factory=dict)
 
 
 def scope_of(piece: Piece) -> Scope:
@@ -37,6 +38,7 @@ def scope_of(piece: Piece) -> Scope:
         marks={mark.name: f"mark, {mark.at.text}" for mark in piece.marks},
         instruments={name: "instrument" for name in piece.instruments},
         targets=dict(_targets(piece)),
+        strikes={one.name: "strikes" for one in piece.strikes},
     )
 
 

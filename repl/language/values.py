@@ -143,10 +143,11 @@ def _no_offers(_: CompletionContext) -> tuple[Completion, ...]:
 
 
 PLAYER = name("a player", "players")
+_RESTS = name("a player or strikes", "players", "strikes")
 PLAYER_OR_ALL = Value(
-    "a player or all",
-    lambda text, scope, given: None if text == "all" else PLAYER.read(text, scope, given),
-    lambda context: (*PLAYER.offers(context), Completion("all", "every player")),
+    "a player, strikes or all",
+    lambda text, scope, given: None if text == "all" else _RESTS.read(text, scope, given),
+    lambda context: (*_RESTS.offers(context), Completion("all", "every player")),
 )
 PLAYED = name("a gesture or a take", "gestures", "takes")
 KEY = name("a key", "keys")

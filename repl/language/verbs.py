@@ -10,6 +10,7 @@ from ergon.repl.language import forms
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
+from ergon.repl.language.striking import NAMED, STRIKING, strikes
 from ergon.repl.language.values import Completion, Value
 
 VERB = Value(
@@ -51,9 +52,14 @@ def _form(
 # fmt: off
 GROUPS: dict[str, tuple[Form, ...]] = {
     "what is played": (
-        _form("plays", "p", "the player plays a gesture, a take or a pattern, in place of the last",
+        _form("plays", "p", "the player plays a gesture, take or pattern from here on",
               "ada plays knock every 1 times 8", plays,
               _PLAYER, Slot("play", _PLAY, PLAYING, many=True), subject=True),
+        _form("strikes", "str", "strikes modules without a key",
+              "rain strikes bell every 1 impulse 2mNs", strikes,
+              Slot("name", "NAME", NAMED),
+              Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] …",
+                   STRIKING, many=True), subject=True),
         _form("do", "d", "transforms further what the player plays",
               "ada do scale 1.2, mirror", c.Do,
               _PLAYER, Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),

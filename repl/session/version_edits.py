@@ -12,7 +12,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
-from ergon.scores.edits import keys, matter, merging, names, parts, times
+from ergon.scores.edits import keys, matter, merging, names, parts, strikes, times
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
@@ -67,6 +67,10 @@ def _plays(command: c.Plays, version: Version, beat: float) -> Texts:
 def _do(command: c.Do, version: Version, beat: float) -> Texts:
     said = command.words["do"].text
     return parts.transform(version.texts, version.piece, command.player, beat, said)
+
+
+def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
+    return strikes.strike(version.texts, version.piece, command.name, beat, command.fields)
 
 
 def _rest(command: c.Rest, version: Version, beat: float) -> Texts:
@@ -130,6 +134,7 @@ def _seed(command: c.Seed, version: Version, beat: float) -> Texts:
 _TEXT_EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = {
     c.Plays: _plays,
     c.Do: _do,
+    c.StrikeModules: _strikes,
     c.Rest: _rest,
     c.Tempo: _tempo,
     c.Nudge: _nudge,

@@ -81,14 +81,7 @@ class Line:
             count = last - first
             entry = self.entry.with_fields(at=at(starts[first]), until=None, times=str(count))
             return entry if count > 1 else entry.with_fields(every=None, times=None)
-        pattern = starts.course.pattern
-        fields = {"at": at(starts[first]), "until": at(starts.beat(last)), "times": None}
-        skipped = pattern.skip + first
-        euclid = pattern.euclid
-        if not skipped and euclid is not None:  # its first pulse may be later than its beginning
-            rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
-            fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
-        return self.entry.with_fields(**fields, skip=str(skipped) if skipped else None)
+        return self.entry.with_fields(**starts.part(first, last, at))
 
 
 def of_words(text: str, at: str) -> Entry:

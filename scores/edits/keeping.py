@@ -6,6 +6,8 @@ its parts, from 1|1 on: it can be checked, rendered, loaded, copied from, or bro
 
 from __future__ import annotations
 
+from bisect import bisect_left
+
 from ergon.notation.clock.meter import SAME
 from ergon.notation.clock.occurrences import starts
 from ergon.notation.text import edit
@@ -104,15 +106,21 @@ class _Window:
         if strikes.span is not None:
             stop = self.map.after(begin, strikes.span)
         said: dict[str, str | None] = {"for": None, "until": None}
-        if strikes.rate is not None:
+        if strikes.pattern is not None:
+            places = strikes.steps(self.piece)
+            since, until = (bisect_left(places, at - SAME) for at in (self.start, self.stop))
+            if since == until:
+                return texts.remove(path), False
+            said |= places.part(since, until, self.at)
+        elif strikes.rate is not None:
             first, last = max(begin, self.start), min(stop, self.stop)
             if last <= first + SAME:
                 return texts.remove(path), False
             said |= {"at": self.at(first), "until": self.at(last)}
         else:
-            until = stop if strikes.until is not None or strikes.span is not None else None
+            end = stop if strikes.until is not None or strikes.span is not None else None
             every, times = strikes.every, strikes.times
-            found = starts(self.map, begin, Time(), every=every, times=times, until=until)
+            found = starts(self.map, begin, Time(), every=every, times=times, until=end)
             inside = self.within(found)
             if not inside:
                 return texts.remove(path), False

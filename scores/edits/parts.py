@@ -8,7 +8,7 @@ from functools import partial
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
-from ergon.scores.edits import entries
+from ergon.scores.edits import entries, strikes
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import Middle, apply
@@ -73,7 +73,11 @@ def _rest_of(line: entries.Line, piece: Piece, entry: entries.Entry, at: float) 
 
 
 def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
-    """End the part of a player (None: of all) at a beat. Raises EditError."""
+    """End the part of a player (None: of all), or strikes, at a beat. Raises EditError."""
+    if player is not None and (own := strikes.named(piece, player)):
+        for one in own:
+            texts = strikes.end(texts, piece, one, at)
+        return texts
     for name in piece.players if player is None else (_known(piece, player),):
         lines = entries.lines(texts, piece, name)
         closed = [line for line in lines if line.is_open(at, piece)]
@@ -85,21 +89,8 @@ def rest(texts: Texts, piece: Piece, player: str | None, at: float) -> Texts:
 def hush(texts: Texts, piece: Piece, at: float) -> Texts:
     """End all parts and strikes at a beat. Raises EditError."""
     texts = rest(texts, piece, None, at)
-    tempo = piece.tempo_map
-    for strikes in piece.strikes:
-        begin = tempo.resolve(strikes.at)
-        path = ("strikes", strikes.name)
-        if begin >= at - SAME:
-            texts = texts.remove(path)
-            continue
-        stop = begin if strikes.until is None else tempo.resolve(strikes.until)
-        if strikes.span is not None:
-            stop = tempo.after(begin, strikes.span)
-            texts = texts.remove((*path, "for")) if stop > at else texts
-        elif strikes.times is not None and strikes.every is not None and strikes.until is None:
-            stop = tempo.after(begin, strikes.every.times(strikes.times))
-        if stop > at + SAME:
-            texts = texts.put((*path, "until"), written(piece, at))
+    for one in piece.strikes:
+        texts = strikes.end(texts, piece, one, at)
     return texts
 
 
@@ -112,6 +103,10 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
             # An entry that begins later is left to play once.
             until = written(piece, max(at, line.begin + 1.0))
             texts = entries.stop(texts, name, until, [line])
+    for one in piece.strikes:
+        if one.until is not None and END.fullmatch(one.until.text) is not None:
+            until = written(piece, max(at, piece.tempo_map.resolve(one.at) + 1.0))
+            texts = texts.put(("strikes", one.name, "until"), until)
     return texts
 
 

@@ -52,6 +52,19 @@ class Steps(Sequence[float]):
         """How many places there are."""
         return self._count
 
+    def part(self, first: int, last: int, at: Callable[[float], str]) -> dict[str, str | None]:
+        """What a line says that has its places from `first` up to `last` alone, at the same beats.
+
+        `at` writes a beat.
+        """
+        pattern = self.course.pattern
+        fields = {"at": at(self[first]), "until": at(self.beat(last)), "times": None}
+        skipped, euclid = pattern.skip + first, pattern.euclid
+        if not skipped and euclid is not None:  # its first pulse may be later than its beginning
+            rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
+            fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
+        return {**fields, "skip": str(skipped) if skipped else None}
+
     @overload
     def __getitem__(self, index: int) -> float: ...
     @overload

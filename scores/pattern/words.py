@@ -5,7 +5,7 @@ and a row of a part's table after its position.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -109,7 +109,7 @@ def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
         elif word == "do" or (word == "," and chain and words[i - 1].text not in OPTIONS):
             wanting, i = word, i + 1
         elif word in OPTIONS:
-            name, i, value = _value(text, words, i, start)
+            name, i, value = _value(text, words, i, start, OPTIONS)
             if name in options:
                 raise TextError(f"'{word}' is written twice", offset=place, length=len(word))
             options[name] = Word(value.text, start + value.offset)
@@ -153,10 +153,32 @@ def _order(
         raise
 
 
-def _value(text: str, words: list[Word], i: int, start: int) -> tuple[str, int, Word]:
+def parse_strikes(text: str, known: Mapping[str, str]) -> tuple[list[Word], dict[str, Word]]:
+    """Read modules, and options of strikes, of which `known` has an example each.
+
+    Raises TextError.
+    """
+    words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
+    stop = next((i for i, word in enumerate(words) if word.text in known), len(words))
+    options: dict[str, Word] = {}
+    i = stop
+    while i < len(words):
+        word, offset = words[i]
+        if word not in known:
+            raise _unknown(words[i], 0, known)
+        name, i, value = _value(text, words, i, 0, known)
+        if name in options:
+            raise TextError(f"'{word}' is written twice", offset=offset, length=len(word))
+        options[name] = value
+    return words[:stop], options
+
+
+def _value(
+    text: str, words: list[Word], i: int, start: int, known: Mapping[str, str | None]
+) -> tuple[str, int, Word]:
     """The option at a word, where its value ends, and the value; of a flag `true`."""
     word, offset = words[i]
-    if OPTIONS[word] is None:
+    if known[word] is None:
         return word, i + 1, Word("true", offset)
     values = words[i + 1 :]
     if word == "every" and values and ORDINAL.fullmatch(values[0].text):
@@ -167,9 +189,9 @@ def _value(text: str, words: list[Word], i: int, start: int) -> tuple[str, int, 
     if word == "euclid":
         count = 4 if [value.text for value in values[2:3]] == ["rotate"] else 2
     values = values[:count]
-    bad = next((v for v in values if v.text in _KNOWN or v.text == ","), None)
+    bad = next((v for v in values if v.text in (*known, *_KNOWN, ",")), None)
     if len(values) < count or bad is not None:
-        example = f"{word} {OPTIONS[word]}" + (" rotate 2" if count == 4 else "")
+        example = f"{word} {known[word]}" + (" rotate 2" if count == 4 else "")
         message = f"'{word}' needs a value: {example}"
         raise TextError(message, offset=start + offset, length=len(word))
     first, last = values[0], values[-1]
@@ -177,12 +199,12 @@ def _value(text: str, words: list[Word], i: int, start: int) -> tuple[str, int, 
     return word, i + 1 + count, Word(text[first.offset : stop], first.offset)
 
 
-def _unknown(word: Word, start: int) -> TextError:
+def _unknown(word: Word, start: int, known: Iterable[str] = _KNOWN) -> TextError:
     return TextError(
         f"unknown word '{word.text[:40]}'",
         offset=start + word.offset,
         length=len(word.text),
-        suggestion=nearest(word.text, _KNOWN),
+        suggestion=nearest(word.text, known),
     )
 
 

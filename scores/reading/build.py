@@ -15,7 +15,8 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.gesture import notation
-from ergon.scores.reading.manner import manner
+from ergon.scores.pattern.order import plain
+from ergon.scores.reading.manner import PATTERN_FIELDS, manner, pattern_of
 from ergon.scores.reading.piece import (
     Accuracy,
     Coupling,
@@ -185,7 +186,17 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
             f"{v.context.of('rate')}: the strikes have no end; write `for` or `until`",
             "rate",
         )
-    if not v.written("rate", "every") and (many := v.written("times", "for", "until")):
+    if v.written("rate") and (extra := v.written(*PATTERN_FIELDS)):
+        v.error(
+            "E111",
+            f"{v.context.of(extra[0])}: strikes by chance have no steps; write `every` instead of "
+            "`rate`",
+            extra[0],
+        )
+    if (extra := v.written("chance", "swing", "skip")) and not v.written("rate", "every", "euclid"):
+        message = f"{v.context.of(extra[0])}: the length of a step is missing; write `every`"
+        v.error("E103", message, extra[0])
+    if not v.written("rate", "every", "euclid") and (many := v.written("times", "for", "until")):
         message = (
             f"{v.context.of(many[0])}: the time between strikes is missing; "
             "write `every`, or `rate` for strikes by chance"
@@ -204,6 +215,7 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         mass=v["mass"],
         speed=v["speed"],
         place=v.place,
+        pattern=pattern_of(v.given, plain(v.context.name)) if v.written(*PATTERN_FIELDS) else None,
     )
 
 

@@ -11,6 +11,8 @@ from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Either, ListOf, Text, choice
 from ergon.scores.gesture.transforms import parse_chain, parse_do
+from ergon.scores.pattern.order import Group
+from ergon.scores.pattern.pattern import Pattern
 from ergon.scores.pattern.rhythm import parse_euclid, parse_swing
 from ergon.scores.reading.piece import UNSAID, Manner
 
@@ -46,6 +48,15 @@ OF_PATTERN = (
     Field("swing", _SWING, "share that the first of two steps takes of both", shown="0.5"),
     Field("skip", _SKIP, "places that are left out at the beginning", shown="0"),
 )
+PATTERN_FIELDS = tuple(field.name for field in OF_PATTERN)
+
+
+def pattern_of(given: Mapping[str, Any], order: Group) -> Pattern:
+    """An order with the rhythm and the chance that were written beside it."""
+    said = {name: given[name] for name in PATTERN_FIELDS if name in given}
+    return Pattern(order, turns=given.get("nth", ()), **said)
+
+
 OF_ENTRY = tuple(replace(field, shown=None) for field in OF_GESTURE)  # unsaid: the gesture's own
 _NAMES = frozenset(field.name for field in OF_GESTURE)
 

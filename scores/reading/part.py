@@ -22,10 +22,8 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Place
 from ergon.scores.pattern import words
 from ergon.scores.pattern.order import Group, parse, plain
-from ergon.scores.pattern.pattern import Pattern
-from ergon.scores.pattern.rhythm import EVEN
 from ergon.scores.pattern.turns import parse as parse_turns
-from ergon.scores.reading.manner import DO, OF_ENTRY, OF_PATTERN, manner
+from ergon.scores.reading.manner import DO, OF_ENTRY, OF_PATTERN, manner, pattern_of
 from ergon.scores.reading.piece import Play
 
 MAX_ROWS = 1_000_000
@@ -49,15 +47,7 @@ def _play(values: Values) -> Play:
 def _made(
     given: dict[str, Any], context: Context, played: Played, at: Place, until: Place | None
 ) -> Play:
-    order = played.order or plain(played.text)
-    pattern = Pattern(
-        order,
-        given.get("euclid"),
-        given.get("swing", EVEN),
-        given.get("chance"),
-        given.get("nth", ()),
-        given.get("skip", 0),
-    )
+    pattern = pattern_of(given, played.order or plain(played.text))
     only = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,

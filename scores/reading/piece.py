@@ -19,6 +19,7 @@ from ergon.scores.gesture.notation import BarCheck
 from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Course, Pattern
+from ergon.scores.pattern.steps import Steps, steps
 
 # Of a field that came later: where it says nothing, the hash of a score is what it was before.
 UNTOLD = {"untold": True}
@@ -143,6 +144,18 @@ class Strikes:
     mass: float | None
     speed: float | None
     place: Place
+    pattern: Pattern | None = field(default=None, metadata=UNTOLD)
+
+    def steps(self, piece: Piece) -> Steps:
+        """When a pattern strikes: its places. Raises TextError."""
+        assert self.pattern is not None
+        tempo = piece.tempo_map
+        at = tempo.resolve(self.at)
+        until = None if self.until is None else tempo.resolve(self.until)
+        if self.span is not None:
+            until = tempo.after(at, self.span)
+        course = Course(self.pattern, Draws(piece.seed, f"strikes/{self.name}"))
+        return steps(tempo, at, course, every=self.every, times=self.times, until=until)
 
 
 @dataclass(frozen=True, slots=True)

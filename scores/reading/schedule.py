@@ -118,7 +118,14 @@ def _count(strikes: Strikes, piece: Piece, left: float, collector: Collector) ->
         stop = tempo.after(start, strikes.span) if strikes.span is not None else start
     lasting = tempo.seconds(stop) - tempo.seconds(start)
     each = 1.0
-    if strikes.rate is not None:
+    if strikes.pattern is not None:
+        try:
+            each = float(len(strikes.steps(piece)))
+        except TextError as error:
+            message = f"strikes {quote(strikes.name)}: {error.message}"
+            collector.error("E305", message, strikes.place)
+            return 0.0
+    elif strikes.rate is not None:
         each = strikes.rate * lasting
     elif strikes.every is not None:
         step = tempo.seconds(tempo.after(start, strikes.every)) - tempo.seconds(start)

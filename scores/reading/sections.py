@@ -22,7 +22,7 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.manner import DO, OF_GESTURE
+from ergon.scores.reading.manner import DO, OF_GESTURE, OF_PATTERN
 from ergon.scores.reading.part import PART
 from ergon.scores.reading.piece import METHODS
 
@@ -131,7 +131,8 @@ STRIKES = Record(
         Field("until", k.WHEN, "when they end, instead of `for`"),
         Field("rate", k.HERTZ, "mean strikes a second for each target, by chance (Poisson)"),
         Field("every", k.LENGTH, "time between strikes, instead of `rate`"),
-        Field("times", k.TIMES, "number of strikes, with `every`"),
+        Field("times", k.TIMES, "number of strikes, with `every`; of rounds, with `euclid`"),
+        *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),

@@ -177,7 +177,9 @@ def test_what_is_kept_plays_as_it_was_played(session, tmp_path):
         own = [(g.name, beat(g.start)) for g in prepare(kept).hands.gestures if g.player == player]
         assert own
         assert own == [
-            (name, pytest.approx(at - first, abs=0.01)) for name, at in was if first <= at < first + 8
+            (name, pytest.approx(at - first, abs=0.01))
+            for name, at in was
+            if first <= at < first + 8
         ]
 
 
@@ -285,3 +287,69 @@ def typed_and_rendered(folder: Path, acts: list[str]) -> None:
             session.run(0.7)
         session.run(2.0)
         same(session)
+
+
+# --- strikes -------------------------------------------------------------------------------------
+
+
+def test_strikes_are_typed_replaced_rested_and_rendered(session, tmp_path):
+    session.ok("play")
+    session.ok("rain strikes bell.m euclid 3 8 impulse 0.1mNs chance 0.8")
+    session.run(4.3)
+    assert onset(session.sound) > 0
+    session.ok("rain strikes bell.m drum.m every 1/2 impulse 0.1mNs..0.3mNs swing 0.6")
+    session.run(4.0)
+    written_ = session.session.commits.head.piece
+    assert [one.name for one in written_.strikes] == ["rain", "rain-2"]
+    assert [target.text for target in written_.strikes[1].to] == ["bell.m", "drum.m"]
+    session.ok("undo")
+    session.run(2.5)
+    assert [one.name for one in session.session.commits.head.piece.strikes] == ["rain"]
+    session.ok("redo")
+    session.run(2.5)
+    session.ok("rest rain")
+    session.run(2.5)
+    session.ok("save live")
+    piece = load(tmp_path / "live.yaml").piece
+    assert piece is not None
+    assert all(one.until is not None and one.until.text != "999|1" for one in piece.strikes)
+    last = np.flatnonzero(np.abs(np.diff(session.sound[:, 0], 2)) > 0)
+    assert last.size
+    same(session)
+
+
+def test_strikes_from_the_middle_are_those_of_the_whole(tmp_path):
+    """What is played from 9|1 is what a whole piece strikes from there on."""
+    heard = []
+    for name, start in (("a", "1|1"), ("b", "9|1")):
+        (tmp_path / name).mkdir()
+        with closing(Stepped(SCORE, tmp_path / name)) as session:
+            session.ok("rain strikes drum.m every 1/4 impulse 1mNs chance 0.5")
+            session.ok(f"play from {start}")
+            session.run(22.0 if name == "a" else 6.0)
+            begun = session.session.commits.running.clock.by
+            shift = round((begun + 16.0) * session.rate)
+            step = np.abs(np.diff(session.sound[shift:, 1], 2))[: int(4 * session.rate)]
+            heard.append(np.flatnonzero(step > 0.2 * step.max()) // 1000)
+    assert set(heard[0]) == set(heard[1])
+    assert len(set(heard[0])) > 5
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("rain strikes bel.m every 1 impulse 2mNs", "'bel' is not an instrument or a key"),
+        ("rain strikes every 1 impulse 2mNs", "the modules are missing"),
+        ("rain strikes bell.m every 1", "the impulse is missing"),
+        ("rain strikes bell.m evry 1 impulse 2mNs", "'evry' is not an instrument or a key"),
+        ("rain strikes bell.m every 1 impulse 2N", "impulse"),
+        ("rain strikes bell.q every 1 impulse 2mNs", "bell.q"),
+        ("rain strikes bell.m every 1 impulse 2mNs chance 3", "above the maximum of 1"),
+        ("over strikes bell.m every 1 impulse 2mNs", "is not a name"),
+        ("rest rian", "'rian' is not a player or strikes"),
+    ],
+)
+def test_what_is_wrong_with_strikes_is_told(session, line, why):
+    reply = session.type(line)
+    assert not reply.taken
+    assert why in reply.text

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ergon.notation.clock.positions import Length, parse_length, parse_position
 from ergon.notation.clock.tempo import Entry, TempoMap
-from ergon.notation.text.errors import TextError
+from ergon.notation.text.errors import Collector, TextError
 from ergon.notation.text.values import Time
 from ergon.scores.pattern import order, rhythm, turns, words
 from ergon.scores.pattern.draws import Draws
@@ -21,6 +21,7 @@ from ergon.scores.reading.load import load
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.hands import Window
 from ergon.scores.staging.stage import Span, prepare
+from ergon.scores.staging.striking import Striking
 
 FLAT = TempoMap()
 RAMP = TempoMap([Entry(parse_position("0"), 60.0, 120.0, Length(beats=64))])
@@ -497,3 +498,74 @@ def test_lines_go_on_for_ever_at_little_cost():
     assert list(islice((name for name, *_ in late), 6)) == [
         of.parts[0].course(of.seed).played(7800 + n) for n in range(6)
     ]
+
+
+# --- strikes -------------------------------------------------------------------------------------
+
+STRUCK = """\
+ergon: 1
+seed: {seed}
+tempo: [{{at: 1|1, bpm: 60, meter: 4/4}}]
+instruments:
+  sky: {{BANK: {{count: 5, f: 200Hz..2kHz, t60: 1s, M: 1g}}, out: {{SOX: sky.all}}}}
+strikes:
+  rain: {{to: sky.all, at: 1|1, impulse: 1mNs, {rain}}}
+"""
+
+
+class Struck:
+    """A timeline that keeps what is struck."""
+
+    def __init__(self) -> None:
+        self.strikes: list[tuple[float, int]] = []
+
+    def strike(self, mat: int, at: float, **more: object) -> None:
+        self.strikes.append((at, mat))
+
+
+def rain(text: str, within=(float("-inf"), float("inf")), seed: int = 3) -> list[tuple[float, int]]:
+    loaded = load("s.yaml", text=STRUCK.format(rain=text, seed=seed))
+    assert loaded.piece is not None, loaded.diagnostics
+    struck, collector = Struck(), Collector()
+    (one,) = loaded.piece.strikes
+    Striking(loaded.piece, struck, one, range(5), 0, within).play(collector)
+    assert not collector.has_errors()
+    return struck.strikes
+
+
+def test_strikes_fall_in_a_rhythm():
+    found = rain("euclid: 3 8, for: 2bar")
+    assert found == [(at, mat) for at in (0, 1.5, 3, 4, 5.5, 7) for mat in range(5)]
+    found = rain("every: 1/2, times: 4, swing: 2/3")
+    assert found == [(pytest.approx(at), mat) for at in (0, 2 / 3, 1, 5 / 3) for mat in range(5)]
+
+
+def test_each_member_has_a_chance_of_its_own():
+    found = rain("every: 1/4, times: 400, chance: 30%")
+    assert len(found) / 2000 == pytest.approx(0.3, abs=0.03)
+    each = [[at for at, mat in found if mat == member] for member in range(5)]
+    assert len({tuple(own) for own in each}) == 5
+    assert found == rain("every: 1/4, times: 400, chance: 30%")
+    assert found != rain("every: 1/4, times: 400, chance: 30%", seed=4)
+
+
+@pytest.mark.parametrize("cut", [10.0, 33.3, 60.0])
+def test_windows_of_strikes_add_up_to_the_whole(cut):
+    text = "every: 1/4, times: 400, chance: 30%, swing: 0.6, euclid: 5 7"
+    assert rain(text, (0.0, cut)) + rain(text, (cut, 1e9)) == rain(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "words_"),
+    [
+        ("rate: 1Hz, for: 4, chance: 0.5", "E111", "strikes by chance have no steps"),
+        ("chance: 0.5", "E103", "write `every`"),
+        ("euclid: 3 8, every: 0, times: 2", "E305", "'every' must be above 0"),
+        ("euclid: 3 8, every: 1, times: 2, skip: 9", "E305", "leaves out every place"),
+    ],
+)
+def test_mistakes_in_strikes_are_told(text, code, words_):
+    loaded = load("s.yaml", text=STRUCK.format(rain=text, seed=3))
+    assert loaded.piece is None
+    assert loaded.diagnostics[0].code == code
+    assert words_ in loaded.diagnostics[0].message

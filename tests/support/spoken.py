@@ -101,6 +101,14 @@ OTHERS = [
     ("meters", c.Meters()),
     ("rest ada", c.Rest("ada")),
     ("rest all", c.Rest(None)),
+    (
+        "rain strikes bell.m gong every 1/2 impulse 2mNs euclid 3 8 rotate 2 at B",
+        c.StrikeModules(
+            "rain",
+            {"to": "bell.m gong", "every": "1/2", "impulse": "2mNs", "euclid": "3 8 rotate 2"},
+            when=parse_position("B"),
+        ),
+    ),
     ("panic now", c.Panic()),
     ("release", c.Release()),
     ("redo", c.Redo()),
