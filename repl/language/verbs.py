@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import automating, forms
 from ergon.repl.language import commands as c
-from ergon.repl.language import forms
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
@@ -95,9 +95,21 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "quant 2bar", c.Quant, Slot("grid", "now|beat|bar|LENGTH", v.GRID), timed=False),
     ),
     "matter": (
+        _form("set", "set", "a parameter of a CEL follows a pattern of values",
+              "set bell.m.f A3 C4 E4 every 1", automating.follow,
+              Slot("target", "PATH", automating.LED),
+              Slot("fields", "VALUE … every LENGTH …", automating.VALUES, many=True)),
         _form("set", "set", "a physical parameter glides to a value, or by a factor",
               "set bell.m.K x1.5 over 2bar", forms.change,
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
+        _form("lfo", "lf", "a parameter of a CEL swings between two values",
+              "lfo bell.m.K 0.8..1.2 period 4bar", automating.swing,
+              Slot("target", "PATH", automating.LED),
+              Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", automating.SWING,
+                   many=True)),
+        _form("lfo", "lf", "a parameter of a CEL has its own value again",
+              "lfo bell.m.K off", automating.stop_lfo, Slot("target", "PATH", automating.LED),
+              _OFF),
         _form("couple", "c", "joins two keys by a spring and a damper",
               "couple k1 k2 K=40N/m", forms.couple, *_KEYS, *_LINK),
         _form("uncouple", "unc", "removes what joins two keys",

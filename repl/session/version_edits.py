@@ -12,7 +12,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
-from ergon.scores.edits import keys, matter, merging, names, parts, strikes, times
+from ergon.scores.edits import automation, keys, matter, merging, names, parts, strikes, times
 from ergon.scores.edits.texts import Texts
 
 if TYPE_CHECKING:
@@ -73,6 +73,15 @@ def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
     return strikes.strike(version.texts, version.piece, command.name, beat, command.fields)
 
 
+def _automate(command: c.Automate, version: Version, beat: float) -> Texts:
+    own = command
+    return automation.automate(version.texts, version.piece, own.target, beat, own.kind, own.fields)
+
+
+def _stop_lfo(command: c.StopLfo, version: Version, beat: float) -> Texts:
+    return automation.stop(version.texts, version.piece, command.target, beat)
+
+
 def _rest(command: c.Rest, version: Version, beat: float) -> Texts:
     return parts.rest(version.texts, version.piece, command.player, beat)
 
@@ -110,7 +119,8 @@ def _uncouple(command: c.Uncouple, version: Version, beat: float) -> Texts:
 
 def _set(command: c.Set, version: Version, beat: float) -> Texts:
     value = command.words["change"].text
-    return matter.set_value(version.texts, version.piece, command.target, value)
+    texts = automation.released(version.texts, version.piece, command.target, beat)
+    return matter.set_value(texts, version.piece, command.target, value)
 
 
 def _set_gliding(command: c.Set) -> VersionEdit:
@@ -135,6 +145,8 @@ _TEXT_EDITS: Mapping[type[c.Command], Callable[[Any, Version, float], Texts]] = 
     c.Plays: _plays,
     c.Do: _do,
     c.StrikeModules: _strikes,
+    c.Automate: _automate,
+    c.StopLfo: _stop_lfo,
     c.Rest: _rest,
     c.Tempo: _tempo,
     c.Nudge: _nudge,

@@ -6,6 +6,7 @@ its parts, from 1|1 on: it can be checked, rendered, loaded, copied from, or bro
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 
 from ergon.notation.clock.meter import SAME
@@ -41,7 +42,7 @@ def keep(texts: Texts, piece: Piece, name: str, start: float, stop: float) -> Te
     if not found:
         first, last = piece.tempo_map.written(start), piece.tempo_map.written(stop)
         raise EditError(f"no gesture begins from {first} to {last}")
-    kept = window.duet(kept)
+    kept = window.automation(window.duet(kept))
     if piece.render.file is not None:
         kept = kept.put(("render", "file"), edit.quoted(f"{name}.wav"))
     # The tempo last: until then positions are read by the old tempo map.
@@ -141,6 +142,35 @@ class _Window:
             until = self.at(end) if coupling.until is not None and end < self.stop else None
             said = {"at": self.at(begin), "until": until}
             texts = self._said(texts, place(texts, "duet", number), said)
+        return texts
+
+    def automation(self, texts: Texts) -> Texts:
+        """Automation as far as it holds here."""
+        for number in reversed(range(len(self.piece.automation))):
+            one = self.piece.automation[number]
+            begin = self.map.resolve(one.at)
+            end = math.inf if one.until is None else self.map.resolve(one.until)
+            said: dict[str, str | None] = {"at": self.at(begin)}
+            places = None if one.swing is not None else one.steps(self.map, self.piece.seed)
+            if places is not None:
+                end = min(end, places.beat(len(places)))
+            if begin >= self.stop - SAME or end <= self.start + SAME:
+                texts = dropped(texts, "automation", number)
+                continue
+            if end < math.inf:
+                said["until"] = self.at(min(end, self.stop))
+            if begin < self.start - SAME and places is not None:
+                first = bisect_left(places, self.start - SAME)
+                if first == len(places):
+                    texts = dropped(texts, "automation", number)
+                    continue
+                said |= places.part(first, len(places), self.at)
+                said["until"] = self.at(min(end, self.stop))
+            elif begin < self.start - SAME and one.swing is not None:
+                period = self.map.after(begin, one.swing.period) - begin
+                phase = (one.swing.phase + (self.start - begin) / period) % 1.0
+                said["phase"] = f"{phase:.12g}"
+            texts = self._said(texts, place(texts, "automation", number), said)
         return texts
 
     def tempo(self, texts: Texts) -> Texts:

@@ -8,7 +8,7 @@ from functools import partial
 from ergon.notation.clock.meter import SAME
 from ergon.notation.text.edit import EditError
 from ergon.notation.text.errors import quote
-from ergon.scores.edits import entries, strikes
+from ergon.scores.edits import automation, entries, strikes
 from ergon.scores.edits.positions import END, end, written
 from ergon.scores.edits.texts import Texts
 from ergon.scores.gesture.transforms import Middle, apply
@@ -107,7 +107,7 @@ def finish(texts: Texts, piece: Piece, at: float) -> Texts:
         if one.until is not None and END.fullmatch(one.until.text) is not None:
             until = written(piece, max(at, piece.tempo_map.resolve(one.at) + 1.0))
             texts = texts.put(("strikes", one.name, "until"), until)
-    return texts
+    return automation.finish(texts, piece, at)
 
 
 def _known(piece: Piece, player: str) -> str:

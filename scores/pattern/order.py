@@ -26,6 +26,7 @@ WAYS: tuple[Way, ...] = get_args(Way)[1:]  # that are written; `in turn` goes wi
 REST = "~"
 MAX_DEPTH = 8  # groups inside groups, as in the notation of gestures
 MAX_PLACES = 10_000  # of a round
+_TOO_MANY = f"this pattern has more than {MAX_PLACES:,} places in a round"
 
 _TOKEN = re.compile(r"(\()|(\)|[^\s()*]+)(?:\s*+\*\s*+([^\s()]*+))?|(\*)")
 
@@ -70,6 +71,9 @@ class Group:
                 yield item
 
 
+Called = Callable[[str, int], str | tuple[str, ...]]
+
+
 class _Open(NamedTuple):
     """A bracket that is not closed yet."""
 
@@ -78,15 +82,16 @@ class _Open(NamedTuple):
     items: list[tuple[Leaf | _Open, int | None, int]]  # each with its count, and where it begins
 
 
-def parse(text: str, called: Callable[[str, int], str] = lambda word, _: word) -> Group:
-    """Read a pattern; `called` makes a name of a word and its offset.
+def parse(text: str, called: Called | None = None) -> Group:
+    """Read a pattern; `called` makes a name of a word and its offset, or several.
 
-    Raises TextError with the characters at fault.
+    Without it words are names of gestures and takes. Raises TextError with the characters at fault.
     """
+    called = called or name_of
     alone = text.strip()
     if alone in WAYS:  # the name of a gesture
-        offset = text.index(alone)
-        return plain(called(alone, offset))
+        found = called(alone, text.index(alone))
+        return plain(found if isinstance(found, str) else alone)
     stack = [_Open(0, ["in turn"], [])]
     for token in _TOKEN.finditer(text):
         opened, word, count, star = token.groups()
@@ -106,7 +111,12 @@ def parse(text: str, called: Callable[[str, int], str] = lambda word, _: word) -
             if way is not None and not top.items and top.way == ["in turn"]:
                 top.way[:] = [way]
                 continue
-            top.items.append((_leaf(word, token.start(2), called), times, token.start(2)))
+            offset = token.start(2)
+            leaves = _leaves(word, offset, called)
+            if (times or 1) * len(leaves) > MAX_PLACES:
+                raise TextError(_TOO_MANY, offset=offset, length=len(word))
+            for _ in range(times or 1):  # several names of one word are repeated together
+                top.items.extend((leaf, None, offset) for leaf in leaves)
             continue
         if len(stack) == 1:
             raise TextError("')' closes no group", offset=token.start(2))
@@ -127,17 +137,23 @@ def _way(word: str) -> Way | None:
     return next((way for way in WAYS if way == word), None)
 
 
-def _leaf(word: str, offset: int, called: Callable[[str, int], str]) -> Leaf:
+def _leaves(word: str, offset: int, called: Called) -> list[Leaf]:
     if word == REST:
-        return Leaf(None)
+        return [Leaf(None)]
     if word in WAYS:
         message = f"'{word}' stands at the beginning of a pattern or a group: ({word} knock lean)"
         raise TextError(message, offset=offset, length=len(word))
+    found = called(word, offset)
+    return [Leaf(found)] if isinstance(found, str) else [Leaf(name) for name in found]
+
+
+def name_of(word: str, offset: int) -> str:
+    """The word, where it may be the name of a gesture or a take. Raises TextError."""
     if not all(NAME.fullmatch(part) for part in word.split(".")):
         message = f"'{word[:40]}' is not the name of a gesture or a take"
         near = nearest(word, WAYS)
         raise TextError(message, offset=offset, length=len(word), suggestion=near)
-    return Leaf(called(word, offset))
+    return word
 
 
 def _count(text: str, offset: int) -> int:
@@ -177,8 +193,7 @@ class _Maker:
                 else:
                     items.append(self.group(item, None if count else 1))
                 if self.places > MAX_PLACES:
-                    message = f"this pattern has more than {MAX_PLACES:,} places in a round"
-                    raise TextError(message, offset=offset)
+                    raise TextError(_TOO_MANY, offset=offset)
         if way in ("choose", "walk"):
             steps, places = 1, max(item.places for item in items)
         else:

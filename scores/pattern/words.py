@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture.transforms import ARITY, Transform, parse_do
-from ergon.scores.pattern.order import Group
+from ergon.scores.pattern.order import Group, name_of
 from ergon.scores.pattern.order import parse as parse_order
 from ergon.scores.pattern.turns import ORDINAL
 from ergon.scores.pattern.turns import parse as parse_turns
@@ -146,8 +146,12 @@ def _order(
     if len(words) == 1 and not _SIGNS & set(what.text):
         return what, None
     make: Called = called or (lambda word, _: word)
+
+    def name(word: str, at: int) -> str:
+        return make(name_of(word, at), what.offset + at)
+
     try:
-        return what, parse_order(what.text, lambda word, at: make(word, what.offset + at))
+        return what, parse_order(what.text, name)
     except TextError as error:
         error.offset += what.offset
         raise

@@ -16,7 +16,8 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.gesture import notation
 from ergon.scores.pattern.order import plain
-from ergon.scores.reading.manner import PATTERN_FIELDS, manner, pattern_of
+from ergon.scores.reading.manner import manner
+from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
 from ergon.scores.reading.piece import (
     Accuracy,
     Coupling,

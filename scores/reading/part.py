@@ -21,9 +21,10 @@ from ergon.notation.text.document import Node, Scalar, Sequence
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.values import Place
 from ergon.scores.pattern import words
-from ergon.scores.pattern.order import Group, parse, plain
+from ergon.scores.pattern.order import Group, name_of, parse, plain
 from ergon.scores.pattern.turns import parse as parse_turns
-from ergon.scores.reading.manner import DO, OF_ENTRY, OF_PATTERN, manner, pattern_of
+from ergon.scores.reading.manner import DO, OF_ENTRY, manner
+from ergon.scores.reading.patterns import OF_PATTERN, pattern_of
 from ergon.scores.reading.piece import Play
 
 MAX_ROWS = 1_000_000
@@ -83,8 +84,12 @@ class _PlayedShape(Reference):
             return super().read(node, name, context)
         if text.strip().isidentifier():
             return Played(Name(text.strip(), node.place), None, node.place)
+
+        def called(word: str, at: int) -> Name:
+            return Name(name_of(word, at), node.place_at(at, len(word)))
+
         try:
-            order = parse(text, lambda word, at: Name(word, node.place_at(at, len(word))))
+            order = parse(text, called)
         except TextError as error:
             context.text_error(error, node, name, inside=False)
             return MISSING

@@ -20,6 +20,7 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Course, Pattern
 from ergon.scores.pattern.steps import Steps, steps
+from ergon.scores.reading.automation import Automation
 
 # Of a field that came later: where it says nothing, the hash of a score is what it was before.
 UNTOLD = {"untold": True}
@@ -305,6 +306,7 @@ class Piece:
     tempo_map: TempoMap = field(compare=False, repr=False)
     # Of each part: the beats on which it is played; None where a take's file says how long it is.
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
+    automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
 
     def digest(self) -> str:
         """SHA-256 of the values: not of text, comments, order of names, places or paths.
@@ -349,7 +351,7 @@ def _chunks(value: Any) -> Iterator[bytes]:
         skipped = _NOT_VALUES.get(type(value), ())
         yield b"{" + type(value).__name__.encode()
         for f in fields(value):
-            is_untold = f.metadata.get("untold") and getattr(value, f.name) is None
+            is_untold = f.metadata.get("untold") and not getattr(value, f.name)
             if f.name not in skipped and not is_untold:
                 yield f".{f.name}=".encode()
                 yield from _chunks(getattr(value, f.name))

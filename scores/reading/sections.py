@@ -22,8 +22,10 @@ from ergon.notation.tables.shapes import (
 )
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.manner import DO, OF_GESTURE, OF_PATTERN
+from ergon.scores.reading.automation import AUTOMATION
+from ergon.scores.reading.manner import DO, OF_GESTURE
 from ergon.scores.reading.part import PART
+from ergon.scores.reading.patterns import OF_PATTERN
 from ergon.scores.reading.piece import METHODS
 
 RATE = 44100.0  # frames a second of a score that says nothing
@@ -324,6 +326,7 @@ SCORE = Record(
         Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
         Field("takes", NamesOf(TAKE, "take"), "captured hands"),
         Field("strikes", NamesOf(STRIKES, "strikes"), "ergons without a key"),
+        Field("automation", ListOf(AUTOMATION, single=True), "parameters that change in time"),
         Field("players", NamesOf(PLAYER, "player"), "hands on keys"),
         Field("duet", ListOf(COUPLING, single=True), "links between keys"),
         Field("parts", NamesOf(PART, "part"), "what each player plays: a list or a table"),

@@ -353,3 +353,130 @@ def test_what_is_wrong_with_strikes_is_told(session, line, why):
     reply = session.type(line)
     assert not reply.taken
     assert why in reply.text
+
+
+# --- automation ----------------------------------------------------------------------------------
+
+
+def value(session: Stepped, at: float, module: str = "m") -> float:
+    """K of a module of the bell at an instant of the session [s]."""
+    points = session.session.commits.running.stage.paths.get(("bell", module), [])
+    if not points:
+        return float("nan")
+    return float(np.interp(at, [p[0] for p in points], [p[1] for p in points]))
+
+
+def hertz(k: float) -> float:
+    return float(np.sqrt(k / 0.002)) / (2 * np.pi)
+
+
+def test_a_parameter_follows_a_pattern_and_is_undone(session, tmp_path):
+    session.ok("play")
+    session.ok("ada plays knock every 1")
+    session.ok("set bell.m.f A3 C4 E4 every 1")
+    session.run(4.0)
+    begun = session.session.commits.running.clock.by
+    heard = [round(hertz(value(session, begun + 2.0 + beat / 2 + 0.1)), 1) for beat in range(4)]
+    assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.6, 329.6, 220.0)]
+    session.ok("lfo bell.m.t60 0.5..2 period 1bar shape triangle")
+    session.run(3.0)
+    session.ok("undo")
+    session.run(3.0)
+    session.ok("set bell.m.f A3")
+    session.run(2.5)
+    piece = session.session.commits.head.piece
+    assert [one.name for one in piece.automation] == ["bell.m.f"]
+    assert piece.automation[0].until is not None
+    assert piece.automation[0].until.text != "999|1"
+    assert not value(session, 1e6) > 0.0 or hertz(value(session, 1e6)) == pytest.approx(220.0)
+    session.ok("save live")
+    saved = load(tmp_path / "live.yaml").piece
+    assert saved is not None
+    assert saved.automation[0].pattern is not None
+    same(session)
+
+
+def test_a_swing_starts_and_ends_without_a_jump(session):
+    session.ok("play")
+    session.ok("ada plays knock every 1/2")
+    session.ok("lfo bell.m.K 0.8..1.2 period 2bar shape sine")
+    session.run(5.0)
+    session.ok("lfo bell.m.K off now")
+    session.run(2.0)
+    session.ok("lfo bell.m.K x1..x2 period 1")
+    session.ok("tempo 90")
+    session.run(3.0)
+    third = np.abs(np.diff(session.sound[:, 0], 3))
+    assert third.max() < 20 * np.percentile(third[third > 0], 99)
+    same(session)
+
+
+def test_what_a_line_does_not_touch_follows_on_to_the_last_bit(tmp_path):
+    heard = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        with closing(Stepped(SCORE, tmp_path / name)) as session:
+            session.ok("play")
+            session.ok("ada plays knock every 1")
+            session.ok("lfo bell.m.K 0.8..1.2 period 2bar")
+            session.ok("set drum.m.f 90Hz 120Hz every 1/2 chance 0.7")
+            session.run(5.1)
+            session.ok("leo plays lean now" if name == "b" else "meters")
+            session.run(0.3)
+            session.ok("lean = 0mm@0 smooth 2mm@1/4 smooth 0mm@1/2" if name == "b" else "meters")
+            session.run(3.0)
+            heard.append(session.sound[:, 0])
+            same(session)
+    assert np.array_equal(*heard)
+
+
+@pytest.mark.parametrize("line", ["set bell.m.f walk A3.minor every 1/2 chance 0.8",
+                                  "lfo bell.m.f 0.9..1.1 period 3bar"])  # fmt: skip
+def test_values_from_the_middle_are_those_of_the_whole(tmp_path, line):
+    found = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        with closing(Stepped(SCORE, tmp_path / name)) as session:
+            session.ok(line)
+            session.ok("play from 1|1")
+            session.run(0.1)
+            if name == "b":
+                session.ok("play from 9|1")
+            session.run(18.0 if name == "a" else 4.0)
+            by = session.session.commits.running.clock.by
+            found.append([value(session, by + at) for at in np.arange(17.0, 19.0, 0.02)])
+            same(session)
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+def test_kept_bars_hold_what_leads_their_parameters(session, tmp_path):
+    session.ok("play")
+    session.ok("ada plays knock every 1")
+    session.ok("set bell.m.f A3 C4 E4 every 1")
+    session.ok("lfo drum.m.f 0.9..1.1 period 4")
+    session.run(9.0)
+    session.ok("keep 1bar as verse")
+    kept = load(tmp_path / "verse.yaml").piece
+    assert kept is not None
+    assert [one.name for one in kept.automation] == ["bell.m.f", "drum.m.f"]
+    assert all(one.until is not None for one in kept.automation)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("set bell.m.f A3 H4 every 1", "neither a frequency"),
+        ("set bell.m.f A3 C4", "the length of a step"),
+        ("set bell.b.K 1kN/m 2kN/m every 1", "is a BUT"),
+        ("lfo bell.m.K 0.8 period 1", "is not a range"),
+        ("lfo bell.m.K 0.8..1.2", "the length of one swing is missing"),
+        ("lfo bell.m.K 0.8..1.2 period 1 shape round", "is not one of sine"),
+        ("lfo bell.m.K off", "does not swing"),
+    ],
+)
+def test_what_is_wrong_with_automation_is_told(session, line, why):
+    before = session.session.commits.head
+    reply = session.type(line)
+    assert not reply.taken
+    assert why in reply.text
+    assert session.session.commits.head is before
