@@ -39,7 +39,13 @@ def _target(text: str, scope: Scope, given: Mapping[str, Any]) -> str:
 
 def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, int, dict[str, str]]:
     """What stands before the options, where it ends, and the options; each is checked."""
-    before, options = parse_strikes(text, known)
+    try:
+        before, options = parse_strikes(text, known)
+    except TextError as error:
+        at_fault = text[error.offset : error.offset + error.length]
+        if at_fault in known:
+            error.suggestion = f"{at_fault} {known[at_fault]}"
+        raise
     for name, word in options.items():
         shape = AUTOMATION.by_name[name].shape
         try:
@@ -82,10 +88,12 @@ def _read_lfo(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str,
     return {"range": ends, **options}
 
 
-def _offers(known: Mapping[str, str], first: str) -> Any:
+def _offers(known: Mapping[str, str], first: str = "") -> Any:
     def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if not context.before:
-            yield v.Completion(first, "its values")
+            shape = context.scope.targets[context.given["target"]]
+            offered = (v.Completion(first, "its ends"),) if first else v.of(shape).offers(context)
+            yield from offered
             return
         last = context.before[-1]
         if last in known:
@@ -99,7 +107,7 @@ def _offers(known: Mapping[str, str], first: str) -> Any:
 
 
 LED = v.Value("a parameter of a CEL, such as bell.m.f", _target, v.TARGET.offers)
-VALUES = v.Value("values and the length of a step", _read_set, _offers(_OF_SET, "A3"))
+VALUES = v.Value("values and the length of a step", _read_set, _offers(_OF_SET))
 SWING = v.Value("a range and a period", _read_lfo, _offers(_OF_LFO, "0.8..1.2"))
 
 
