@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ergon.notation.tables import kinds as k
 from ergon.notation.tables.shapes import NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import StrikeModules, When, Word
 from ergon.repl.language.scope import Scope
+from ergon.scores.pattern.values import parse_values
+from ergon.scores.pattern.words import Word as PlacedWord
 from ergon.scores.pattern.words import parse_strikes
 from ergon.scores.reading.sections import STRIKES
 
 # Each option with an example.
+_LOUD = "1mNs"  # the impulse of notes that say none
 OPTIONS = {
     "every": "1/2",
     "rate": "0.5Hz",
@@ -41,6 +45,15 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
             error = v.unknown(part, "an instrument or a key", (*scope.instruments, *scope.keys))
             error.offset += module.offset
             raise error
+    _check(options, scope)
+    if not options.keys() & {"impulse", "mass"}:
+        message = "the impulse is missing: write for instance impulse 2mNs"
+        raise TextError(message, offset=len(text))
+    to = " ".join(module.text for module in modules)
+    return {"to": to, **{name: word.text for name, word in options.items()}}
+
+
+def _check(options: Mapping[str, PlacedWord], scope: Scope) -> None:
     for name, word in options.items():
         shape = v.POSITION if name == "until" else STRIKES.by_name[name].shape
         try:
@@ -51,11 +64,6 @@ def _read(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str
         except TextError as error:
             error.offset += word.offset
             raise
-    if not options.keys() & {"impulse", "mass"}:
-        message = "the impulse is missing: write for instance impulse 2mNs"
-        raise TextError(message, offset=len(text))
-    to = " ".join(module.text for module in modules)
-    return {"to": to, **{name: word.text for name, word in options.items()}}
 
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
@@ -78,6 +86,39 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
+def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[str, str]:
+    """The fields of strikes that have notes, as texts."""
+    said, options = parse_strikes(text, OPTIONS)
+    end = said[-1].offset + len(said[-1].text) if said else 0
+    parse_values(text[:end], k.PITCH.parse, is_pitch=True)
+    _check(options, scope)
+    if not options.keys() & {"every", "euclid"}:
+        message = "the length of a step is missing: every 1"
+        raise TextError(message, offset=end, length=max(1, len(text) - end))
+    written = {name: word.text for name, word in options.items()}
+    loud = {} if written.keys() & {"impulse", "mass"} else {"impulse": _LOUD}
+    return {"to": given["name"], "notes": " ".join(text[:end].split()), **written, **loud}
+
+
+def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
+    if context.before:
+        yield from _offers(context)
+    else:
+        yield v.Completion("A3", "notes, a scale or a chord such as A3.minor")
+
+
+def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text.split(".")[0] not in scope.instruments:
+        raise v.unknown(text, "an instrument", scope.instruments)
+    return text
+
+
+PLAYED_ON = v.Value(
+    "an instrument or one of its CELs",
+    _struck,
+    lambda context: v.listed(context.scope.instruments),
+)
+NOTES = v.Value("notes and the length of a step", _read_notes, _offers_notes)
 STRIKING = v.Value("modules and how they are struck", _read, _offers)
 NAMED = v.Value("a name for the strikes", _name, lambda context: ())
 
@@ -85,5 +126,5 @@ NAMED = v.Value("a name for the strikes", _name, lambda context: ())
 def strikes(
     name: str, fields: Mapping[str, str], when: When, words: Mapping[str, Word]
 ) -> StrikeModules:
-    """The command."""
-    return StrikeModules(name, fields, when=when, words=words)
+    """The command; strikes with notes bear the name of what they strike."""
+    return StrikeModules(name.replace(".", "-"), fields, when=when, words=words)

@@ -10,7 +10,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
-from ergon.repl.language.striking import NAMED, STRIKING, strikes
+from ergon.repl.language.striking import NAMED, NOTES, PLAYED_ON, STRIKING, strikes
 from ergon.repl.language.values import Completion, Value
 
 VERB = Value(
@@ -60,6 +60,11 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               Slot("name", "NAME", NAMED),
               Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] …",
                    STRIKING, many=True), subject=True),
+        _form("notes", "no", "strikes an instrument at the pitches of a pattern",
+              "bell notes A3 C4 E4 euclid 5 8", strikes,
+              Slot("name", "INSTRUMENT", PLAYED_ON),
+              Slot("fields", "NOTE … [every LENGTH] [euclid N N] [impulse …] [chance P] …",
+                   NOTES, many=True), subject=True),
         _form("do", "d", "transforms further what the player plays",
               "ada do scale 1.2, mirror", c.Do,
               _PLAYER, Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),

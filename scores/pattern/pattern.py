@@ -101,13 +101,16 @@ class Course:
 
     def played(self, place: int) -> str | None:
         """The name of what is played in a place; None: it rests."""
-        number = place + self.pattern.skip
-        turn, within = divmod(number, self.pattern.order.places)
-        name = self._round(turn)[within].name
+        name, number = self.named(place), place + self.pattern.skip
         chance = self.pattern.chance
         if name is None or (chance is not None and not self.draws.happens(chance, number)):
             return None
         return name
+
+    def named(self, place: int) -> str | None:
+        """The name in a place, whether chance lets it be played or not; None: a rest."""
+        turn, within = divmod(place + self.pattern.skip, self.pattern.order.places)
+        return self._round(turn)[within].name
 
     def do(self, place: int) -> tuple[Transform, ...]:
         """The transformations of the round in which a place is."""

@@ -55,6 +55,7 @@ class Automation:
     swing: Swing | None
     place: Place
     at_place: Place
+    struck: str = ""  # whose strikes sound with each value, which is there when they fall
 
     @property
     def name(self) -> str:
@@ -65,7 +66,7 @@ class Automation:
         """When a pattern sets values. Raises TextError."""
         assert self.pattern is not None
         until = None if self.until is None else tempo.resolve(self.until)
-        course = Course(self.pattern, Draws(seed, f"set/{self.name}"))
+        course = Course(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         at = tempo.resolve(self.at)
         return steps(tempo, at, course, every=self.every, times=self.times, until=until)
 

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from ergon.instruments import rules
 from ergon.instruments.kinds import member_count
 from ergon.instruments.laws import LawText, is_name
-from ergon.instruments.model import Instrument, Layout, Module
+from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.instruments.names import Part, Scene
 from ergon.instruments.read import instrument
 from ergon.notation.tables.fields import Values
@@ -297,7 +297,19 @@ class Checker:
     def _strikes(self, values: Values) -> Strikes:
         who = f"strikes {quote(values.context.name)}"
         targets = (self.scene.target(name, "mats", who) for name in values["to"] or ())
-        return build.strikes(values, tuple(t for t in targets if t is not None))
+        made = build.strikes(values, tuple(t for t in targets if t is not None))
+        for target in made.to if made.notes else ():
+            self._has_pitch(target, who)
+        return made
+
+    def _has_pitch(self, target: Target, who: str) -> None:
+        """Report a target that is not one CEL with values in SI units."""
+        part = self.scene.parts[target.part]
+        made = self._written[target.part][1]
+        is_ca = isinstance(made, Instrument) and made.ca_rate is not None
+        if part.modules[target.module].kind != "CEL" or is_ca:
+            message = f"{who}: {quote(target.text)} has no pitch of its own; notes are for CELs"
+            self.collector.error("E304", message, target.place)
 
     def _automation(self, values: Any) -> Automation | None:
         if not isinstance(values, Values) or not automation.check(values):

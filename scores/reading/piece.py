@@ -20,6 +20,7 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern.draws import Draws
 from ergon.scores.pattern.pattern import Course, Pattern
 from ergon.scores.pattern.steps import Steps, steps
+from ergon.scores.pattern.values import Amount
 from ergon.scores.reading.automation import Automation
 
 # Of a field that came later: where it says nothing, the hash of a score is what it was before.
@@ -146,6 +147,12 @@ class Strikes:
     speed: float | None
     place: Place
     pattern: Pattern | None = field(default=None, metadata=UNTOLD)
+    notes: Mapping[str, Amount] = field(default_factory=dict, metadata=UNTOLD)  # of the pattern
+
+    @property
+    def who(self) -> str:
+        """Whose draws a pattern makes."""
+        return f"strikes/{self.name}"
 
     def steps(self, piece: Piece) -> Steps:
         """When a pattern strikes: its places. Raises TextError."""
@@ -155,7 +162,7 @@ class Strikes:
         until = None if self.until is None else tempo.resolve(self.until)
         if self.span is not None:
             until = tempo.after(at, self.span)
-        course = Course(self.pattern, Draws(piece.seed, f"strikes/{self.name}"))
+        course = Course(self.pattern, Draws(piece.seed, self.who))
         return steps(tempo, at, course, every=self.every, times=self.times, until=until)
 
 

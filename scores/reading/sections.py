@@ -136,6 +136,7 @@ STRIKES = Record(
         Field("times", k.TIMES, "number of strikes, with `every`; of rounds, with `euclid`"),
         *OF_PATTERN,
         Field("impulse", k.IMPULSES, "impulse of an ergon; from a range by chance"),
+        Field("notes", Text(str, "notes, such as A3 C4 E4"), "pitch of a CEL at each strike"),
         Field("mass", k.MASS, "mass of the ergon, with `speed` instead of `impulse`"),
         Field("speed", k.SPEED, "speed of the ergon"),
     ),

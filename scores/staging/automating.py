@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from ergon import _core
 from ergon.instruments.model import Module
 from ergon.notation.clock.meter import SAME
+from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.shifted import NEVER
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.reading.automation import Automation, Shape, Swing
@@ -25,6 +26,8 @@ GLIDE = 0.02
 MAX_POINTS = 200_000
 # How far back the value that holds at a beat is looked for, in places of its pattern.
 _BACK = 256
+# The pitch of a note is there so many frames before its strike: a place of the engine's grid.
+_EARLY = 64
 # A swing is drawn by straight pieces, sixteen in each quarter: sin(j π / 32).
 _QUARTER = (
     *(0.0, 0.0980171403295606, 0.19509032201612825, 0.29028467725446233, 0.3826834323650898),
@@ -72,7 +75,7 @@ def automated(
 ) -> dict[Where, Points]:
     """The points of each CEL with automation, for the beats from `since` to `until`."""
     lines: dict[Where, dict[str, list[Automation]]] = {}
-    for one in piece.automation:
+    for one in (*piece.automation, *_notes(piece)):
         where = one.target.part, one.target.module
         lines.setdefault(where, {}).setdefault(one.parameter, []).append(one)
     found: dict[Where, Points] = {}
@@ -98,6 +101,21 @@ def automated(
                 points.append((max(0.0, t), *_tied(module, values, scale)))
             found[where] = points
     return found
+
+
+def _notes(piece: Piece) -> Iterator[Automation]:
+    """The pitches of strikes that have notes."""
+    tempo = piece.tempo_map
+    for one in piece.strikes:
+        if not one.notes or one.pattern is None:
+            continue
+        until = one.until
+        if one.span is not None:
+            until = Position(plus=Length(beats=tempo.after(tempo.resolve(one.at), one.span)))
+        pattern = replace(one.pattern, chance=None)
+        for target in one.to:
+            said = (target, "f", one.at, until, one.every, one.times, pattern, one.notes)
+            yield Automation(*said, None, one.place, one.place, one.who)
 
 
 def led_on(
@@ -213,6 +231,7 @@ def _curve(
                 ended = stop
             else:
                 ended = min(stop, _set(piece, one, curve, min(stop, until), since))
+                ended = math.inf if one.struck and following is None else ended
         except TextError as error:
             collector.error("E305", f"automation of {one.name}: {error.message}", one.place)
             return curve
@@ -239,7 +258,10 @@ def _set(piece: Piece, one: Automation, curve: _Curve, stop: float, since: float
         name, instant = course.played(place), tempo.seconds(places[place])
         if instant >= NEVER:
             break
-        if name is not None:
+        if name is not None and one.struck:
+            early = _EARLY / piece.rate
+            curve.set(instant - 2 * early, one.amounts[name].value, instant - early)
+        elif name is not None:
             following = tempo.seconds(places.beat(place + 1))
             curve.set(instant, one.amounts[name].of(curve.own), max(following, instant))
     return places.beat(len(places))

@@ -262,7 +262,7 @@ def _automate(
 ) -> dict[Where, Points]:
     """The points of CELs with automation, as far as the piece or its last stretch goes."""
     tempo = piece.tempo_map
-    if not piece.automation:
+    if not piece.automation and not any(strikes.notes for strikes in piece.strikes):
         return {}
     if spans is None:
         return automated(piece, -math.inf, tempo.beats(n_frames / piece.rate), collector)

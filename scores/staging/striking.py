@@ -67,6 +67,8 @@ class Striking:
         pattern = course.pattern
         first, last = (bisect_left(places, instant, key=tempo.seconds) for instant in self.within)
         for place in range(first, last):
+            if course.named(place) is None:
+                continue
             instant, number = tempo.seconds(places[place]), place + pattern.skip
             for member, mat in enumerate(self.mats):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):

@@ -480,3 +480,41 @@ def test_what_is_wrong_with_automation_is_told(session, line, why):
     assert not reply.taken
     assert why in reply.text
     assert session.session.commits.head is before
+
+
+def test_notes_are_typed_undone_rested_and_rendered(session, tmp_path):
+    session.ok("play")
+    reply = session.ok("bell notes A3 C4 E4 euclid 5 8")
+    assert "2|1" in reply.text
+    session.run(4.0)
+    begun = session.session.commits.running.clock.by
+    beats = [4 + at / 2 for at in (0, 2, 3, 5, 6)]  # the second bar's pulses, eight to a bar
+    heard = [hertz(value(session, begun + beat / 2)) for beat in beats]
+    assert heard == [pytest.approx(f, rel=1e-3) for f in (220.0, 261.63, 329.63, 220.0, 261.63)]
+    session.ok("bell notes walk A4.minor-pentatonic every 1/2 chance 0.7 impulse 0.5mNs")
+    session.run(4.0)
+    session.ok("undo")
+    session.run(3.0)
+    session.ok("rest bell")
+    session.run(2.5)
+    session.ok("save live")
+    saved = load(tmp_path / "live.yaml").piece
+    assert saved is not None
+    assert [one.name for one in saved.strikes] == ["bell"]
+    assert saved.strikes[0].notes
+    same(session)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("bell notes A3 H4 every 1", "neither a frequency"),
+        ("bell notes A3 C4", "the length of a step is missing"),
+        ("bel notes A3 C4 every 1", "is not an instrument"),
+        ("bell.b notes A3 C4 every 1", "bell.b"),
+    ],
+)
+def test_what_is_wrong_with_notes_is_told(session, line, why):
+    reply = session.type(line)
+    assert not reply.taken
+    assert why in reply.text

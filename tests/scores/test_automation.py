@@ -210,3 +210,42 @@ def test_automation_is_part_of_what_a_score_says():
     assert prepare(other).paths == {}
     spans = [Span(one, Window(0.0, 4.0))]
     assert prepare(one, spans=spans).paths.keys() == {("bell", "m")}
+
+
+def test_notes_strike_at_their_pitch():
+    strikes = "strikes: {tune: {to: bell.m, at: 1|1, notes: A3 C4 ~ (E4 A4), every: 1, times: 1,"
+    text = SCORE.format(lines="", seed=1, tail=3.0).replace(", X0: 1mm", ", t60: 300ms")
+    loaded = load("s.yaml", text=f"{text}{strikes} impulse: 0.1mNs}}}}\n")
+    assert loaded.piece is not None, loaded.diagnostics
+    whole = stage(loaded.piece)
+    sound = np.zeros((whole.n_frames, whole.simulation.n_out))
+    whole.simulation.process(sound)
+    rate = int(whole.rate)
+    level = [np.abs(sound[int(t * rate) : int((t + 0.05) * rate), 0]).max() for t in range(4)]
+    assert min(level[0], level[1], level[3]) > 20 * level[2]  # a rest
+    for begin, f in ((0.0, 220.0), (1.0, 261.6256), (3.0, 329.6276), (3.5, 440.0), (4.5, 440.0)):
+        # From the strike on: the pitch is there when it falls, and stays after the last one.
+        own = sound[int(begin * rate) + 2 : int((begin + 0.3) * rate), 0]
+        assert pitch(own, rate) == pytest.approx(f, rel=3e-3), begin
+
+
+@pytest.mark.parametrize(
+    ("fields", "code", "words"),
+    [
+        ("to: bell.m, notes: A3 H4, every: 1", "E201", "neither a frequency"),
+        ("to: bell.m, notes: A3", "E103", "write `every`"),
+        ("to: bell.m, notes: A3, rate: 1Hz, for: 4", "E111", "strikes by chance have no steps"),
+        ("to: drum, notes: A3, every: 1", "E304", "has no pitch of its own"),
+    ],
+)
+def test_mistakes_in_notes_are_told(fields, code, words):
+    text = SCORE.format(lines="", seed=1, tail=3.0).replace(
+        "automation:",
+        "  drum: {BANK: {count: 3, f: 99Hz, t60: 1s, M: 1g}, out: {SOX: drum.all}}\nautomation:",
+    )
+    fields = fields.replace("to: drum", "to: drum.all")
+    strikes = f"strikes: {{tune: {{at: 1|1, impulse: 1mNs, {fields}}}}}\n"
+    loaded = load("s.yaml", text=text + strikes)
+    assert loaded.piece is None
+    found = loaded.diagnostics[0]
+    assert (found.code, words in found.message) == (code, True), found

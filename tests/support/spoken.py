@@ -102,6 +102,19 @@ OTHERS = [
     ("rest ada", c.Rest("ada")),
     ("rest all", c.Rest(None)),
     (
+        "bell notes A3 C4 (E4 A4) euclid 5 8 chance 0.8",
+        c.StrikeModules(
+            "bell",
+            {
+                "to": "bell",
+                "notes": "A3 C4 (E4 A4)",
+                "euclid": "5 8",
+                "chance": "0.8",
+                "impulse": "1mNs",
+            },
+        ),
+    ),
+    (
         "set bell.m.f A3 (C4 E4) every 1 at B",
         c.Automate("bell.m.f", "set", {"to": "A3 (C4 E4)", "every": "1"}, when=parse_position("B")),
     ),
