@@ -125,6 +125,12 @@ class Guard:
         """
         if not self._real:
             return ()
+        if stage.paths:
+            raise _core.EngineError(
+                "automation cannot be played while a real hand is connected: the force that the "
+                "hand may get is not known for every value; remove `automation`, or play without "
+                "the device"
+            )
         moments = _moments(stage, start, glides)
         on = tuple(before) if len(moments) > 1 else ()
         if self._last and self._last[0] is stage.network and self._last[1:] == (moments, on):

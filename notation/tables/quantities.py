@@ -89,6 +89,7 @@ INSTANT = _dimension(
 LEVEL = _dimension("level", "dB", "-6dB", bare=False, low=-400.0, high=200.0)
 ERROR = _dimension("error", "dB", "-60dB", bare=False, low=-160.0, high=-10.0)
 CENTS = _dimension("error of pitch in cents", "", "3", "positive", low=0.01, high=1200.0)
+CHANCE = _dimension("chance", "%:-2", "0.6", "not negative", high=1.0)
 SHARE = _dimension("share of the processor", "%:-2", "80%", "positive", bare=False, high=64.0)
 NUMBER = _dimension("plain number", "", "0.5")
 RATIO = _dimension("plain number", "", "0.5", "not negative")

@@ -84,6 +84,36 @@ class Do(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class StrikeModules(Command):
+    """`rain strikes sky.all every 1/2 impulse 2mNs`: strike modules in place of what it struck.
+
+    The fields are those of `strikes:` in a score, as texts.
+    """
+
+    name: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Automate(Command):
+    """`set bell.m.f A3 C4 E4 every 1`, `lfo bell.m.K 0.8..1.2 period 4bar`: change by itself.
+
+    `kind` is `set` or `lfo`; the fields are those of `automation:` in a score, as texts.
+    """
+
+    target: str
+    kind: str
+    fields: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class StopLfo(Command):
+    """`lfo bell.m.K off`: the parameter has its own value again."""
+
+    target: str
+
+
+@dataclass(frozen=True, slots=True)
 class Rest(Command):
     """Play no further occurrence after the one in flight. None: every player."""
 

@@ -34,6 +34,7 @@ class Scope:
     instruments: Mapping[str, str] = field(default_factory=dict)
     targets: Mapping[str, Text] = field(default_factory=dict)
     folder: Path | None = None
+    strikes: Mapping[str, str] = field(default_factory=dict)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -58,6 +59,7 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         instruments={name: "instrument" for name in piece.instruments},
         targets=dict(_targets(piece)),
         folder=folder,
+        strikes={one.name: "strikes" for one in piece.strikes},
     )
 
 

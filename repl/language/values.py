@@ -18,7 +18,7 @@ from ergon.repl.language.scope import Scope, scores_in
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
 from ergon.scores.gesture.transforms import ARITY, EXAMPLES, parse_chain
-from ergon.scores.gesture.words import OPTIONS
+from ergon.scores.pattern.words import OPTIONS
 
 MAX_POINTS = 2_000  # of a gesture that is typed: some 7 ms to read, and its ergons before the bar
 # Words that may follow a name in a line, so that no gesture or take may be called so.
@@ -144,10 +144,11 @@ def _no_offers(_: CompletionContext) -> tuple[Completion, ...]:
 
 
 PLAYER = name("a player", "players")
+_RESTS = name("a player or strikes", "players", "strikes")
 PLAYER_OR_ALL = Value(
-    "a player or all",
-    lambda text, scope, given: None if text == "all" else PLAYER.read(text, scope, given),
-    lambda context: (*PLAYER.offers(context), Completion("all", "every player")),
+    "a player, strikes or all",
+    lambda text, scope, given: None if text == "all" else _RESTS.read(text, scope, given),
+    lambda context: (*_RESTS.offers(context), Completion("all", "every player")),
 )
 PLAYED = name("a gesture or a take", "gestures", "takes")
 KEY = name("a key", "keys")

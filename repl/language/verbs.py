@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import automating, forms
 from ergon.repl.language import commands as c
-from ergon.repl.language import forms
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.playing import PLAYING, plays
+from ergon.repl.language.striking import NAMED, NOTES, PLAYED_ON, STRIKING, strikes
 from ergon.repl.language.values import Completion, Value
 
 VERB = Value(
@@ -29,7 +30,7 @@ _OFF = Slot("", "", None, "off")
 _SOUNDING = Slot("name", "NAME", v.SOUNDING)
 _SOUNDING_OR_ALL = Slot("name", "NAME", v.SOUNDING, optional=True)
 _SHOWN_OR_ALL = Slot("name", "NAME", v.LOOKED_AT, optional=True)
-_PLAY = "NAME [from TIME] [every LENGTH] [times N] [until WHERE] [do …] [touch …]"
+_PLAY = "NAME … [from TIME] [every LENGTH] [times N] [until WHERE] [chance P] [do …] [touch …]"
 
 
 def _form(
@@ -51,9 +52,19 @@ def _form(
 # fmt: off
 GROUPS: dict[str, tuple[Form, ...]] = {
     "what is played": (
-        _form("plays", "p", "the player plays a gesture or a take, in place of the last",
+        _form("plays", "p", "the player plays a gesture, take or pattern from here on",
               "ada plays knock every 1 times 8", plays,
               _PLAYER, Slot("play", _PLAY, PLAYING, many=True), subject=True),
+        _form("strikes", "str", "strikes modules without a key",
+              "rain strikes bell every 1 impulse 2mNs", strikes,
+              Slot("name", "NAME", NAMED),
+              Slot("fields", "MODULE … [every LENGTH] [impulse …] [chance P] [euclid N N] …",
+                   STRIKING, many=True), subject=True),
+        _form("notes", "no", "strikes an instrument at the pitches of a pattern",
+              "bell notes A3 C4 E4 euclid 5 8", strikes,
+              Slot("name", "INSTRUMENT", PLAYED_ON),
+              Slot("fields", "NOTE … [every LENGTH] [euclid N N] [impulse …] [chance P] …",
+                   NOTES, many=True), subject=True),
         _form("do", "d", "transforms further what the player plays",
               "ada do scale 1.2, mirror", c.Do,
               _PLAYER, Slot("do", "TRANSFORMATION, …", v.DO, many=True), subject=True),
@@ -89,9 +100,21 @@ GROUPS: dict[str, tuple[Form, ...]] = {
               "quant 2bar", c.Quant, Slot("grid", "now|beat|bar|LENGTH", v.GRID), timed=False),
     ),
     "matter": (
+        _form("set", "set", "a parameter of a CEL follows a pattern of values",
+              "set bell.m.f A3 C4 E4 every 1", automating.follow,
+              Slot("target", "PATH", automating.LED),
+              Slot("fields", "VALUE … every LENGTH …", automating.VALUES, many=True)),
         _form("set", "set", "a physical parameter glides to a value, or by a factor",
               "set bell.m.K x1.5 over 2bar", forms.change,
               Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), _OVER),
+        _form("lfo", "lf", "a parameter of a CEL swings between two values",
+              "lfo bell.m.K 0.8..1.2 period 4bar", automating.swing,
+              Slot("target", "PATH", automating.LED),
+              Slot("fields", "LOW..HIGH period LENGTH [shape SHAPE] …", automating.SWING,
+                   many=True)),
+        _form("lfo", "lf", "a parameter of a CEL has its own value again",
+              "lfo bell.m.K off", automating.stop_lfo, Slot("target", "PATH", automating.LED),
+              _OFF),
         _form("couple", "c", "joins two keys by a spring and a damper",
               "couple k1 k2 K=40N/m", forms.couple, *_KEYS, *_LINK),
         _form("=", "=", "adds an instrument like another, or from a file",

@@ -128,9 +128,9 @@ def show(version: Version, playing: Sequence[tuple[str, str]], now: float) -> li
         begun = [line for line in lines if line.begin <= now]
         goes_on = [line for line in begun if line.is_open(now, piece)]
         # Of an entry that begins nothing more the last occurrence may sound.
-        on = {line.play.what for line in goes_on}
+        on = {name for line in goes_on for name in line.play.names}
         for what in dict.fromkeys(sounding):
-            goes_on += [line for line in begun if line.play.what == what and what not in on][-1:]
+            goes_on += [line for line in begun if what in line.play.names and what not in on][-1:]
         coming = sorted((line for line in lines if line.begin > now), key=lambda line: line.begin)
         said = [_entry(line.play) for line in goes_on] or ["nothing"]
         said += [f"then {_entry(line.play)}" for line in coming[:1]]

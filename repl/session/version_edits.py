@@ -16,7 +16,7 @@ from ergon.repl.session.edit_table import makes, moves, with_texts, writes
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
-from ergon.scores.edits import keys, matter, merging, names, parts, times
+from ergon.scores.edits import automation, keys, matter, merging, names, parts, strikes, times
 from ergon.scores.edits.scenes import sounds_from
 from ergon.scores.edits.texts import Texts
 
@@ -71,6 +71,22 @@ def _do(command: c.Do, version: Version, beat: float) -> Texts:
     return parts.transform(version.texts, version.piece, command.player, beat, command.chain)
 
 
+@writes(c.StrikeModules)
+def _strikes(command: c.StrikeModules, version: Version, beat: float) -> Texts:
+    return strikes.strike(version.texts, version.piece, command.name, beat, command.fields)
+
+
+@writes(c.Automate)
+def _automate(command: c.Automate, version: Version, beat: float) -> Texts:
+    own = command
+    return automation.automate(version.texts, version.piece, own.target, beat, own.kind, own.fields)
+
+
+@writes(c.StopLfo)
+def _stop_lfo(command: c.StopLfo, version: Version, beat: float) -> Texts:
+    return automation.stop(version.texts, version.piece, command.target, beat)
+
+
 @writes(c.Rest)
 def _rest(command: c.Rest, version: Version, beat: float) -> Texts:
     return parts.rest(version.texts, version.piece, command.player, beat)
@@ -113,7 +129,8 @@ def _uncouple(command: c.Uncouple, version: Version, beat: float) -> Texts:
 
 def _set(command: c.Set, version: Version, beat: float) -> Texts:
     value = command.words["change"].text
-    return matter.set_value(version.texts, version.piece, command.target, value)
+    texts = automation.released(version.texts, version.piece, command.target, beat)
+    return matter.set_value(texts, version.piece, command.target, value)
 
 
 @makes(c.Set)
@@ -283,7 +300,7 @@ def _defined(command: c.Define, made: Running) -> str:
     if "throw" not in {point.curve for point in gesture.points[1:]}:
         seconds = last.beats * 60.0 / piece.tempo_map.bpm(0.0) + last.seconds
         said += f", {int(seconds * made.stage.rate + 0.5):,} ergons"
-    if any(play.what == command.name for play in piece.parts):
+    if any(command.name in play.names for play in piece.parts):
         return said
     able = keys_for(piece, command.name)
     if len(able) == len(piece.keys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,9 +11,9 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
-from ergon.notation.text.errors import TextError
 from ergon.scores.edits.texts import SECTIONS, Texts
-from ergon.scores.gesture import words
+from ergon.scores.pattern import words
+from ergon.scores.pattern.steps import Steps
 from ergon.scores.reading.piece import Piece, Play
 
 
@@ -43,7 +44,9 @@ class Entry:
         """As the words of a row, after its position."""
         said = [self.fields["play"]]
         for name, text in self.fields.items():
-            if name in words.OPTIONS and name != "at":
+            if name == words.NTH:
+                said += ["every", text]
+            elif name in words.OPTIONS and name != "at":
                 is_flag = words.OPTIONS[name] is None
                 said += ([name] if text == "true" else []) if is_flag else [name, text]
         return " ".join([*said, *(["do", ", ".join(self.do)] if self.do else [])])
@@ -70,13 +73,18 @@ class Line:
             return piece.tempo_map.resolve(self.play.until) > at + SAME
         return self.play.times not in (None, 1)
 
+    def count_before(self, at: float) -> int:
+        """How many of its beginnings, or places of its pattern, lie before a beat."""
+        return bisect_left(self.starts or (), at - SAME)
 
-def of_words(text: str) -> Entry:
-    """The entry that the words of a line stand for, without its beginning. Raises EditError."""
-    try:
-        return of_play(words.parse(text), text)
-    except TextError as error:
-        raise EditError(error.message) from None
+    def part(self, first: int, last: int, at: Callable[[float], str]) -> Entry:
+        """The entry of its beginnings from number `first` up to `last`, its beats as `at` says."""
+        starts = self.starts or ()
+        if not isinstance(starts, Steps):
+            count = last - first
+            entry = self.entry.with_fields(at=at(starts[first]), until=None, times=str(count))
+            return entry if count > 1 else entry.with_fields(every=None, times=None)
+        return self.entry.with_fields(**starts.part(first, last, at))
 
 
 def of_play(play: words.PlayWords, text: str) -> Entry:

@@ -94,6 +94,7 @@ class Times:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
         entries: list[Any] = [*(score["strikes"] or {}).values(), *(score["duet"] or ())]
+        entries += score["automation"] or ()
         for values in entries:
             if isinstance(values, Values):
                 at, until = values["at"], values["until"]

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
 _Values = tuple[float, ...]  # of a CEL k, z, m; of a link K, where its force goes by it
-_TWO_PI = 6.283185307179586
-_LN_1000 = 6.907755278982137  # a decay by 60 dB
+TWO_PI = 6.283185307179586
+LN_1000 = 6.907755278982137  # a decay by 60 dB
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +94,20 @@ def _values(piece: Piece) -> Iterator[tuple[tuple[str, str], _Values]]:
                 yield (instrument.name, module.name), values
 
 
+def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
+    """K [N/m], Z [N·s/m] and M [kg] of a CEL's fields."""
+    mass = float(fields["M"])
+    if fields.get("f") is None:
+        return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), mass
+    omega, t60 = TWO_PI * float(fields["f"]), fields.get("t60")
+    sigma = LN_1000 / float(t60) if t60 else 0.0
+    return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
+
+
 def _of(module: Module) -> _Values | None:
-    fields: Mapping[str, Any] = module.fields
     if module.kind == "CEL":
-        mass = float(fields["M"])
-        if fields.get("f") is None:
-            return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), mass
-        omega, t60 = _TWO_PI * float(fields["f"]), fields.get("t60")
-        sigma = _LN_1000 / float(t60) if t60 else 0.0
-        return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
+        return ties(module.fields)
+    fields: Mapping[str, Any] = module.fields
     if module.kind in LINKS and fields.get("K"):
         return (float(fields["K"]),)
     return None

@@ -40,8 +40,9 @@ from ergon.repl.wire.protocol import (
     parse_request,
     request_id,
 )
-from ergon.scores.gesture import notation, words
+from ergon.scores.gesture import notation
 from ergon.scores.gesture.sampled import sampled
+from ergon.scores.pattern import words
 from ergon.scores.reading.load import load
 from ergon.scores.staging.stage import StageError, prepare, stage
 

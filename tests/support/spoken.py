@@ -101,6 +101,36 @@ OTHERS = [
     ("meters", c.Meters()),
     ("rest ada", c.Rest("ada")),
     ("rest all", c.Rest(None)),
+    (
+        "bell notes A3 C4 (E4 A4) euclid 5 8 chance 0.8",
+        c.StrikeModules(
+            "bell",
+            {
+                "to": "bell",
+                "notes": "A3 C4 (E4 A4)",
+                "euclid": "5 8",
+                "chance": "0.8",
+                "impulse": "1mNs",
+            },
+        ),
+    ),
+    (
+        "set bell.m.f A3 (C4 E4) every 1 at B",
+        c.Automate("bell.m.f", "set", {"to": "A3 (C4 E4)", "every": "1"}, when=parse_position("B")),
+    ),
+    (
+        "lfo bell.m.K 0.8..1.2 period 4bar shape triangle",
+        c.Automate("bell.m.K", "lfo", {"range": "0.8..1.2", "period": "4bar", "shape": "triangle"}),
+    ),
+    ("lfo bell.m.K off", c.StopLfo("bell.m.K")),
+    (
+        "rain strikes bell.m gong every 1/2 impulse 2mNs euclid 3 8 rotate 2 at B",
+        c.StrikeModules(
+            "rain",
+            {"to": "bell.m gong", "every": "1/2", "impulse": "2mNs", "euclid": "3 8 rotate 2"},
+            when=parse_position("B"),
+        ),
+    ),
     ("panic now", c.Panic()),
     ("release", c.Release()),
     ("redo", c.Redo()),

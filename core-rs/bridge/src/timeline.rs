@@ -212,6 +212,18 @@ impl Timeline {
             .map_err(from_engine)
     }
 
+    /// K, Z and M of a MAT go through points (t, k, z, m).
+    fn path(&mut self, mat: usize, points: Vec<(f64, f64, f64, f64)>) -> PyResult<()> {
+        self.there("path", mat)?;
+        let points: Vec<_> = points
+            .into_iter()
+            .map(|(at, k, z, m)| (at, [k, z, m]))
+            .collect();
+        self.inner
+            .path(&self.network, mat, &points)
+            .map_err(from_engine)
+    }
+
     /// ENX / ENF: a constant, or a take from `at`.
     #[pyo3(signature = (mat, kind, *, constant=None, take=None, at=0.0, scale=1.0, own=true))]
     #[allow(clippy::too_many_arguments)]

@@ -17,8 +17,9 @@ use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
-pub(crate) use gate::{Gate, Lean, Ramp};
+pub(crate) use gate::{Gate, Lean};
 pub(crate) use glide::Glide;
+pub use glide::Ties;
 pub use hand::{Hand, HandWay};
 pub(crate) use push::{Push, pushes};
 

@@ -532,6 +532,12 @@ class Timeline:
         """Give a MAT K [N/m], Z [N·s/m] and M [kg] until `start` [s], and the network's own from
         `stop` [s] on, linearly between, on multiples of GRID frames. The MAT is stepped.
         """
+    def path(self, mat: int, points: Sequence[tuple[float, float, float, float]]) -> None:
+        """Let K [N/m], Z [N·s/m] and M [kg] of a MAT go through points (t [s], K, Z, M), which rise.
+
+        They go linearly between points, on multiples of GRID frames, and stay before the first and
+        after the last one. The MAT is stepped.
+        """
     def drive(
         self,
         mat: int,
