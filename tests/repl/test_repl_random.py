@@ -18,6 +18,7 @@ from tests.repl.test_repl_session import SCORE
 OTHER = SCORE.replace("60N/m", "80N/m").replace("A3", "C4").replace("bpm: 120", "bpm: 100")
 TABLE = SCORE.replace("  ada: []\n", "  ada: |\n    2|1 knock every 1 until 4|1\n    5|1 lean\n")
 MONO = SCORE.replace("channels: 2", "channels: 1").replace("to: [2]", "to: [1]")
+VERSE = OTHER.replace("  ada: []", "  ada: [{at: 1|1, play: knock, every: 1, times: 7}]")
 PLAYERS, GESTURES = ("ada", "leo"), ("knock", "lean", "far")
 
 
@@ -99,8 +100,8 @@ class Player:
             "release",
             "save",
             f"save {self.one('one', 'two', 'score')}",
-            f"scene {self.one('kept', 'more', 'other')}",
-            f"scene {self.one('kept', 'more')} -> {self.one('kept', 'more')} over 1bar",
+            f"scene {self.one('kept', 'more', 'verse', 'verse', 'table')}",
+            f"scene {self.one('kept', 'verse')} -> {self.one('table', 'verse')} over 1bar",
             f"keep {self.draw.randint(1, 8)}bar as {self.one('kept', 'more')}",
             "history",
             self.one("show", "show ada", "? knock", "scope ada", "meters", "help", "py piece.seed"),
@@ -139,7 +140,7 @@ def played(folder: Path, seed: int, n_lines: int) -> None:
     folder.mkdir()
     mine = folder / "mine"
     mine.mkdir()
-    for name, text in (("other", OTHER), ("table", TABLE), ("mono", MONO)):
+    for name, text in (("other", OTHER), ("table", TABLE), ("mono", MONO), ("verse", VERSE)):
         (mine / f"{name}.yaml").write_text(text)
     player = Player(seed)
     typed: list[str] = []
