@@ -11,6 +11,7 @@ from ergon.notation.clock.meter import SAME
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError
+from ergon.notation.text.errors import TextError
 from ergon.scores.edits.texts import SECTIONS, Texts
 from ergon.scores.pattern import words
 from ergon.scores.pattern.steps import Steps
@@ -85,6 +86,14 @@ class Line:
             entry = self.entry.with_fields(at=at(starts[first]), until=None, times=str(count))
             return entry if count > 1 else entry.with_fields(every=None, times=None)
         return self.entry.with_fields(**starts.part(first, last, at))
+
+
+def of_words(text: str) -> Entry:
+    """The entry that the words of a line stand for, without its beginning. Raises EditError."""
+    try:
+        return of_play(words.parse(text), text)
+    except TextError as error:
+        raise EditError(error.message) from None
 
 
 def of_play(play: words.PlayWords, text: str) -> Entry:

@@ -11,7 +11,7 @@ from ergon.notation.text.errors import quote
 from ergon.scores.edits import matter
 from ergon.scores.edits.lists import dropped, items, place
 from ergon.scores.edits.texts import Texts
-from ergon.scores.gesture import words
+from ergon.scores.pattern import words
 from ergon.scores.reading.piece import Piece
 
 LINKS = "links"  # the instrument that holds links between others
