@@ -21,7 +21,7 @@ use crate::device::{self, AxisOf};
 use crate::error::{refused, said, unrecorded};
 use crate::guardian;
 use crate::mixer::Mixer;
-use crate::simulation::{Simulation, damping};
+use crate::simulation::{Simulation, damping, strike_impulse};
 
 /// How often a wait looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(2);
@@ -201,6 +201,13 @@ impl Performance {
         self.with(|own| own.gain(gain))
     }
 
+    /// Strike a point of the simulation that plays, at the next tick; a ticket, that an event "struck" or "missed"
+    /// tells; None where too many commands wait.
+    fn strike(&self, point: u32, impulse: f64) -> PyResult<Option<u64>> {
+        let impulse = strike_impulse(impulse)?;
+        self.with(|own| own.strike(point, impulse))
+    }
+
     /// Another gain of one of the mixer's groups of routes.
     fn part_gain(&self, group: usize, gain: f64) -> PyResult<bool> {
         self.with(|own| own.part_gain(group, gain))
@@ -375,6 +382,8 @@ fn event_tuple(event: perform::Event) -> EventTuple {
         EventKind::Finer => ("finer", 0.0),
         EventKind::Changed(ticket) => ("changed", ticket as f64),
         EventKind::Late(ticket) => ("late", ticket as f64),
+        EventKind::Struck(ticket) => ("struck", ticket as f64),
+        EventKind::Missed(ticket) => ("missed", ticket as f64),
         EventKind::Ended => ("ended", 0.0),
     };
     (event.frame, what, number)

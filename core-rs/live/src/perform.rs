@@ -93,6 +93,8 @@ pub(crate) enum Command {
     Gain(f64),
     /// Another gain of a group of routes.
     Part(usize, f64),
+    /// A strike: its ticket, the point, the impulse [N·s].
+    Strike(u64, u32, f64),
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
     /// Another version.
@@ -328,6 +330,15 @@ impl Performance {
     /// Another gain of one of the mixer's groups of routes, as [`Performance::gain`].
     pub fn part_gain(&self, group: usize, gain: f64) -> bool {
         self.command(Command::Part(group, gain))
+    }
+
+    /// Strike a point of the simulation that plays, at the first frame of the next tick; a ticket, which
+    /// [`EventKind::Struck`] or [`EventKind::Missed`] tells. `None` where too much is asked at once.
+    pub fn strike(&mut self, point: u32, impulse: f64) -> Option<u64> {
+        self.tickets += 1;
+        let ticket = self.tickets;
+        self.command(Command::Strike(ticket, point, impulse))
+            .then_some(ticket)
     }
 
     /// Change something at a frame that begins a tick; returns a ticket, which [`EventKind::Changed`] or [`EventKind::Late`] tells.

@@ -28,6 +28,8 @@ const AVERAGE: f64 = 1.0;
 const PEAKS: f64 = 0.3;
 /// A tick is late when it begins so much of its length after it was due.
 const LATE: f64 = 0.5;
+/// Strikes in one tick.
+const STRIKES_MAX: usize = 256;
 /// Without keys on a clock, ticks wait at most so long for room in the ring: the card may be gone for good.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -54,6 +56,8 @@ pub(super) struct Player {
     #[allow(clippy::vec_box)]
     // each goes back in the box that it came in: to open it would free that
     pub(super) waiting: Vec<Box<ScheduledChange>>,
+    /// Strikes of this tick: ticket, point, impulse [N·s].
+    strikes: Vec<(u64, u32, f64)>,
     clock: Clock,
     pub(super) movers: Vec<Mover>,
     pub(super) guidance: Vec<GuidanceState>,
@@ -136,6 +140,7 @@ impl Player {
             paced,
             looked: false,
             waiting: Vec::with_capacity(SCHEDULED_MAX),
+            strikes: Vec::with_capacity(STRIKES_MAX),
             stage,
             slots,
             links,
@@ -196,6 +201,7 @@ impl Player {
         safety::look_for_signals();
         self.commands();
         self.changes();
+        self.strike();
         self.scale();
         self.guidance
             .iter_mut()
@@ -247,6 +253,12 @@ impl Player {
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
                 Command::Change(due) => self.wait_for(due),
+                Command::Strike(ticket, ..) if self.strikes.len() == STRIKES_MAX => {
+                    self.tell(EventKind::Missed(ticket));
+                }
+                Command::Strike(ticket, point, impulse) => {
+                    self.strikes.push((ticket, point, impulse));
+                }
                 Command::Keys(slot, guarded) => {
                     self.slots[slot].comes_back(guarded);
                     self.slots[slot].stop(self.panicked);
@@ -264,6 +276,20 @@ impl Player {
         if self.links.flags.release.swap(false, Ordering::AcqRel) {
             self.slots.iter_mut().for_each(Slot::release);
         }
+    }
+
+    /// Strike what plays from this frame on: the simulation that took over at it, if one did.
+    fn strike(&mut self) {
+        for at in 0..self.strikes.len() {
+            let (ticket, point, impulse) = self.strikes[at];
+            let is_struck = self.stage.simulation.strike(point, impulse);
+            self.tell(if is_struck {
+                EventKind::Struck(ticket)
+            } else {
+                EventKind::Missed(ticket)
+            });
+        }
+        self.strikes.clear();
     }
 
     /// The first tick of the next bar; where there is none, the next tick.
