@@ -22,6 +22,7 @@ from .options import ReadOptions, SessionOptions
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
+    from ergon.live.midi_ports import SystemInput
     from ergon.live.perform import PlaybackConfig
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
@@ -55,6 +56,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     real = {player: None for board in boards for _, player in board.axes}
     with scores.staging(version.texts.load, report):
         config = _config(piece, options, boards, gain, report)
+    inputs = _midi_inputs(options, report)
     try:
         journal = Journal.begun(Path(options.journal))
     except JournalError as error:
@@ -83,6 +85,9 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         raise
     began = opening(session.commits.engine.tick_frames, hands).fields()
     journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
+    for port in inputs:
+        session.attach(port)
+        port.listen(session.midi.receive)
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
     gc.freeze()
@@ -93,6 +98,22 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     with left_to_me():
         session.run()
     return session
+
+
+def _midi_inputs(options: SessionOptions, report: Report) -> list[SystemInput]:
+    """The MIDI inputs that are asked for, open. Raises OptionError."""
+    from ergon.live.midi_ports import MidiError, SystemInput
+
+    found: list[SystemInput] = []
+    for name in options.midi:
+        try:
+            found.append(SystemInput(name))
+        except MidiError as error:
+            for port in found:
+                port.close()
+            raise OptionError("midi", str(error), value=name) from None
+        report.say(f"MIDI is heard from {found[-1].name}")
+    return found
 
 
 def _beginning(
@@ -191,7 +212,15 @@ def _engine(
             ]
             take = JournalTake(hands, tuple(axes))
         return SessionStart(
-            version.texts, clock.at, version.faders, every, *heard, past, version.base, take
+            version.texts,
+            clock.at,
+            version.faders,
+            every,
+            *heard,
+            past,
+            version.base,
+            take,
+            version.maps,
         )
 
     return make, opening

@@ -127,7 +127,7 @@ class SessionOptions(PerformanceOptions):
     `journal` is the file that keeps every line. `resume` is an earlier journal, whose session
     continues where it ends. With `watch` the score is read again whenever it is saved. With a
     `socket` (a path; "" is the default path) the engine is a process of its own. With `trust` a
-    score may name files outside its folder.
+    score may name files outside its folder. `midi` lists MIDI inputs by name, or "virtual".
     """
 
     journal: Path | str = Path("session.jsonl")
@@ -135,3 +135,4 @@ class SessionOptions(PerformanceOptions):
     watch: bool = False
     socket: str | None = None
     trust: bool = False
+    midi: Sequence[str] = ()

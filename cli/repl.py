@@ -34,6 +34,12 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Continue the session of this journal, where it ends.",
 )
+@click.option(
+    "--midi",
+    multiple=True,
+    metavar="PORT",
+    help="Hear MIDI from the input whose name contains this, or `virtual`; repeatable.",
+)
 @click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
 @click.option(
     "--socket",

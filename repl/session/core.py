@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
@@ -23,6 +23,7 @@ from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import text_fields
+from ergon.repl.session.midi_input import MidiInput
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
@@ -31,6 +32,7 @@ from ergon.repl.session_protocol import Reply
 from ergon.scores.edits import merging
 
 if TYPE_CHECKING:
+    from ergon.repl.language.scope import Scope
     from ergon.repl.session.engine import Engine
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
@@ -40,6 +42,13 @@ if TYPE_CHECKING:
 
 _BAR = Length(bars=1.0)
 _LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
+
+
+class Attached(Protocol):
+    """What is open for as long as a session: a port, a socket."""
+
+    def close(self) -> None:
+        """Close it."""
 
 
 class SessionCore:
@@ -88,7 +97,9 @@ class SessionCore:
         self.computing = computing.Computing()
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
+        self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
+        self._attached: list[Attached] = []
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
         self._scope = scope_of(version.piece)
@@ -102,6 +113,15 @@ class SessionCore:
         self.lock = threading.RLock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
+
+    @property
+    def scope(self) -> Scope:
+        """The names that a line may use now."""
+        return self._scope
+
+    def attach(self, one: Attached) -> None:
+        """Close a port or a socket when the session ends."""
+        self._attached.append(one)
 
     def say(self, message: str) -> None:
         """Add a message."""
@@ -163,11 +183,13 @@ class SessionCore:
         is_read: bool = False,
         is_limited: bool = True,
         redoes: bool = False,
+        replaces: int | None = None,
     ) -> tuple[str, Running]:
         """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
-        Returns the beat as written, and the version staged. Texts read from files are kept in the
-        journal. Raises StoppedError where a line that `is_limited` takes too long.
+        In the history it `replaces` a line. Returns the beat as written, and the version staged.
+        Texts read from files are kept in the journal. Raises StoppedError where a line that
+        `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self.number += 1
@@ -207,10 +229,14 @@ class SessionCore:
             resets=resets,
             restores=restores,
             where=where,
+            **({} if replaces is None else {"replaces": replaces}),
             **(self._fields_read(made.version) if is_read else {}),
         )
         if restores is None:
             self.history.add(number)
+            if replaces is not None:
+                self.history.remove(replaces)
+                self.commits.past.pop(replaces, None)
             if not redoes:
                 self.cancelled.clear()
             self.history.sort(self.commits.order())
@@ -263,6 +289,7 @@ class SessionCore:
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
+            self.midi.turn()
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
             if self.journal is not None and (trouble := self.journal.trouble()):
@@ -286,6 +313,8 @@ class SessionCore:
                 self._tell("hand", player=player, real=is_real, frame=event.frame)
             if event.sentence:
                 self._messages.append(f"{self._written(event.frame)} {event.sentence}")
+            elif event.strike is not None:
+                self.midi.struck(event)
             elif event.ticket is not None and event.is_late:
                 self.guidance.late(event.ticket)
                 self._late(self.commits.late(event.ticket))

@@ -75,7 +75,8 @@ class EngineStatus:
 
 @dataclass(frozen=True, slots=True)
 class EngineEvent:
-    """A change that was made or came too late (by its ticket), or a sentence for the player.
+    """A change or a strike that was made or came too late (by its ticket), or a sentence for the
+    player.
 
     `real`, by player: whether a person moves the player's key from this frame on.
     """
@@ -83,6 +84,7 @@ class EngineEvent:
     frame: int
     ticket: int | None = None
     is_late: bool = False
+    strike: int | None = None  # the ticket of a strike, which was done unless it `is_late`
     sentence: str = ""
     real: Mapping[str, bool] = field(default_factory=dict)
 
@@ -115,6 +117,12 @@ class Engine(Protocol):
 
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
         """Guide players' hands by new paths from frame `at` on; the ticket."""
+
+    def strike(self, point: int, impulse: float) -> int | None:
+        """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread.
+
+        Its ticket, which an event reports; None where too many strikes wait.
+        """
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""
@@ -186,6 +194,14 @@ class SteppedEngine:
     def guide(self, at: int, paths: Mapping[str, GuidedPath]) -> int:
         """Do nothing: no hand is real here."""
         self._tickets += 1
+        return self._tickets
+
+    def strike(self, point: int, impulse: float) -> int:
+        """Strike a point of what plays by an impulse [N·s], at the next frame."""
+        self._due()  # a change of this frame comes before it
+        self._tickets += 1
+        is_missed = not self._simulation.strike(point, impulse)
+        self._events.append(EngineEvent(self.frame, strike=self._tickets, is_late=is_missed))
         return self._tickets
 
     def set_faders(self, gains: Mapping[int, float]) -> None:

@@ -103,6 +103,10 @@ class LiveEngine:
             guidance=[one.steps for one in guided],
         )
 
+    def strike(self, point: int, impulse: float) -> int | None:
+        """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread."""
+        return None if self._last else self._performance.strike(point, impulse)
+
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""
         for group, gain in gains.items():
@@ -129,6 +133,8 @@ class LiveEngine:
             frame, what, number = event
             if what in ("changed", "late"):
                 found.append(EngineEvent(frame, int(number), is_late=what == "late"))
+            elif what in ("struck", "missed"):
+                found.append(EngineEvent(frame, strike=int(number), is_late=what == "missed"))
             elif sentence := said(event, self._players, self._boards):
                 found.append(EngineEvent(frame, sentence=sentence, real=self._real_now(event)))
         self._left = []

@@ -164,6 +164,8 @@ class Session(SessionCore):
         if self._over.is_set():
             return
         self._over.set()
+        for attached in self._attached:
+            attached.close()
         if self._thread is not None:
             self._thread.join()
         with self.lock:

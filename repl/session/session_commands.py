@@ -192,6 +192,12 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
     return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
 
 
+def _maps(session: SessionCore, command: c.Maps) -> Reply:
+    maps = session.commits.head.maps.values()
+    lines = tuple(own.line.removeprefix("map ") for own in maps)
+    return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
+
+
 def _save(session: SessionCore, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
     if not written:
@@ -264,6 +270,7 @@ SESSION_COMMANDS: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] 
     c.Look: _look,
     c.Trace: _scope,
     c.Meters: _meters,
+    c.Maps: _maps,
     c.Save: _save,
     c.Record: _record,
     c.RecordOff: _record_off,

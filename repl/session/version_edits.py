@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
+from ergon.repl.session import midi_maps
 from ergon.repl.session.guidance import guide_of
 from ergon.repl.session.rehearsing import keys_for, rehearse
 from ergon.repl.session.version import GLIDE, Faders, NotTakenError, Version, piece_of
@@ -239,6 +240,16 @@ def _guide(command: c.Guide) -> VersionEdit:
     return edit
 
 
+def _map(command: midi_maps.Map) -> VersionEdit:
+    """Map a MIDI controller or notes."""
+    return lambda version, beat: replace(version, maps=midi_maps.with_map(version, command))
+
+
+def _unmap(command: c.Unmap) -> VersionEdit:
+    """End a map."""
+    return lambda version, beat: replace(version, maps=midi_maps.without_map(version, command.name))
+
+
 def _load(command: c.Load) -> VersionEdit:
     files: list[Texts] = []
 
@@ -293,6 +304,9 @@ VERSION_EDITS: Mapping[type[c.Command], Callable[[Any], VersionEdit]] = {
     **dict.fromkeys(_FADER_EDITS, _fader_edit),
     c.Set: _set_gliding,
     c.Guide: _guide,
+    c.MapControl: _map,
+    c.MapNotes: _map,
+    c.Unmap: _unmap,
     c.Define: _define_rehearsed,
     c.Hush: _hush,
     c.Damp: _damp,
