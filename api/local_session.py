@@ -19,6 +19,7 @@ from .errors import OptionError, not_begun
 from .gain import gain_of
 from .hands import boards_of, ready
 from .options import ReadOptions, SessionOptions
+from .osc import osc_of
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
@@ -48,6 +49,8 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     from ergon.exchange.plan_store import of_user
     from ergon.repl.prompt.signals import left_to_me
     from ergon.repl.session.journal import Journal, JournalError, free
+    from ergon.repl.session.live import LiveEngine
+    from ergon.repl.session.osc import SessionOsc
     from ergon.repl.session.session import Session
 
     version, clock, past, gain, disk = _beginning(path, options, report)
@@ -57,6 +60,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     with scores.staging(version.texts.load, report):
         config = _config(piece, options, boards, gain, report)
     inputs = _midi_inputs(options, report)
+    osc = osc_of(options.osc, options.osc_to, report)
     try:
         journal = Journal.begun(Path(options.journal))
     except JournalError as error:
@@ -88,6 +92,10 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     for port in inputs:
         session.attach(port)
         port.listen(session.midi.receive)
+    if osc is not None:
+        engine = session.commits.engine
+        assert isinstance(engine, LiveEngine)
+        session.attach(SessionOsc(session, osc, engine.performance))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
     gc.freeze()

@@ -127,7 +127,8 @@ class SessionOptions(PerformanceOptions):
     `journal` is the file that keeps every line. `resume` is an earlier journal, whose session
     continues where it ends. With `watch` the score is read again whenever it is saved. With a
     `socket` (a path; "" is the default path) the engine is a process of its own. With `trust` a
-    score may name files outside its folder. `midi` lists MIDI inputs by name, or "virtual".
+    score may name files outside its folder. `midi` lists MIDI inputs by name, or "virtual". OSC
+    requests are accepted at `osc` ([HOST:]PORT), and OSC messages go to `osc_to` (HOST:PORT).
     """
 
     journal: Path | str = Path("session.jsonl")
@@ -136,3 +137,5 @@ class SessionOptions(PerformanceOptions):
     socket: str | None = None
     trust: bool = False
     midi: Sequence[str] = ()
+    osc: str | None = None
+    osc_to: str | None = None

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     metavar="PORT",
     help="Hear MIDI from the input whose name contains this, or `virtual`; repeatable.",
 )
+@options.osc
 @click.option("--watch", is_flag=True, help="Reload the score whenever it is saved.")
 @click.option(
     "--socket",

@@ -24,6 +24,7 @@ from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import text_fields
 from ergon.repl.session.midi_input import MidiInput
+from ergon.repl.session.movements import Movements
 from ergon.repl.session.running import Running, begin
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
@@ -97,6 +98,7 @@ class SessionCore:
         self.computing = computing.Computing()
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
+        self.movements = Movements(self)
         self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
         self._attached: list[Attached] = []
@@ -289,7 +291,7 @@ class SessionCore:
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
-            self.midi.turn()
+            self.movements.turn()
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
             if self.journal is not None and (trouble := self.journal.trouble()):

@@ -16,6 +16,7 @@ from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
     from ergon.instruments.model import Target
+    from ergon.live.midi_messages import Control
     from ergon.repl.session.journal import Event
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
@@ -121,13 +122,16 @@ def struck(version: Version, note: int, velocity: int) -> Iterator[tuple[Place, 
             yield all_places[member], weak + (strong - weak) * (velocity - 1) / (_TOP - 1)
 
 
-def line_of(control: MapControl, value: int) -> str:
-    """The line that a controller at a value (0 to 127) stands for."""
-    low, high = control.range
-    x = low + (high - low) * value / _TOP
-    if control.target is not None:
-        return f"set {control.target} {x:.6g}{control.unit} over 50ms now"
-    name = "" if control.sounding is None else f"{control.sounding} "
+def moved_line(moved: Control, version: Version) -> str | None:
+    """The line that a controller which has moved stands for; None where it has no map."""
+    own = version.maps.get(f"cc {moved.number}")
+    if not isinstance(own, MapControl):
+        return None
+    low, high = own.range
+    x = low + (high - low) * moved.value / _TOP
+    if own.target is not None:
+        return f"set {own.target} {x:.6g}{own.unit} over 50ms now"
+    name = "" if own.sounding is None else f"{own.sounding} "
     return f"gain {name}{x:.6g}dB now"
 
 

@@ -28,7 +28,7 @@ from ergon.exchange import plan_file, plan_store
 from ergon.live import boards, calibration
 from ergon.live.boards import BoardError
 from ergon.live.datagrams import MalformedDatagramError, messages, written
-from ergon.live.osc_in import OscRequestError, _level, _pressed, _text
+from ergon.live.osc_in import OscRequestError, level_of, pressed, text_of
 from ergon.notation.text.errors import TextError, full
 from ergon.notation.text.format import formatted
 from ergon.notation.text.memory import Memory
@@ -462,7 +462,7 @@ def _osc(chance: random.Random) -> bytes:
 
 def _read_osc(datagram: bytes, _: Path) -> list[str]:
     said = []
-    asks = (_level(lambda ratio: None), _pressed(lambda: None), _text(lambda line: None))
+    asks = (level_of(lambda ratio: None), pressed(lambda: None), text_of(lambda line: None))
     for _address, arguments in messages(datagram):
         for ask in asks:
             try:

@@ -36,6 +36,7 @@ MAY = {
         "live",
         "view",
         "repl.session_protocol",
+        "repl.line_queue",
         "repl.language",
         "_core",
     },
