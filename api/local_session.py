@@ -18,12 +18,12 @@ from . import score as scores
 from .errors import OptionError, not_begun
 from .gain import gain_of
 from .hands import boards_of, ready
+from .midi import attach_midi, midi_ports
 from .options import ReadOptions, SessionOptions
 from .osc import osc_of
 
 if TYPE_CHECKING:
     from ergon.live.boards import Board
-    from ergon.live.midi_ports import SystemInput
     from ergon.live.perform import PlaybackConfig
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.disk import Disk
@@ -59,7 +59,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     real = {player: None for board in boards for _, player in board.axes}
     with scores.staging(version.texts.load, report):
         config = _config(piece, options, boards, gain, report)
-    inputs = _midi_inputs(options, report)
+    ports = midi_ports(options, report)
     osc = osc_of(options.osc, options.osc_to, report)
     try:
         journal = Journal.begun(Path(options.journal))
@@ -89,12 +89,10 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         raise
     began = opening(session.commits.engine.tick_frames, hands).fields()
     journal.tell("session", **began, disk=session.disk.hashes_by_name(version.texts))
-    for port in inputs:
-        session.attach(port)
-        port.listen(session.midi.receive)
+    engine = session.commits.engine
+    assert isinstance(engine, LiveEngine)
+    attach_midi(session, engine.performance, ports)
     if osc is not None:
-        engine = session.commits.engine
-        assert isinstance(engine, LiveEngine)
         session.attach(SessionOsc(session, osc, engine.performance))
     # Nothing of what is there now goes away while it plays: no search for cycles in it.
     gc.collect()
@@ -106,22 +104,6 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
     with left_to_me():
         session.run()
     return session
-
-
-def _midi_inputs(options: SessionOptions, report: Report) -> list[SystemInput]:
-    """The MIDI inputs that are asked for, open. Raises OptionError."""
-    from ergon.live.midi_ports import MidiError, SystemInput
-
-    found: list[SystemInput] = []
-    for name in options.midi:
-        try:
-            found.append(SystemInput(name))
-        except MidiError as error:
-            for port in found:
-                port.close()
-            raise OptionError("midi", str(error), value=name) from None
-        report.say(f"MIDI is heard from {found[-1].name}")
-    return found
 
 
 def _beginning(

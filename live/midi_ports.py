@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 VIRTUAL = "virtual"  # a port that other programs connect to
 OWN_NAME = "ergon"
+_BELIEVED = 48  # messages
+_LONG = 1.0  # [s] between two messages, after which another beginning is believed
 
 # What takes the bytes of each message, and the instant at which it came [s, time.monotonic].
 Receive = Callable[[bytes, float], None]
@@ -69,14 +72,40 @@ class ProcessPort:
 
     def send(self, data: bytes) -> None:
         """Keep a message, and hand it to whoever listens."""
-        now = self._clock()
-        self.sent.append((now, data))
+        self.hand_on(data, self._clock())
+
+    def hand_on(self, data: bytes, at: float) -> None:
+        """As `send`, at an instant [s]."""
+        self.sent.append((at, data))
         if self._receive is not None:
-            self._receive(data, now)
+            self._receive(data, at)
 
     def close(self) -> None:
         """Hand nothing over any more."""
         self._receive = None
+
+
+class ArrivalStamps:
+    """When messages really came, from the times between them that the system tells.
+
+    Python hears of a message late, by a time that varies, and never early: the earliest of the
+    latest ones is believed.
+    """
+
+    def __init__(self) -> None:
+        """Begin before the first message."""
+        self._told = 0.0  # of the system's clock [s], from the first message
+        self._ahead: deque[float] = deque(maxlen=_BELIEVED)
+
+    def stamp(self, since: float, now: float) -> float:
+        """The instant of a message [s] that came `since` seconds after the last one, as heard of
+        `now`."""
+        self._told += since if 0.0 <= since < _LONG else 0.0
+        ahead = now - self._told
+        if self._ahead and abs(ahead - min(self._ahead)) > _LONG:
+            self._ahead.clear()
+        self._ahead.append(ahead)
+        return self._told + min(self._ahead)
 
 
 class SystemInput:
@@ -88,18 +117,17 @@ class SystemInput:
         Raises MidiError.
         """
         rtmidi = _rtmidi()
-        try:
-            self._port = rtmidi.MidiIn()
-            self.name = _opened(self._port, wanted, "input")
-        except rtmidi.RtMidiError as error:
-            raise MidiError(f"the MIDI input '{wanted}' cannot be opened: {error}") from None
+        self._port, self.name = _opened(rtmidi, rtmidi.MidiIn, wanted, "input")
         self._port.ignore_types(sysex=True, timing=False, active_sense=True)
 
     def listen(self, receive: Receive) -> None:
         """Hand every message over, from a thread of python-rtmidi's."""
 
+        stamps = ArrivalStamps()
+
         def take(event: tuple[Sequence[int], float], _data: object = None) -> None:
-            receive(bytes(event[0]), time.monotonic())
+            data, since = event
+            receive(bytes(data), stamps.stamp(float(since), time.monotonic()))
 
         self._port.set_callback(take)
 
@@ -119,11 +147,7 @@ class SystemOutput:
         """
         self._rtmidi = _rtmidi()
         self._lock = threading.Lock()
-        try:
-            self._port = self._rtmidi.MidiOut()
-            self.name = _opened(self._port, wanted, "output")
-        except self._rtmidi.RtMidiError as error:
-            raise MidiError(f"the MIDI output '{wanted}' cannot be opened: {error}") from None
+        self._port, self.name = _opened(self._rtmidi, self._rtmidi.MidiOut, wanted, "output")
 
     def send(self, data: bytes) -> None:
         """Send a message now; one that cannot be sent is lost."""
@@ -147,15 +171,30 @@ def _rtmidi() -> Any:
     return rtmidi
 
 
-def _opened(port: Any, wanted: str, what: str) -> str:
-    """Open a port of python-rtmidi's; its name. Raises MidiError."""
+def _opened(rtmidi: Any, make: Any, wanted: str, what: str) -> tuple[Any, str]:
+    """A port of one of the systems for MIDI that this machine has, and its name.
+
+    Raises MidiError.
+    """
+    known: list[tuple[Any, int, str]] = []
+    trouble = "this machine has no MIDI"
+    for system in rtmidi.get_compiled_api():
+        try:
+            port = make(system)
+            if wanted == VIRTUAL:
+                port.open_virtual_port(OWN_NAME)
+                return port, f"{OWN_NAME} (virtual)"
+            known += [(port, number, str(name)) for number, name in enumerate(port.get_ports())]
+        except (rtmidi.RtMidiError, NotImplementedError) as error:
+            trouble = str(error)
     if wanted == VIRTUAL:
-        port.open_virtual_port(OWN_NAME)
-        return f"{OWN_NAME} (virtual)"
-    names = port.get_ports()
-    number = chosen(wanted, names, what)
-    port.open_port(number, OWN_NAME)
-    return str(names[number])
+        raise MidiError(f"no MIDI {what} of ergon's own can be opened: {trouble}")
+    port, number, name = known[chosen(wanted, [name for *_, name in known], what)]
+    try:
+        port.open_port(number, OWN_NAME)
+    except rtmidi.RtMidiError as error:
+        raise MidiError(f"the MIDI {what} {name} cannot be opened: {error}") from None
+    return port, name
 
 
 def chosen(wanted: str, names: Sequence[str], what: str) -> int:

@@ -205,6 +205,13 @@ class RecordOff(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class RecordAudio(Command):
+    """Record what is heard in a file; None: end that."""
+
+    file: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class MapControl(Command):
     """`map cc 21 bell.m.K 1kN/m..9kN/m`: a MIDI controller moves a parameter, or a level.
 

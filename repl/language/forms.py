@@ -86,6 +86,11 @@ def couple(
     return c.Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
 
 
+def record_audio_off(*, when: c.When, words: Words) -> c.RecordAudio:
+    """The end of a file of sound."""
+    return c.RecordAudio(None, when=when, words=words)
+
+
 def map_control(
     number: int, target: str, range: tuple[float, float, str], *, when: c.When, words: Words
 ) -> c.MapControl:

@@ -107,6 +107,12 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         _form("guide", "gu", "ends the guidance of a hand",
               "guide remi off", c.Guide, _PLAYER, _OFF),
     ),
+    "sound in a file": (
+        _form("record", "rec", "ends the file of what is heard", "record audio off",
+              forms.record_audio_off, Slot("", "", None, "audio"), _OFF, timed=False),
+        _form("record", "rec", "records what is heard in a file", "record audio evening.wav",
+              c.RecordAudio, Slot("file", "FILE", v.FILE, "audio"), timed=False),
+    ),
     "controllers and notes": (
         _form("map", "map", "a MIDI controller moves a parameter",
               "map cc 21 bell.m.K 1kN/m..9kN/m", forms.map_control,

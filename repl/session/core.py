@@ -26,6 +26,7 @@ from ergon.repl.session.journal_content import text_fields
 from ergon.repl.session.midi_input import MidiInput
 from ergon.repl.session.movements import Movements
 from ergon.repl.session.running import Running, begin
+from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.watch import Watch
@@ -94,6 +95,7 @@ class SessionCore:
         self.commits.past.update((one.number, one) for one in past.versions)
         self.cancelled: list[Waiting] = []  # lines that `undo` took back before they took effect
         self.captures = Captures(hands)
+        self.sound_file = SoundFile()
         self.guidance = Guidance(self.commits)
         self.computing = computing.Computing()
         self.watch = Watch(version.texts) if watches else None
@@ -102,6 +104,7 @@ class SessionCore:
         self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
         self._attached: list[Attached] = []
+        self._turns: list[Callable[[float], object]] = []
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
         self._scope = scope_of(version.piece)
@@ -121,9 +124,15 @@ class SessionCore:
         """The names that a line may use now."""
         return self._scope
 
-    def attach(self, one: Attached) -> None:
-        """Close a port or a socket when the session ends."""
+    def attach(self, one: Attached, turn: Callable[[float], object] | None = None) -> None:
+        """Close a port or a socket when the session ends.
+
+        Until then the thread that attends to the engine takes its `turn` some 50 times a second,
+        at an instant [s, time.monotonic].
+        """
         self._attached.append(one)
+        if turn is not None:
+            self._turns.append(turn)
 
     def say(self, message: str) -> None:
         """Add a message."""
@@ -294,6 +303,11 @@ class SessionCore:
             self.movements.turn()
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
+            said, closed = self.sound_file.turn(self.commits.engine, self.commits.rate)
+            if said:
+                self._messages.append(said)
+            if closed is not None:
+                self._tell("sound", first=closed.first, frames=closed.frames)
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
             self._tell_troubles()

@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
+from ergon.repl.session.version import NotTakenError
+
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -89,6 +93,19 @@ class EngineEvent:
     real: Mapping[str, bool] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class SoundFileStatus:
+    """The state of a file of sound: its first frame of the session (None: not begun), its frames,
+    how many of them are silence because the disk was too slow, whether it is closed, and why it
+    could not be written."""
+
+    first: int | None
+    frames: int
+    missing: int
+    ended: bool
+    error: str | None = None
+
+
 class Engine(Protocol):
     """What a session needs of an engine."""
 
@@ -123,6 +140,18 @@ class Engine(Protocol):
 
         Its ticket, which an event reports; None where too many strikes wait.
         """
+
+    def record_sound(self, path: Path) -> None:
+        """Write what is heard to a new file, from the next tick on.
+
+        Raises NotTakenError, EngineError.
+        """
+
+    def end_sound(self) -> None:
+        """End the file of `record_sound`."""
+
+    def sound_recorded(self) -> SoundFileStatus | None:
+        """The state of the file of `record_sound`; None where there was none."""
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""
@@ -203,6 +232,17 @@ class SteppedEngine:
         is_missed = not self._simulation.strike(point, impulse)
         self._events.append(EngineEvent(self.frame, strike=self._tickets, is_late=is_missed))
         return self._tickets
+
+    def record_sound(self, path: Path) -> None:
+        """Refuse: what is computed here is rendered, not heard. Raises NotTakenError."""
+        raise NotTakenError("no sound output is open: `ergon render` writes a file")
+
+    def end_sound(self) -> None:
+        """Do nothing: no sound is recorded."""
+
+    def sound_recorded(self) -> SoundFileStatus | None:
+        """No sound is recorded."""
+        return None
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""

@@ -11,11 +11,18 @@ from ergon.live.display import why_too_stiff
 from ergon.live.guard import Guard
 from ergon.live.perform import PlaybackConfig, bars, every, perform
 from ergon.live.trouble import troubles
-from ergon.repl.session.engine import Change, EngineEvent, EngineStatus, GuidedPath
+from ergon.repl.session.engine import (
+    Change,
+    EngineEvent,
+    EngineStatus,
+    GuidedPath,
+    SoundFileStatus,
+)
 from ergon.repl.session.version import NotTakenError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from ergon import _core
     from ergon.live.guard import HandForceBounds
@@ -106,6 +113,21 @@ class LiveEngine:
     def strike(self, point: int, impulse: float) -> int | None:
         """Strike a point of what plays by an impulse [N·s], at the next tick, from any thread."""
         return None if self._last else self._performance.strike(point, impulse)
+
+    def record_sound(self, path: Path) -> None:
+        """Write what is heard to a new file, from the next tick on. Raises EngineError."""
+        self._performance.record_audio(path)
+
+    def end_sound(self) -> None:
+        """End the file of `record_sound`."""
+        self._performance.end_audio()
+
+    def sound_recorded(self) -> SoundFileStatus | None:
+        """The state of the file of `record_sound`; None where there was none."""
+        now = None if self._last else self._performance.audio_recorded()
+        if now is None:
+            return None
+        return SoundFileStatus(now.first, now.frames, now.missing, now.ended, now.error)
 
     def set_faders(self, gains: Mapping[int, float]) -> None:
         """Set the faders of groups of routes at the beginning, as ratios."""

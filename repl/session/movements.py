@@ -70,11 +70,21 @@ class Movements:
         lines = {name: text for name, line in moved.items() if (text := line(head)) is not None}
         if not lines:
             return
-        text, names = "\n".join(lines.values()), tuple(lines)
+        self._set(tuple(lines), "\n".join(lines.values()), NOW)
+
+    def set_now(self, name: str, line: str) -> None:
+        """Set a movement at once; its line says when it acts."""
+        self._set((name,), line, None)
+
+    def _set(self, names: tuple[str, ...], text: str, when: When) -> None:
+        """Queue a line, in place of the last one in the history if it was of the same names."""
+        session = self._session
         is_same = names == self._names and session.history.now == self._number
         try:
-            edit = version_edits.combined(parse(text, session.scope))
-            session.queue(text, edit, NOW, replaces=self._number if is_same else None)
+            commands = parse(text, session.scope)
+            said = next((one.when for one in commands if one.when is not None), when)
+            edit = version_edits.combined(commands)
+            session.queue(text, edit, said, replaces=self._number if is_same else None)
         except (Refusal, *REFUSALS) as error:
             if names != self._refused:  # once, and not for each value on the way
                 self._refused = names

@@ -13,6 +13,7 @@ from ergon.repl.language import commands as c
 from ergon.repl.language.parse import parse
 from ergon.repl.language.refusal import Refusal
 from ergon.repl.line_queue import LineQueue
+from ergon.repl.session.played_versions import PlayedVersions
 
 if TYPE_CHECKING:
     from ergon import _core
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 _GAIN = re.compile(r"/ergon/(?:(instrument|player)/([^/]+)/)?gain")
 _WAITING = 64  # lines that may wait to be done
 # OSC knows no passwords: what reads or writes files, runs Python or ends the session is typed.
-_TYPED = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.Quit)
+_TYPED = (c.Py, c.Save, c.Keep, c.Load, c.Reload, c.Record, c.RecordOff, c.RecordAudio, c.Quit)
 
 
 class SessionOsc:
@@ -117,10 +118,8 @@ class SessionEvents:
 
     def __init__(self, commits: Commits, journal: Journal | None = None) -> None:
         """Begin at frame 0."""
-        self._commits = commits
+        self._played = PlayedVersions(commits)
         self._journal = journal
-        self._from = 0
-        self._last = commits.running
 
     def troubles(self) -> Sequence[str]:
         """What is wrong besides the performance."""
@@ -129,17 +128,8 @@ class SessionEvents:
 
     def before(self, frame: int) -> Iterator[Event]:
         """Those that come before a frame and were not asked for yet."""
-        first, self._from = self._from, max(self._from, frame)
-        # What took over before `first` is over, except the last.
-        commits = self._commits
-        versions = [self._last, *(before for *_, before in commits.under_way[:]), commits.running]
-        for number, running in enumerate(versions):
-            later = [other.start for other in versions[number + 1 :]]
-            begins = max(first, running.start if number else first)
-            ends = min([frame, *later])
-            if begins < ends:
-                self._last = running
-                yield from sorted(_events(running, begins, ends), key=lambda event: event[0])
+        for running, first, last in self._played.before(frame):
+            yield from sorted(_events(running, first, last), key=lambda event: event[0])
 
 
 def _events(running: Running, first: int, last: int) -> Iterator[Event]:

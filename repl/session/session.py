@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import threading
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -150,6 +151,8 @@ class Session(SessionCore):
         while not self._over.wait(_LOOK):
             try:
                 self.pump()
+                for turn in self._turns:
+                    turn(time.monotonic())
                 if (paths := self.guidance.due()) is not None:
                     with self.lock:
                         self.guidance.hand(*paths)

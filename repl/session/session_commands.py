@@ -228,6 +228,15 @@ def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
     return Reply(True, f"ok {session.written(beat)} take {own.name} ends")
 
 
+def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
+    engine = session.commits.engine
+    if command.file is None:
+        return Reply(True, f"ok {session.sound_file.end(engine)} ends")
+    path = files.beside(session.commits.head.texts, Path(command.file), ".wav")
+    session.sound_file.begin(engine, path)
+    return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
+
+
 def _keep(session: SessionCore, command: c.Keep) -> Reply:
     return Reply(True, f"ok wrote {', '.join(files.keep(session, command.length, command.name))}")
 
@@ -274,6 +283,7 @@ SESSION_COMMANDS: Mapping[type[c.Command], Callable[[SessionCore, Any], Reply]] 
     c.Save: _save,
     c.Record: _record,
     c.RecordOff: _record_off,
+    c.RecordAudio: _record_audio,
     c.Keep: _keep,
     c.Py: _py,
     c.Quit: _quit,

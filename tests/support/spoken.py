@@ -89,6 +89,8 @@ OTHERS = [
     ("unmap cc 21", c.Unmap("cc 21")),
     ("unmap note C3..C4", c.Unmap("note 48..60")),
     ("maps", c.Maps()),
+    ("record audio evening.wav", c.RecordAudio("evening.wav")),
+    ("record audio off", c.RecordAudio(None)),
     ("play from B+2", c.Play(parse_position("B+2"))),
     ("stop at C", c.Stop(when=parse_position("C"))),
     ("set bell.m.K 900N/m in 2", c.Set("bell.m.K", 900.0, None, None, when=Length(beats=2))),

@@ -201,6 +201,29 @@ impl Performance {
         self.with(|own| own.gain(gain))
     }
 
+    /// Write what is computed for the loudspeakers to a new file, from the next tick on.
+    fn record_audio(&self, path: PathBuf) -> PyResult<()> {
+        self.with(|own| own.record_audio(&path))?
+            .map_err(|error| refused("audio", error))
+    }
+
+    /// End the file of record_audio; False where too many commands wait.
+    fn end_audio(&self) -> PyResult<bool> {
+        self.with(|own| own.end_audio())
+    }
+
+    /// How the file of record_audio goes; None where there was none.
+    fn audio_recorded(&self) -> PyResult<Option<AudioRecorded>> {
+        let status = self.with(|own| own.audio_recorded())?;
+        Ok(status.map(|status| AudioRecorded {
+            first: status.first,
+            frames: status.frames,
+            missing: status.missing,
+            ended: status.ended,
+            error: status.error,
+        }))
+    }
+
     /// Strike a point of the simulation that plays, at the next tick; a ticket, that an event "struck" or "missed"
     /// tells; None where too many commands wait.
     fn strike(&self, point: u32, impulse: f64) -> PyResult<Option<u64>> {
@@ -387,6 +410,16 @@ fn event_tuple(event: perform::Event) -> EventTuple {
         EventKind::Ended => ("ended", 0.0),
     };
     (event.frame, what, number)
+}
+
+/// How a file of sound goes.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct AudioRecorded {
+    first: Option<u64>,
+    frames: u64,
+    missing: u64,
+    ended: bool,
+    error: Option<String>,
 }
 
 /// How a performance goes.

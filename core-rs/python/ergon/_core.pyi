@@ -967,6 +967,16 @@ class HandLimit:
     limit: float  # greatest stable stiffness [N/m]
 
 @final
+class AudioRecorded:
+    """How a file of sound goes."""
+
+    first: int | None  # the frame of the performance at its beginning; None: not begun yet
+    frames: int  # in the file so far
+    missing: int  # of them, silence for which the disk was too slow
+    ended: bool  # the file is closed
+    error: str | None  # why it could not be written
+
+@final
 class Performance:
     """Plays a piece live: one real-time thread between devices and sound.
 
@@ -1040,6 +1050,16 @@ class Performance:
         """Let sound and force return after `panic`, after `let_go` and after a trip."""
     def gain(self, gain: float) -> bool:
         """Let the gain glide to `gain` in 20 ms; False where too many commands wait."""
+    def record_audio(self, path: Path) -> None:
+        """Write what is computed for the loudspeakers to a new WAV file, from the next tick on.
+
+        Frames are 32-bit floats, the same as the back end gets; in a panic they are zeros. Raises
+        EngineError where the file exists or another one is being written.
+        """
+    def end_audio(self) -> bool:
+        """End the file of `record_audio`; False where too many commands wait."""
+    def audio_recorded(self) -> AudioRecorded | None:
+        """The state of the file of `record_audio`; None where there was none."""
     def strike(self, point: int, impulse: float) -> int | None:
         """Strike a point of the simulation that plays by an impulse [N·s], at the next tick.
 

@@ -17,7 +17,7 @@ use super::hand::Mover;
 use super::scale::Scale;
 use super::status::{Event, EventKind, HANDS_MAX, Status};
 use super::{Command, Hand, HandLimit, Slot, Stage};
-use crate::audio::{Feed, Shared};
+use crate::audio::{Feed, Shared, Tap};
 use crate::recording::{self, RowSink, flag};
 use crate::safety;
 use change::{SCHEDULED_MAX, ScheduledChange};
@@ -56,6 +56,8 @@ pub(super) struct Player {
     #[allow(clippy::vec_box)]
     // each goes back in the box that it came in: to open it would free that
     pub(super) waiting: Vec<Box<ScheduledChange>>,
+    /// Writes what is heard into a file.
+    tap: Option<Tap>,
     /// Strikes of this tick: ticket, point, impulse [N·s].
     strikes: Vec<(u64, u32, f64)>,
     clock: Clock,
@@ -141,6 +143,7 @@ impl Player {
             looked: false,
             waiting: Vec::with_capacity(SCHEDULED_MAX),
             strikes: Vec::with_capacity(STRIKES_MAX),
+            tap: None,
             stage,
             slots,
             links,
@@ -253,6 +256,7 @@ impl Player {
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
                 Command::Change(due) => self.wait_for(due),
+                Command::Tap(tap) => self.tap = tap,
                 Command::Strike(ticket, ..) if self.strikes.len() == STRIKES_MAX => {
                     self.tell(EventKind::Missed(ticket));
                 }
@@ -423,6 +427,7 @@ impl Player {
     fn feed(&mut self, n: usize, is_tail: bool) {
         let channels = self.stage.mixer.n_channels();
         let skip = self.ahead.min(n);
+        let behind = (self.stage.limiter.latency() - self.ahead) as u64;
         self.ahead -= skip;
         if is_tail {
             self.tail -= n;
@@ -443,6 +448,10 @@ impl Player {
             }
         }
         let mut rest = &self.single[skip * channels..n * channels];
+        if let Some(tap) = &mut self.tap {
+            let at = self.frame.saturating_sub(n as u64 + behind);
+            tap.push(at, rest, self.panicked);
+        }
         let asked = Instant::now();
         loop {
             let taken = self.links.feed.push(rest);
