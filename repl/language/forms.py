@@ -86,9 +86,9 @@ def couple(
     return c.Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
 
 
-def record_audio_off(*, when: c.When, words: Words) -> c.RecordAudio:
-    """The end of a file of sound."""
-    return c.RecordAudio(None, when=when, words=words)
+def record_audio(file: str | None = None, *, when: c.When, words: Words) -> c.RecordAudio:
+    """A file of sound, or without one its end."""
+    return c.RecordAudio(file, when=when, words=words)
 
 
 def map_control(

@@ -109,9 +109,10 @@ GROUPS: dict[str, tuple[Form, ...]] = {
     ),
     "sound in a file": (
         _form("record", "rec", "ends the file of what is heard", "record audio off",
-              forms.record_audio_off, Slot("", "", None, "audio"), _OFF, timed=False),
+              forms.record_audio, Slot("", "", None, "audio"), _OFF, timed=False),
         _form("record", "rec", "records what is heard in a file", "record audio evening.wav",
-              c.RecordAudio, Slot("file", "FILE", v.FILE, "audio"), timed=False),
+              forms.record_audio, Slot("", "", None, "audio"), Slot("file", "FILE", v.FILE),
+              timed=False),
     ),
     "controllers and notes": (
         _form("map", "map", "a MIDI controller moves a parameter",
