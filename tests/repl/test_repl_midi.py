@@ -1,6 +1,7 @@
 """MIDI in a session: controllers and notes through a port inside the process."""
 
 import json
+import random
 import subprocess
 from contextlib import closing
 
@@ -277,3 +278,48 @@ def test_what_was_struck_live_is_what_its_journal_renders(tmp_path):
     assert start >= 0
     assert n > 44_100
     assert np.array_equal(played[start : start + n], again[:n])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_sets_with_a_keyboard_render_to_the_bit(tmp_path, seed):
+    """Maps, notes, controllers and lines of all kinds, in any order, and a resumed session."""
+    chance = random.Random(seed)
+    lines = (
+        "map note 40..80 bell.m 0.1mNs..5mNs{}",
+        "map note 60 bell.m -1mNs{}",
+        "map cc 1 bell.m.f 200Hz..300Hz{}",
+        "map cc 2 k1.M 300g..500g{}",
+        "map cc 3 gain bell -30dB..0dB{}",
+        "unmap cc 1",
+        "unmap note 60",
+        "play",
+        "play from 3|1",
+        "stop",
+        "ada plays knock every 1{}",
+        "hush{}",
+        "damp 1s{}",
+        "tempo 90{}",
+        "undo",
+        "redo",
+        "back 2",
+        "panic",
+        "release",
+    )
+    own = Stepped(SCORE, tmp_path)
+    for part in range(2):
+        for _ in range(40):
+            match chance.randrange(5):
+                case 0 | 1:
+                    own.type(chance.choice(lines).format(chance.choice(("", " now"))))
+                case 2:
+                    data = [0xB0, chance.randrange(1, 4), chance.randrange(128)]
+                    own.session.midi.receive(bytes(data), 0.0)
+                case _:
+                    data = [0x90, chance.randrange(38, 82), chance.randrange(128)]
+                    own.session.midi.receive(bytes(data), 0.0)
+            own.run(chance.choice((0.003, 0.02, 0.3)))
+        own.close()
+        assert not [one for one in own.session.messages() if "rror" in one]
+        assert np.array_equal(own.again(), own.sound)
+        if part == 0:
+            own = Stepped.resumed(own.journal)
