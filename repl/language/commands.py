@@ -299,6 +299,78 @@ class RecordOff(Command):
 
 
 @dataclass(frozen=True, slots=True)
+class RecordAudio(Command):
+    """Record what is heard in a file; None: end that."""
+
+    file: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class MapControl(Command):
+    """`map cc 21 bell.m.K 1kN/m..9kN/m`: a MIDI controller moves a parameter, or a level.
+
+    `range` is at the controller's values 0 and 127, in the SI `unit` of the parameter `target`, or
+    in dB for the level of `sounding` (None: of everything) where there is no target.
+    """
+
+    number: int
+    target: str | None
+    range: tuple[float, float]
+    unit: str = ""
+    sounding: str | None = None
+
+    @property
+    def name(self) -> str:
+        """What is mapped."""
+        return f"cc {self.number}"
+
+    @property
+    def line(self) -> str:
+        """The line that makes the map."""
+        low, high = (f"{end!r}{self.unit}" for end in self.range)
+        what = (
+            " ".join(filter(None, ("gain", self.sounding))) if self.target is None else self.target
+        )
+        return f"map {self.name} {what} {low}..{high}"
+
+
+@dataclass(frozen=True, slots=True)
+class MapNotes(Command):
+    """`map note 60..72 sky.all 1mNs..20mNs`: MIDI notes strike modules.
+
+    `impulse` [N·s] is at the velocities 1 and 127.
+    """
+
+    low: int
+    high: int
+    target: str
+    impulse: tuple[float, float]
+
+    @property
+    def name(self) -> str:
+        """What is mapped."""
+        return f"note {self.low}" + ("" if self.high == self.low else f"..{self.high}")
+
+    @property
+    def line(self) -> str:
+        """The line that makes the map."""
+        weak, strong = self.impulse
+        return f"map {self.name} {self.target} {weak!r}Ns..{strong!r}Ns"
+
+
+@dataclass(frozen=True, slots=True)
+class Unmap(Command):
+    """End a map, by what is mapped."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Maps(Command):
+    """List the maps."""
+
+
+@dataclass(frozen=True, slots=True)
 class Gain(Command):
     """Set the ratio of amplitudes of an instrument or a player; None: of everything."""
 

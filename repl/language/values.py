@@ -14,6 +14,7 @@ from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now
+from ergon.repl.language.notes import note_number
 from ergon.repl.language.scope import Scope, scores_in
 from ergon.scores.gesture import notation
 from ergon.scores.gesture.points import CURVES, METRE
@@ -342,6 +343,75 @@ LOOKED_AT = Value(
     lambda context: (*ANYTHING.offers(context), *_targets(context)),
 )
 CHANGE = Value("a value with its unit, or a factor such as x1.5", _change, _changes)
+
+
+# --- MIDI ----------------------------------------------------------------------------------------
+
+
+def _ends(text: str, example: str) -> tuple[str, str]:
+    """Both ends of a range; one alone is both."""
+    low, dots, high = text.partition("..")
+    if dots and not (low and high):
+        raise TextError(f"a range has two ends, such as {example}", length=max(1, len(text)))
+    return low, high or low
+
+
+def _range(text: str, scope: Scope, given: Mapping[str, Any]) -> tuple[float, float, str]:
+    shape = scope.targets[given["target"]]
+    dimension = _DIMENSIONS.get(shape, q.NUMBER)
+    low, high = (float(shape.parse(end)) for end in _ends(text, f"{dimension.example}..…"))
+    # A constant of a law is taken in SI units, whichever they are.
+    return low, high, "" if shape is k.CONSTANT else dimension.si
+
+
+def _ranges(context: CompletionContext) -> Iterator[Completion]:
+    yield from of(context.scope.targets[context.given["target"]]).offers(context)
+
+
+def _levels(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (k.LEVEL.parse(end) for end in _ends(text, "-40dB..0dB"))
+    return low, high
+
+
+def _notes(text: str, *_: Any) -> tuple[int, int]:
+    low, high = (note_number(end) for end in _ends(text, "C3..C5"))
+    if low > high:
+        raise TextError(f"the range {quote(text)} goes down: write the lower note first")
+    return low, high
+
+
+def _impulses(text: str, *_: Any) -> tuple[float, float]:
+    low, high = (q.quantity(end, q.IMPULSE) for end in _ends(text, "1mNs..20mNs"))
+    return low, high
+
+
+def _struck(text: str, *_: Any) -> str:
+    if not re.fullmatch(r"[\w.-]{1,200}", text):
+        raise TextError(f"{quote(text)} is not a module, such as bell.m", length=len(text))
+    return text
+
+
+def _struck_modules(context: CompletionContext) -> Iterator[Completion]:
+    names = dict.fromkeys(target.rpartition(".")[0] for target in context.scope.targets)
+    return (Completion(name, "a module") for name in names if name not in context.scope.keys)
+
+
+CONTROLLER = quantity(k.integer(0, 127, "21"), "21", (), "a controller, 0 to 127")
+RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _range, _ranges)
+LEVELS = Value(
+    "two levels, such as -40dB..0dB", _levels, _with_units("-40dB..0dB", ("dB",), "levels")
+)
+NOTES = Value(
+    "a note or a range, such as 60, C4 or C3..C5",
+    _notes,
+    lambda _: (Completion("C3..C5", "notes"),),
+)
+STRUCK = Value("a module, such as bell.m", _struck, _struck_modules)
+IMPULSES = Value(
+    "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
+    _impulses,
+    _with_units("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
+)
 
 
 # --- what is played ------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ergon.live.display import force_sentence
 from ergon.notation.clock.positions import Length
@@ -24,7 +24,10 @@ from ergon.repl.session.guidance import Guidance, allow
 from ergon.repl.session.history import History, PastVersions
 from ergon.repl.session.journal import Journal
 from ergon.repl.session.journal_content import effect_fields, text_fields
+from ergon.repl.session.midi_input import MidiInput
+from ergon.repl.session.movements import Movements
 from ergon.repl.session.running import Running, begin
+from ergon.repl.session.sound_file import SoundFile
 from ergon.repl.session.stops import Stops
 from ergon.repl.session.version import NotTakenError, PastVersion, Version
 from ergon.repl.session.watch import Watch
@@ -32,6 +35,7 @@ from ergon.repl.session_protocol import Reply
 from ergon.scores.edits import merging
 
 if TYPE_CHECKING:
+    from ergon.repl.language.scope import Scope
     from ergon.repl.session.engine import Engine
     from ergon.scores.edits.merging import Spot
     from ergon.scores.edits.texts import Texts
@@ -43,6 +47,13 @@ _BAR = Length(bars=1.0)
 _DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
 _TRACE_HEIGHT = 6  # characters
 _LOOKS_BACK = 200  # lines among which the one is looked for that a reload drops
+
+
+class Attached(Protocol):
+    """What is open for as long as a session: a port, a socket."""
+
+    def close(self) -> None:
+        """Close it."""
 
 
 class SessionCore:
@@ -87,14 +98,19 @@ class SessionCore:
         self.commits.past.update((one.number, one) for one in past.versions)
         self.cancelled: list[Waiting] = []  # lines that `undo` took back before they took effect
         self.captures = Captures(hands)
+        self.sound_file = SoundFile()
         self.guidance = Guidance(self.commits)
         self.computing = computing.Computing()
         self.watch = Watch(version.texts) if watches else None
         self.stops = Stops(self)
+        self.movements = Movements(self)
+        self.midi = MidiInput(self, self._tell)
         self.taps: list[float] = []
         self.traced: str | None = None  # whose key is drawn while it moves
         self.drawing: tuple[str, ...] = ()
         self._drawn = 0  # the frame of that drawing
+        self._attached: list[Attached] = []
+        self._turns: list[Callable[[float], object]] = []
         self.disk = disk or Disk.of(version.texts)
         self.number = 0
         self._scope = scope_of(version.piece, folder_of(version.texts))
@@ -108,6 +124,21 @@ class SessionCore:
         self.lock = threading.RLock()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
+
+    @property
+    def scope(self) -> Scope:
+        """The names that a line may use now."""
+        return self._scope
+
+    def attach(self, one: Attached, turn: Callable[[float], object] | None = None) -> None:
+        """Close a port or a socket when the session ends.
+
+        Until then the thread that attends to the engine takes its `turn` some 50 times a second,
+        at an instant [s, time.monotonic].
+        """
+        self._attached.append(one)
+        if turn is not None:
+            self._turns.append(turn)
 
     def say(self, message: str) -> None:
         """Add a message."""
@@ -169,11 +200,13 @@ class SessionCore:
         is_read: bool = False,
         is_limited: bool = True,
         redoes: bool = False,
+        replaces: int | None = None,
     ) -> tuple[str, Running]:
         """Queue a line for its boundary: a new version, or an old one that it `restores`.
 
-        Returns the beat as written, and the version staged. Texts read from files are kept in the
-        journal. Raises StoppedError where a line that `is_limited` takes too long.
+        In the history it `replaces` a line. Returns the beat as written, and the version staged.
+        Texts read from files are kept in the journal. Raises StoppedError where a line that
+        `is_limited` takes too long.
         """
         place, start = self.commits.place(when, self.quant)
         self.number += 1
@@ -213,10 +246,14 @@ class SessionCore:
             resets=resets,
             restores=restores,
             where=where,
+            **({} if replaces is None else {"replaces": replaces}),
             **(self._fields_read(made.version) if is_read else {}),
         )
         if restores is None:
             self.history.add(number)
+            if replaces is not None:
+                self.history.remove(replaces)
+                self.commits.past.pop(replaces, None)
             if not redoes:
                 self.cancelled.clear()
             self.history.sort(self.commits.order())
@@ -269,8 +306,14 @@ class SessionCore:
                 self._messages.append(f"'{one.line}' could not take effect and is dropped: {why}")
                 self.note_dropped(one)
             self.history.sort(self.commits.order())
+            self.movements.turn()
             if (own := self.captures.ready(self.commits)) is not None:
                 self._keep_take(own)
+            said, closed = self.sound_file.turn(self.commits.engine, self.commits.rate)
+            if said:
+                self._messages.append(said)
+            if closed is not None:
+                self._tell("sound", first=closed.first, frames=closed.frames)
             if self.journal is not None and (trouble := self.journal.trouble()):
                 self._messages.append(trouble)
             self._tell_troubles()
@@ -306,6 +349,8 @@ class SessionCore:
                 self._tell("hand", player=player, real=is_real, frame=event.frame)
             if event.sentence:
                 self._messages.append(f"{self._written(event.frame)} {event.sentence}")
+            elif event.strike is not None:
+                self.midi.struck(event)
             elif event.ticket is not None and event.is_late:
                 self.guidance.late(event.ticket)
                 self._late(self.commits.late(event.ticket))

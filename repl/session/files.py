@@ -59,6 +59,27 @@ def save(session: SessionCore, target: Path | None) -> list[str]:
     return _write(session, texts, None if target is None else _target(texts, target))
 
 
+def beside(texts: Texts, target: Path, suffix: str) -> Path:
+    """A new file in the folder that a session writes to. Raises NotTakenError."""
+    folder = folder_of(texts)
+    path = folder / target if target.parent == Path() else target
+    if path.suffix == "":
+        path = path.with_suffix(suffix)
+    if path.suffix.lower() != suffix:
+        raise NotTakenError(
+            f"{path.name} does not end in {suffix}", f"record audio {path.stem}{suffix}"
+        )
+    try:
+        is_inside = path.resolve().parent == folder.resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, or an impossible name
+        raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
+    if not is_inside:
+        raise NotTakenError(
+            f"a session writes in {folder.resolve()} alone", f"record audio {path.name}"
+        )
+    return folder / path.name
+
+
 def _target(texts: Texts, target: Path) -> Path | None:
     """The file of a name; None where it is the score itself. Raises NotTakenError."""
     own, folder = Path(texts.path), folder_of(texts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from ergon.repl.session.history_content import faders_fields, history_fields, re
 from ergon.repl.session.journal import Event, JournalError, read
 from ergon.repl.session.journal_hands import JournalTake, take_of
 from ergon.repl.session.journal_names import JournalNameError, file_named, journal_name, score_named
+from ergon.repl.session.midi_maps import Map, Place, maps_field, read_maps
 from ergon.repl.session.version import GLIDE, Faders, Version, piece_of
 from ergon.scores.edits.texts import Texts
 
@@ -44,10 +45,11 @@ class SessionStart:
     history: PastVersions | None = None
     base: Texts | None = None
     take: JournalTake | None = None
+    maps: Mapping[str, Map] = field(default_factory=dict)
 
     def version(self) -> Version:
         """The first version. Raises NotTakenError."""
-        return Version(0, "", self.texts, piece_of(self.texts), self.faders)
+        return Version(0, "", self.texts, piece_of(self.texts), self.faders, maps=self.maps)
 
     def fields(self) -> dict[str, object]:
         """The fields of the journal's first event."""
@@ -59,6 +61,7 @@ class SessionStart:
             "gain": self.gain,
             "limit": self.limit,
             "highpass": self.highpass,
+            **maps_field(self.maps),
             **({} if self.history is None else history_fields(self.history)),
             **({} if self.base is None else {"base": text_fields(self.base)}),
             **({} if self.take is None else self.take.fields()),
@@ -114,6 +117,8 @@ class JournalContent:
     silences: list[Silence] = field(default_factory=list)
     base: Texts | None = None  # what the files held when they were last read or saved
     events: list[Event] = field(default_factory=list)  # lines and drops, in the order written
+    # Strikes by MIDI notes, in the order done: frame, what, impulse [N·s], event.
+    strikes: list[tuple[int, Place, float, Event]] = field(default_factory=list)
 
     def order(self) -> dict[int, float]:
         """The place of every line in the order in which they take effect, by number."""
@@ -145,6 +150,9 @@ class JournalContent:
                 history.go_to(restores)
             else:
                 history.add(number)
+                replaced = event.fields.get("replaces")
+                if isinstance(replaced, int):
+                    history.remove(replaced)
                 history.sort(order)
         return history
 
@@ -181,6 +189,7 @@ def read_journal(
         else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
         read_history(first, where.texts, _desk),
         take=take_of(first, path),
+        maps=read_maps(first),
     )
     replay = JournalContent(opening, first, Disk.of(texts))
     replay.disk.add_hashes(where.hashes(first))
@@ -191,6 +200,7 @@ def read_journal(
     for event in events:
         _add_event(replay, event, where)
     replay.commits.sort(key=lambda commit: commit[0])
+    replay.strikes.sort(key=lambda strike: strike[0])
     return replay
 
 
@@ -287,6 +297,8 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
             replay.starts[number] = event.number_of("start", int, 0, _FRAME_MAX)
     elif event.name == "dropped":
         replay.dropped.add(number)
+    elif event.name == "strike":
+        replay.strikes.append(_strike(event))
     elif event.name == "silence":
         _add_silence(replay, event)
     elif event.name == "end":
@@ -299,6 +311,16 @@ def _add_event(replay: JournalContent, event: Event, where: _FileLocations) -> N
     if "frame" in event.fields:
         frame = event.number_of("frame", int, 0, _FRAME_MAX)
         replay.n_frames = max(replay.n_frames, frame)
+
+
+def _strike(event: Event) -> tuple[int, Place, float, Event]:
+    place = (
+        event.get("part", str),
+        event.get("module", str),
+        event.number_of("member", int, -1, _NUMBER_MAX),
+    )
+    impulse = event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
+    return event.number_of("frame", int, 0, _FRAME_MAX), place, impulse, event
 
 
 def _add_silence(replay: JournalContent, event: Event) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from ergon.repl.session.history import PastVersions
 from ergon.repl.session.journal import Event
 from ergon.repl.session.journal_content import JournalContent, ReadVersion
 from ergon.repl.session.journal_hands import HeldHands, held
+from ergon.repl.session.midi_maps import number_of
 from ergon.repl.session.running import JOIN, Running, begin
 from ergon.repl.session.version import GLIDE, NotTakenError, PastVersion, Version, piece_of
 from ergon.scores.staging.stage import MAX_SECONDS
@@ -72,6 +74,7 @@ class ReplayedSession:
         self._commits = Commits(self._engine, running, real, 0, version)
         self._versions = _earlier(replay, version)
         self._coming = list(replay.commits)
+        self._strikes = deque(replay.strikes)
         self._read = replay.read
         self._done = replay.first
         self.rate = running.stage.rate
@@ -115,6 +118,8 @@ class ReplayedSession:
         """Frames to the next line that comes into effect."""
         for frame, *_ in self._coming[:1]:
             yield max(1, frame - self._engine.frame)
+        for frame, *_ in self._strikes and (self._strikes[0],):
+            yield max(1, frame - self._engine.frame)
         yield most
 
     def _due(self) -> None:
@@ -137,6 +142,11 @@ class ReplayedSession:
                 self._done = event
         with _errors_placed(self._done):
             self._commits.tick()
+        while self._strikes and self._strikes[0][0] <= self._engine.frame:
+            _, place, impulse, event = self._strikes.popleft()
+            self._engine.strike(number_of(place), impulse)
+            if any(one.strike is not None and one.is_late for one in self._engine.events()):
+                event.wrong("what plays there has no point for this strike")
 
 
 def _earlier(replay: JournalContent, version: Version) -> dict[int, PastVersion]:

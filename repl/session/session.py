@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import threading
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -151,6 +152,8 @@ class Session(SessionCore):
         while not self._over.wait(_LOOK):
             try:
                 self.pump()
+                for turn in self._turns:
+                    turn(time.monotonic())
                 if (paths := self.guidance.due()) is not None:
                     with self.lock:
                         self.guidance.hand(*paths)
@@ -165,6 +168,8 @@ class Session(SessionCore):
         if self._over.is_set():
             return
         self._over.set()
+        for attached in self._attached:
+            attached.close()
         if self._thread is not None:
             self._thread.join()
         with self.lock:

@@ -235,6 +235,13 @@ def _meters(session: SessionCore, command: c.Meters) -> Reply:
     return Reply(True, "", lines=tuple(shown or ["no channel is metered here"]))
 
 
+@_does(c.Maps)
+def _maps(session: SessionCore, command: c.Maps) -> Reply:
+    maps = session.commits.head.maps.values()
+    lines = tuple(own.line.removeprefix("map ") for own in maps)
+    return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
+
+
 @_does(c.Save)
 def _save(session: SessionCore, command: c.Save) -> Reply:
     written = files.save(session, None if command.file is None else Path(command.file))
@@ -266,6 +273,16 @@ def _record_off(session: SessionCore, command: c.RecordOff) -> Reply:
     beat, _ = session.commits.place(command.when, session.quant)
     own = session.captures.end(session.commits.frame(beat))
     return Reply(True, f"ok {session.written(beat)} take {own.name} ends")
+
+
+@_does(c.RecordAudio)
+def _record_audio(session: SessionCore, command: c.RecordAudio) -> Reply:
+    engine = session.commits.engine
+    if command.file is None:
+        return Reply(True, f"ok {session.sound_file.end(engine)} ends")
+    path = files.beside(session.commits.head.texts, Path(command.file), ".wav")
+    session.sound_file.begin(engine, path)
+    return Reply(True, f"ok recording what is heard in {path}; `record audio off` ends it")
 
 
 @_does(c.Keep)

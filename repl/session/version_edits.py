@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ergon.notation.text.bounds import Bounds
 from ergon.repl.language import commands as c
+from ergon.repl.session import midi_maps
 from ergon.repl.session import scene_edits as scene_edits
 from ergon.repl.session import structure_edits as structure_edits
 from ergon.repl.session.edit_table import VERSION_EDITS as VERSION_EDITS
@@ -209,6 +210,19 @@ def _guide(command: c.Guide) -> VersionEdit:
         return replace(version, guides=guides)
 
     return edit
+
+
+@makes(c.MapControl)
+@makes(c.MapNotes)
+def _map(command: midi_maps.Map) -> VersionEdit:
+    """Map a MIDI controller or notes."""
+    return lambda version, beat: replace(version, maps=midi_maps.with_map(version, command))
+
+
+@makes(c.Unmap)
+def _unmap(command: c.Unmap) -> VersionEdit:
+    """End a map."""
+    return lambda version, beat: replace(version, maps=midi_maps.without_map(version, command.name))
 
 
 @makes(c.Load)

@@ -103,6 +103,10 @@ class Stage:
         return Diagnostic("E401", str(error), _place(self.piece, error), None, _WHEN_DIVERGED)
 
 
+# MATs by part, module and member (-1: the middle one), and the engine's number of each.
+StrikePoints = Sequence[tuple[str, str, int, int]]
+
+
 class Span(NamedTuple):
     """A stretch of a session: what a piece says of it is played."""
 
@@ -115,13 +119,15 @@ class Going:
     """A stage that takes over while another sounds: at frame `start`, where it is `like` it.
 
     `spans` is what is played, by parts of this piece and of those before it; None: all of it.
-    `glides` are parameters that are still on their way.
+    `glides` are parameters that are still on their way. `strike_points` are MATs that may be struck
+    while it plays.
     """
 
     spans: Sequence[Span] | None = None
     like: Stage | None = None
     start: int = 0
     glides: Sequence[Glide] = ()
+    strike_points: StrikePoints = ()
 
 
 @dataclass(slots=True)
@@ -219,6 +225,7 @@ def stage(
     if going.spans is not None:
         ready.timeline.open()
     _glide(piece, ready, going)
+    _let_strike(piece, ready, going)
     plan, is_kept, planned_for = None, False, None
     try:
         if planned:
@@ -279,6 +286,19 @@ def _glide(piece: Piece, ready: Ready, going: Going) -> None:
             if (glide.part, glide.module) in ready.paths:
                 continue  # automation leads it
             glide.put(ready.timeline, ready.scene.assembly)
+    except _core.EngineError as error:
+        raise _refused(piece, ready.collector, error) from error
+
+
+def _let_strike(piece: Piece, ready: Ready, going: Going) -> None:
+    """Name the MATs that may be struck while it plays."""
+    assembly = ready.scene.assembly
+    try:
+        for part, module, member, number in going.strike_points:
+            first = assembly.mats.get((part, module))
+            if first is not None:  # nobody hears what is left out
+                mat = ready.network.centre(first) if member < 0 else first + member
+                ready.timeline.strike_point(mat, number)
     except _core.EngineError as error:
         raise _refused(piece, ready.collector, error) from error
 

@@ -37,6 +37,7 @@ MAY = {
         "live",
         "view",
         "repl.session_protocol",
+        "repl.line_queue",
         "repl.language",
         "_core",
     },

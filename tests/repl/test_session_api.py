@@ -73,6 +73,15 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "help plays": lambda s: s.help("plays"),
     "py session.state().tempo": lambda s: s.py("session.state().tempo"),
     "quit": lambda s: s.quit(),
+    "map cc 21 bell.m.K 1kN/m..9kN/m": lambda s: s.map("bell.m.K", "1kN/m..9kN/m", cc=21),
+    "map cc 7 gain bell -40dB..0dB": lambda s: s.map("-40dB..0dB", cc=7, gain="bell"),
+    "map cc 8 gain -40dB..0dB": lambda s: s.map("gain", "-40dB..0dB", cc=8),
+    "map note C3..C5 bell.m 1mNs..20mNs": lambda s: s.map("bell.m", "1mNs..20mNs", note="C3..C5"),
+    "maps": lambda s: s.maps(),
+    "record audio evening.wav": lambda s: s.record("audio", file="evening.wav"),
+    "record audio off": lambda s: s.record("audio", file="off"),
+    "unmap cc 21": lambda s: s.unmap(cc=21),
+    "unmap note C3..C5": lambda s: s.unmap(note="C3..C5"),
 }
 MORE: dict[str, Callable[[SessionProxy], Reply]] = {
     "ada plays knock every 1/2 touch free do scale 0.8, mirror now": lambda s: s.plays(

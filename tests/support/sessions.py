@@ -57,7 +57,9 @@ class Stepped:
         )
         if written is not None:
             heard = 1.0, 1.0, None, past, version.base
-            opening = SessionStart(version.texts, clock.at, version.faders, EVERY, *heard)
+            opening = SessionStart(
+                version.texts, clock.at, version.faders, EVERY, *heard, maps=version.maps
+            )
             known = self.session.disk.hashes_by_name(version.texts)
             written.tell("session", **opening.fields(), disk=known)
         self._sound: list[np.ndarray] = []

@@ -78,6 +78,19 @@ SESSION = [
     ("quit", c.Quit()),
 ]
 OTHERS = [
+    (
+        "map cc 21 bell.m.K 1kN/m..9kN/m",
+        c.MapControl(21, "bell.m.K", (1000.0, 9000.0), "N/m"),
+    ),
+    ("map cc 7 gain bell -40dB..0dB", c.MapControl(7, None, (-40.0, 0.0), "dB", "bell")),
+    ("map cc 7 gain -40dB..6dB", c.MapControl(7, None, (-40.0, 6.0), "dB")),
+    ("map note C3..Bb4 sky.all 1mNs..20mNs", c.MapNotes(48, 70, "sky.all", (0.001, 0.02))),
+    ("map note 127 bell.m 1mNs now", c.MapNotes(127, 127, "bell.m", (0.001, 0.001), when=c.NOW)),
+    ("unmap cc 21", c.Unmap("cc 21")),
+    ("unmap note C3..C4", c.Unmap("note 48..60")),
+    ("maps", c.Maps()),
+    ("record audio evening.wav", c.RecordAudio("evening.wav")),
+    ("record audio off", c.RecordAudio(None)),
     ("play from B+2", c.Play(parse_position("B+2"))),
     ("stop at C", c.Stop(when=parse_position("C"))),
     ("set bell.m.K 900N/m in 2", c.Set("bell.m.K", 900.0, None, None, when=Length(beats=2))),

@@ -66,7 +66,7 @@ mod _core {
     #[pymodule_export]
     use super::pcm::{pcm, single};
     #[pymodule_export]
-    use super::perform::{HandLimit, HandStatus, Performance, Status};
+    use super::perform::{AudioRecorded, HandLimit, HandStatus, Performance, Status};
     #[pymodule_export]
     use super::plan::{Plan, PlanRow};
     #[pymodule_export]

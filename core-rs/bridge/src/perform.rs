@@ -21,7 +21,7 @@ use crate::device::{self, AxisOf};
 use crate::error::{refused, said, unrecorded};
 use crate::guardian;
 use crate::mixer::Mixer;
-use crate::simulation::{Simulation, damping};
+use crate::simulation::{Simulation, damping, strike_impulse};
 
 /// How often a wait looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(2);
@@ -201,6 +201,36 @@ impl Performance {
         self.with(|own| own.gain(gain))
     }
 
+    /// Write what is computed for the loudspeakers to a new file, from the next tick on.
+    fn record_audio(&self, path: PathBuf) -> PyResult<()> {
+        self.with(|own| own.record_audio(&path))?
+            .map_err(|error| refused("audio", error))
+    }
+
+    /// End the file of record_audio; False where too many commands wait.
+    fn end_audio(&self) -> PyResult<bool> {
+        self.with(|own| own.end_audio())
+    }
+
+    /// How the file of record_audio goes; None where there was none.
+    fn audio_recorded(&self) -> PyResult<Option<AudioRecorded>> {
+        let status = self.with(|own| own.audio_recorded())?;
+        Ok(status.map(|status| AudioRecorded {
+            first: status.first,
+            frames: status.frames,
+            missing: status.missing,
+            ended: status.ended,
+            error: status.error,
+        }))
+    }
+
+    /// Strike a point of the simulation that plays, at the next tick; a ticket, that an event "struck" or "missed"
+    /// tells; None where too many commands wait.
+    fn strike(&self, point: u32, impulse: f64) -> PyResult<Option<u64>> {
+        let impulse = strike_impulse(impulse)?;
+        self.with(|own| own.strike(point, impulse))
+    }
+
     /// Another gain of one of the mixer's groups of routes.
     fn part_gain(&self, group: usize, gain: f64) -> PyResult<bool> {
         self.with(|own| own.part_gain(group, gain))
@@ -375,9 +405,21 @@ fn event_tuple(event: perform::Event) -> EventTuple {
         EventKind::Finer => ("finer", 0.0),
         EventKind::Changed(ticket) => ("changed", ticket as f64),
         EventKind::Late(ticket) => ("late", ticket as f64),
+        EventKind::Struck(ticket) => ("struck", ticket as f64),
+        EventKind::Missed(ticket) => ("missed", ticket as f64),
         EventKind::Ended => ("ended", 0.0),
     };
     (event.frame, what, number)
+}
+
+/// How a file of sound goes.
+#[pyclass(frozen, get_all, module = "ergon._core")]
+pub(crate) struct AudioRecorded {
+    first: Option<u64>,
+    frames: u64,
+    missing: u64,
+    ended: bool,
+    error: Option<String>,
 }
 
 /// How a performance goes.

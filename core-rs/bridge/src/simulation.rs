@@ -134,6 +134,11 @@ impl Simulation {
         self.0.hold(hand, x, step);
     }
 
+    /// Strike a point of Timeline.strike_point at the next frame; False where there is no such point.
+    fn strike(&mut self, point: u32, impulse: f64) -> PyResult<bool> {
+        Ok(self.0.strike(point, strike_impulse(impulse)?))
+    }
+
     /// Mean force of the scene on a real hand over the last whole tick [N].
     fn felt(&self, hand: usize) -> f64 {
         self.0.felt(hand)
@@ -247,6 +252,15 @@ impl Simulation {
 }
 
 /// A time to fade within [s], if it is one.
+/// An impulse [N·s] that is a finite number.
+pub(crate) fn strike_impulse(impulse: f64) -> PyResult<f64> {
+    if impulse.is_finite() {
+        Ok(impulse)
+    } else {
+        Err(refused("strike", "an impulse is a finite number"))
+    }
+}
+
 pub(crate) fn damping(t60: Option<f64>) -> PyResult<Option<f64>> {
     match t60 {
         Some(t60) if !(t60.is_finite() && t60 > 0.0) => {

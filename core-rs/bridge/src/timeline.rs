@@ -257,6 +257,14 @@ impl Timeline {
             .map_err(|error| refused("drive", error))
     }
 
+    /// A MAT that `Simulation.strike` may strike, by its number there.
+    fn strike_point(&mut self, mat: usize, point: u32) -> PyResult<()> {
+        self.there("strike_point", mat)?;
+        self.inner
+            .strike_point(&self.network, mat, point)
+            .map_err(|error| refused("strike_point", error))
+    }
+
     /// A real hand moves a MAT, in ticks of `every` frames; `positions` [m] at each, if they are known.
     #[pyo3(signature = (mat, every, *, way="line", positions=None))]
     fn hand(

@@ -10,6 +10,7 @@ pub(crate) mod hand;
 mod hands;
 pub(crate) mod inside;
 mod ledger;
+mod live_strikes;
 pub(crate) mod mesh;
 pub(crate) mod modal;
 pub(crate) mod record;
@@ -51,6 +52,7 @@ pub(crate) struct Script {
     drives: Vec<Drive>,
     glides: Vec<glide::Glide>,
     pub(crate) grips: Vec<hands::Grip>,
+    strike_points: Vec<live_strikes::StrikePoint>,
     n_keys: usize,
     on_fault: OnFault,
 }
@@ -80,6 +82,8 @@ struct State {
     bodies: Vec<inside::RunningBody>,
     fine: Option<fine::Fine>,
     touches: Vec<hands::Touch>,
+    /// Impulses that act in the next step [N·s]   (n_strike_points)
+    impulses: Vec<f64>,
     ledger: Option<Ledger>,
     mutes: Mutes,
     /// Where links stiffen.

@@ -247,6 +247,18 @@ impl Simulation {
         }
     }
 
+    /// Strike a point of [`Timeline::strike_point`] by an impulse [N·s] at the next frame; false where there is no such
+    /// point. Impulses of one frame add up.
+    pub fn strike(&mut self, point: u32, impulse: f64) -> bool {
+        let mut is_here = false;
+        for running in self.groups.iter_mut().flat_map(|group| &mut group.units) {
+            if let RunningUnit::Island(island) = running {
+                is_here |= island.strike(point, impulse);
+            }
+        }
+        is_here
+    }
+
     /// Mean force of the scene on a real hand over the last complete tick [N]; positive towards +x.
     pub fn felt(&self, hand: usize) -> f64 {
         self.islands().map(|(island, _)| island.felt(hand)).sum()

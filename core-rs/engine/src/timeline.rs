@@ -279,6 +279,21 @@ impl Timeline {
         Ok(())
     }
 
+    /// Let impulses strike a MAT that are not known beforehand; `point` is its name in
+    /// [`Simulation::strike`](crate::simulation::Simulation::strike).
+    ///
+    /// # Errors
+    /// [`StrikeError`] where the MAT is fixed.
+    pub fn strike_point(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        point: u32,
+    ) -> Result<(), StrikeError> {
+        movable(network, mat)?;
+        self.drive(mat, DriveKind::Force, Source::Strikes(point), false)
+    }
+
     /// Impose the position or a force on a MAT by a constant, a take or a hand; `own`: the drive belongs to the part of
     /// the MAT.
     ///

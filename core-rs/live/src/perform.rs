@@ -28,7 +28,7 @@ pub use scale::{Bound, FALL_TIME};
 use status::HANDS_MAX;
 pub use status::{Event, EventKind, HandStatus, Status};
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
@@ -93,6 +93,10 @@ pub(crate) enum Command {
     Gain(f64),
     /// Another gain of a group of routes.
     Part(usize, f64),
+    /// What is heard goes into a file too, or no longer.
+    Tap(Option<audio::Tap>),
+    /// A strike: its ticket, the point, the impulse [N·s].
+    Strike(u64, u32, f64),
     /// A keyboard that came back.
     Keys(usize, Box<Guarded>),
     /// Another version.
@@ -114,6 +118,7 @@ pub struct Performance {
     hand_keys: Vec<HandKey>,
     garbage: Consumer<Box<ScheduledChange>>,
     tickets: u64,
+    tap: Option<audio::TapHandle>,
     /// Frames of a tick, channels, and outputs where prepared parts fill some of them.
     every: usize,
     channels: usize,
@@ -268,6 +273,7 @@ impl Performance {
             hand_keys,
             garbage,
             tickets: 0,
+            tap: None,
             every,
             channels,
             frozen,
@@ -328,6 +334,44 @@ impl Performance {
     /// Another gain of one of the mixer's groups of routes, as [`Performance::gain`].
     pub fn part_gain(&self, group: usize, gain: f64) -> bool {
         self.command(Command::Part(group, gain))
+    }
+
+    /// Write what is computed for the loudspeakers to a new file, from the next tick on.
+    ///
+    /// # Errors
+    /// [`AudioError`] where one is being written, or the file cannot be made.
+    pub fn record_audio(&mut self, path: &Path) -> Result<(), AudioError> {
+        if self.tap.as_ref().is_some_and(|tap| !tap.status().ended) {
+            return Err(AudioError::Broken(
+                "a file is being recorded already".into(),
+            ));
+        }
+        let rate = self.output.info().rate;
+        let (tap, handle) = audio::tap(path, rate, self.channels)?;
+        if !self.command(Command::Tap(Some(tap))) {
+            return Err(AudioError::Broken("too much is asked at once".into()));
+        }
+        self.tap = Some(handle);
+        Ok(())
+    }
+
+    /// End the file of [`Performance::record_audio`]; false where too much is asked at once.
+    pub fn end_audio(&self) -> bool {
+        self.command(Command::Tap(None))
+    }
+
+    /// How the file of [`Performance::record_audio`] goes; `None`: there was none.
+    pub fn audio_recorded(&self) -> Option<audio::TapStatus> {
+        self.tap.as_ref().map(audio::TapHandle::status)
+    }
+
+    /// Strike a point of the simulation that plays, at the first frame of the next tick; a ticket, which
+    /// [`EventKind::Struck`] or [`EventKind::Missed`] tells. `None` where too much is asked at once.
+    pub fn strike(&mut self, point: u32, impulse: f64) -> Option<u64> {
+        self.tickets += 1;
+        let ticket = self.tickets;
+        self.command(Command::Strike(ticket, point, impulse))
+            .then_some(ticket)
     }
 
     /// Change something at a frame that begins a tick; returns a ticket, which [`EventKind::Changed`] or [`EventKind::Late`] tells.
@@ -419,6 +463,7 @@ impl Performance {
         self.reader = None;
         let _ = self.output.wait(patience);
         let closed = self.output.close();
+        self.tap = None;
         let recorded = self.recorder.take().map(RecorderHandle::stop);
         played?;
         closed?;

@@ -538,6 +538,11 @@ class Timeline:
         They go linearly between points, on multiples of GRID frames, and stay before the first and
         after the last one. The MAT is stepped.
         """
+    def strike_point(self, mat: int, point: int) -> None:
+        """Let Simulation.strike strike a MAT, which it calls by the number `point`.
+
+        Raises EngineError where the MAT is fixed.
+        """
     def drive(
         self,
         mat: int,
@@ -736,6 +741,12 @@ class Simulation:
         """The position that each key's gesture asks for now [m], (n_keys,); NaN while none runs."""
     def hold(self, hand: int, x: float, step: float | None = None) -> None:
         """Set the position x [m] of a real hand from the next tick on, and its last step [m]."""
+    def strike(self, point: int, impulse: float) -> bool:
+        """Strike a point of Timeline.strike_point by an impulse [N·s] at the next frame.
+
+        Impulses of one frame add up. False where the simulation has no such point. Raises
+        EngineError where the impulse is not finite.
+        """
     def felt(self, hand: int) -> float:
         """Mean force of the scene on a real hand [N] over the last whole tick."""
     def fork(self) -> Simulation:
@@ -962,6 +973,16 @@ class HandLimit:
     limit: float  # greatest stable stiffness [N/m]
 
 @final
+class AudioRecorded:
+    """How a file of sound goes."""
+
+    first: int | None  # the frame of the performance at its beginning; None: not begun yet
+    frames: int  # in the file so far
+    missing: int  # of them, silence for which the disk was too slow
+    ended: bool  # the file is closed
+    error: str | None  # why it could not be written
+
+@final
 class Performance:
     """Plays a piece live: one real-time thread between devices and sound.
 
@@ -1003,7 +1024,7 @@ class Performance:
         """Events since the last call: (frame, what, number).
 
         The number is a board ("gone", "back"), a hand ("took over", "tripped: …"), a ticket
-        ("changed", "late") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
+        ("changed", "late", "struck", "missed") or a time [s] ("lost"); 0 for "muted", "finer" and "ended".
         """
     def sound_events(self) -> list[tuple[float, str]]:
         """Events of the sound output so far: (time [s], sentence)."""
@@ -1035,6 +1056,23 @@ class Performance:
         """Let sound and force return after `panic`, after `let_go` and after a trip."""
     def gain(self, gain: float) -> bool:
         """Let the gain glide to `gain` in 20 ms; False where too many commands wait."""
+    def record_audio(self, path: Path) -> None:
+        """Write what is computed for the loudspeakers to a new WAV file, from the next tick on.
+
+        Frames are 32-bit floats, the same as the back end gets; in a panic they are zeros. Raises
+        EngineError where the file exists or another one is being written.
+        """
+    def end_audio(self) -> bool:
+        """End the file of `record_audio`; False where too many commands wait."""
+    def audio_recorded(self) -> AudioRecorded | None:
+        """The state of the file of `record_audio`; None where there was none."""
+    def strike(self, point: int, impulse: float) -> int | None:
+        """Strike a point of the simulation that plays by an impulse [N·s], at the next tick.
+
+        Returns a ticket, or None where too many commands wait. An event "struck" with the ticket
+        tells the frame; an event "missed" says that nothing was struck, because the simulation
+        lacks the point or too many strikes came at once. Raises EngineError.
+        """
     def part_gain(self, group: int, gain: float) -> bool:
         """Let the gain of a group of the mixer's routes glide in 20 ms; False as for `gain`."""
     def change(

@@ -8,6 +8,7 @@ use super::hand::framed::FramedGesture;
 use super::hands::{Touch as HandTouch, grips};
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
+use super::live_strikes::strike_points;
 use super::{Island, OnFault, Script, State, Stream};
 use crate::gesture::report::Report;
 use crate::gesture::script::Touch;
@@ -91,6 +92,7 @@ impl Island {
             .ledger
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
         let grips = grips(&timeline.drives);
+        let strike_points = strike_points(&timeline.drives);
         let state = State {
             frame: 0,
             voices,
@@ -108,6 +110,7 @@ impl Island {
             bodies,
             fine,
             touches: vec![HandTouch::default(); grips.len()],
+            impulses: vec![0.0; strike_points.len()],
             ledger,
             mutes: Mutes::new(&scheme),
             guard,
@@ -125,6 +128,7 @@ impl Island {
             drives: timeline.drives.clone(),
             glides,
             grips,
+            strike_points,
             n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
         };

@@ -2,7 +2,7 @@
 //!
 //! A step does not allocate (but for a recorded stream of ergons), lock or panic.
 
-use super::{Fault, Island, Record, Script, State, glide, hands};
+use super::{Fault, Island, Record, Script, State, glide, hands, live_strikes};
 use crate::guard;
 use crate::interrupt;
 use crate::island::hand::voice::{Scene, Voice, VoiceScript};
@@ -109,6 +109,12 @@ impl Island {
         for drive in &script.drives {
             drive.apply(n, scheme.rate, &mut state.body, &mut state.targets);
         }
+        live_strikes::apply(
+            &script.strike_points,
+            &mut state.impulses,
+            scheme,
+            &mut state.body,
+        );
         if let Some(fine) = &mut state.fine {
             fine.carry(&mut state.body);
         }

@@ -17,7 +17,7 @@ use super::hand::Mover;
 use super::scale::Scale;
 use super::status::{Event, EventKind, HANDS_MAX, Status};
 use super::{Command, Hand, HandLimit, Slot, Stage};
-use crate::audio::{Feed, Shared};
+use crate::audio::{Feed, Shared, Tap};
 use crate::recording::{self, RowSink, flag};
 use crate::safety;
 use change::{SCHEDULED_MAX, ScheduledChange};
@@ -28,6 +28,8 @@ const AVERAGE: f64 = 1.0;
 const PEAKS: f64 = 0.3;
 /// A tick is late when it begins so much of its length after it was due.
 const LATE: f64 = 0.5;
+/// Strikes in one tick.
+const STRIKES_MAX: usize = 256;
 /// Without keys on a clock, ticks wait at most so long for room in the ring: the card may be gone for good.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -54,6 +56,10 @@ pub(super) struct Player {
     #[allow(clippy::vec_box)]
     // each goes back in the box that it came in: to open it would free that
     pub(super) waiting: Vec<Box<ScheduledChange>>,
+    /// Writes what is heard into a file.
+    tap: Option<Tap>,
+    /// Strikes of this tick: ticket, point, impulse [N·s].
+    strikes: Vec<(u64, u32, f64)>,
     clock: Clock,
     pub(super) movers: Vec<Mover>,
     pub(super) guidance: Vec<GuidanceState>,
@@ -136,6 +142,8 @@ impl Player {
             paced,
             looked: false,
             waiting: Vec::with_capacity(SCHEDULED_MAX),
+            strikes: Vec::with_capacity(STRIKES_MAX),
+            tap: None,
             stage,
             slots,
             links,
@@ -196,6 +204,7 @@ impl Player {
         safety::look_for_signals();
         self.commands();
         self.changes();
+        self.strike();
         self.scale();
         self.guidance
             .iter_mut()
@@ -247,6 +256,13 @@ impl Player {
                     self.note(format_args!("{{\"part\":{part},\"gain\":{gain}}}"));
                 }
                 Command::Change(due) => self.wait_for(due),
+                Command::Tap(tap) => self.tap = tap,
+                Command::Strike(ticket, ..) if self.strikes.len() == STRIKES_MAX => {
+                    self.tell(EventKind::Missed(ticket));
+                }
+                Command::Strike(ticket, point, impulse) => {
+                    self.strikes.push((ticket, point, impulse));
+                }
                 Command::Keys(slot, guarded) => {
                     self.slots[slot].comes_back(guarded);
                     self.slots[slot].stop(self.panicked);
@@ -264,6 +280,20 @@ impl Player {
         if self.links.flags.release.swap(false, Ordering::AcqRel) {
             self.slots.iter_mut().for_each(Slot::release);
         }
+    }
+
+    /// Strike what plays from this frame on: the simulation that took over at it, if one did.
+    fn strike(&mut self) {
+        for at in 0..self.strikes.len() {
+            let (ticket, point, impulse) = self.strikes[at];
+            let is_struck = self.stage.simulation.strike(point, impulse);
+            self.tell(if is_struck {
+                EventKind::Struck(ticket)
+            } else {
+                EventKind::Missed(ticket)
+            });
+        }
+        self.strikes.clear();
     }
 
     /// The first tick of the next bar; where there is none, the next tick.
@@ -397,6 +427,7 @@ impl Player {
     fn feed(&mut self, n: usize, is_tail: bool) {
         let channels = self.stage.mixer.n_channels();
         let skip = self.ahead.min(n);
+        let behind = (self.stage.limiter.latency() - self.ahead) as u64;
         self.ahead -= skip;
         if is_tail {
             self.tail -= n;
@@ -417,6 +448,10 @@ impl Player {
             }
         }
         let mut rest = &self.single[skip * channels..n * channels];
+        if let Some(tap) = &mut self.tap {
+            let at = self.frame.saturating_sub(n as u64 + behind);
+            tap.push(at, rest, self.panicked);
+        }
         let asked = Instant::now();
         loop {
             let taken = self.links.feed.push(rest);

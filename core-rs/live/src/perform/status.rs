@@ -119,6 +119,10 @@ pub enum EventKind {
     Changed(u64),
     /// A change came too late for its frame, or was to take over from what does not play, and was not done; its ticket.
     Late(u64),
+    /// A point was struck at this frame; the ticket.
+    Struck(u64),
+    /// A point was not struck, for what plays lacks it, or too many were struck in one tick; the ticket.
+    Missed(u64),
     /// The last frame is out.
     Ended,
 }

@@ -353,6 +353,61 @@ fn what_is_computed_finer_is_told_once() {
     this.close(Duration::from_secs(10)).unwrap();
 }
 
+/// Strikes that were not known act in the tick after they came; what is heard goes into a file for so many ticks.
+#[test]
+fn strikes_and_a_file_of_sound_do_not_allocate() {
+    let network = Arc::new(network());
+    let mut timeline = Timeline::new(Rate::new(RATE).unwrap());
+    timeline.open();
+    timeline.strike_point(&network, 2, 7).unwrap();
+    let plan = Plan::plain(network, &timeline, false).unwrap();
+    let stage = Stage {
+        simulation: Simulation::planned(Arc::new(plan), OPTIONS).unwrap(),
+        hands: Vec::new(),
+        ..stage()
+    };
+    let latency = stage.limiter.latency() as u64;
+    let config = PlaybackConfig {
+        audio: "null:fast".parse().unwrap(),
+        ahead: None,
+        record: None,
+    };
+    let path = std::env::temp_dir().join(format!("ergon-heard-{}.wav", std::process::id()));
+    let (mut this, mut player) = Performance::prepare(stage, Vec::new(), config).unwrap();
+    player.begin();
+    reset_violation_count();
+    let mut ticks = |n: u64| assert_no_alloc(|| (0..n).for_each(|_| assert!(player.tick())));
+    ticks(100);
+    this.record_audio(&path).unwrap();
+    assert!(this.record_audio(&path).is_err(), "one at a time");
+    let struck = this.strike(7, 1e-3).unwrap();
+    let missed = this.strike(8, 1e-3).unwrap();
+    ticks(50);
+    assert!(this.end_audio());
+    ticks(10);
+    assert_eq!(violation_count(), 0);
+    let every = EVERY as u64;
+    let events: Vec<_> = std::iter::from_fn(|| this.event())
+        .map(|event| (event.frame, event.kind))
+        .collect();
+    assert_eq!(
+        events,
+        [
+            (100 * every, EventKind::Struck(struck)),
+            (100 * every, EventKind::Missed(missed)),
+        ]
+    );
+    while !this.audio_recorded().unwrap().ended {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let status = this.audio_recorded().unwrap();
+    assert_eq!(status.first, Some(100 * every - latency));
+    assert_eq!((status.frames, status.missing), (50 * every, 0));
+    drop(player);
+    this.close(Duration::from_secs(10)).unwrap();
+    std::fs::remove_file(&path).unwrap();
+}
+
 /// A key is pulled out and comes back, a panic is called and taken back, the gain changes, all is recorded.
 #[test]
 fn a_tick_does_not_allocate() {
