@@ -140,7 +140,8 @@ def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
         return
     first = words[0].text
     if first in scope.players:
-        effects = ((verb, verbs.forms_of(verb)[0].effect) for verb in verbs.SUBJECT_VERBS)
+        about = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
+        effects = ((f.verb, f.effect) for f in about if f.slots[0].value is v.PLAYER)
         hints.found.extend(v.Completion(*pair) for pair in effects)
     elif first in scope.gestures:
         hints.found.append(v.Completion("=", "defines it anew"))

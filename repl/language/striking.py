@@ -102,7 +102,8 @@ def _read_notes(text: str, scope: Scope, given: Mapping[str, Any]) -> Mapping[st
 
 def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
     if context.before:
-        yield from _offers(context)
+        names = context.scope.instruments
+        yield from (offer for offer in _offers(context) if offer.text not in names)
     else:
         yield v.Completion("A3", "notes, a scale or a chord such as A3.minor")
 

@@ -49,7 +49,7 @@ class Place(NamedTuple):
     """Where an item of a round begins, in steps from the round's beginning; None rests."""
 
     at: Fraction
-    name: str | None
+    name: str | None = None
 
 
 class Course:
@@ -63,6 +63,7 @@ class Course:
         self.pattern = pattern
         self.draws = draws
         self._round = lru_cache(_ROUNDS)(self._drawn)
+        self._names = lru_cache(_ROUNDS)(self._named)
         order = pattern.order
         self._steady = None
         if order.is_steady:
@@ -110,15 +111,35 @@ class Course:
     def named(self, place: int) -> str | None:
         """The name in a place, whether chance lets it be played or not; None: a rest."""
         turn, within = divmod(place + self.pattern.skip, self.pattern.order.places)
-        return self._round(turn)[within].name
+        return self._names(turn)[within]
 
     def do(self, place: int) -> tuple[Transform, ...]:
         """The transformations of the round in which a place is."""
         number = self.round(place) + 1
         return tuple(one for t in self.pattern.turns if number % t.nth == 0 for one in t.do)
 
+    def _named(self, turn: int) -> Sequence[str | None]:
+        return tuple(_names(self.pattern.order, self.draws, turn))
+
     def _drawn(self, turn: int) -> Sequence[Place]:
         return tuple(_places(self.pattern.order, self.draws, turn))
+
+
+def _names(item: Leaf | Group, draws: Draws, turn: int) -> Iterator[str | None]:
+    """The names of a round, in the order of its places."""
+    if isinstance(item, Leaf):
+        yield item.name
+        return
+    count = len(item.items)
+    if item.way in ("choose", "walk"):
+        draw = draws.chooses if item.way == "choose" else draws.walks
+        chosen = item.items[draw(item.site, turn, count)]
+        yield from _names(chosen, draws, turn)
+        yield from (None for _ in range(item.places - chosen.places))
+        return
+    is_drawn = item.way == "shuffle"
+    for index in draws.shuffles(item.site, turn, count) if is_drawn else range(count):
+        yield from _names(item.items[index], draws, turn)
 
 
 def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:

@@ -80,10 +80,10 @@ def automated(
         lines.setdefault(where, {}).setdefault(one.parameter, []).append(one)
     found: dict[Where, Points] = {}
     for where, parameters in lines.items():
-        known = _module(piece, where)
-        if known is None:
+        cell = _module(piece, where)
+        if cell is None:
             continue  # a gesture is rehearsed without instruments
-        module, scale = known
+        module, scale = cell
         own = _own(module)
         curves = {
             name: _curve(piece, some, own[name], since, until, collector)
@@ -95,10 +95,14 @@ def automated(
             message = f"automation: a CEL changes more than {MAX_POINTS:,} times"
             collector.error("E105", message, place)
         elif instants:
+            known: dict[tuple[float, ...], tuple[float, float, float]] = {}
             points = []
             for t in instants:
-                values = {name: curve.at(t) for name, curve in curves.items()}
-                points.append((max(0.0, t), *_tied(module, values, scale)))
+                values = tuple(curve.at(t) for curve in curves.values())
+                if values not in known:  # a swing has the same values in every period
+                    said = dict(zip(curves, values, strict=True))
+                    known[values] = _tied(module, said, scale)
+                points.append((max(0.0, t), *known[values]))
             found[where] = points
     return found
 
