@@ -229,7 +229,7 @@ impl Island {
             .iter()
             .filter_map(inside::RunningBody::finer_frames);
         own.chain(bodies).map(|(part, finer_frames)| {
-            let FinerFrames { frames, most, .. } = finer_frames.by(self.oversampling);
+            let FinerFrames { frames, most, .. } = finer_frames.per_frame(self.oversampling);
             (part, frames, most)
         })
     }

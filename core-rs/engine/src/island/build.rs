@@ -329,7 +329,7 @@ fn free_key(
     let part = mats.part[key.struck] as usize;
     // A gesture is written for the key as it will be.
     let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let own = network.alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
+    let own = network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
     let inside = |mat: usize| own.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.link) {

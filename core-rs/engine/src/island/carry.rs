@@ -55,7 +55,7 @@ impl Island {
             self.state.body.x.copy_from_slice(&old.state.body.x);
             self.state.body.d.copy_from_slice(&old.state.body.d);
             if let Some(guard) = &mut self.state.guard {
-                guard.forget();
+                guard.reset();
             }
             self.place();
             return;
@@ -149,7 +149,7 @@ impl Island {
             self.state.body.x[mat] = x;
             self.state.body.d[mat] = step / f64::from(self.oversampling);
             if let Some(guard) = &mut self.state.guard {
-                guard.forget();
+                guard.reset();
             }
         }
     }

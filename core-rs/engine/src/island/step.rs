@@ -164,7 +164,7 @@ impl Island {
                 [&state.gates, &state.gates_next],
                 &state.targets,
                 &state.body,
-                finer.and(state.guard.as_ref()).map(|guard| guard.way()),
+                finer.and(state.guard.as_ref()).map(|guard| guard.travel()),
             );
         }
         state.scheme = gliding;
@@ -180,15 +180,15 @@ impl Island {
 /// Go through the frame again, finer, where links have stiffened too much; says then whether all stayed within reason.
 fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let (guard, body) = (state.guard.as_mut()?, &mut state.body);
-    if !guard.is_over(&body.x, &body.d, &scheme.w) {
+    if !guard.needs_finer(&body.x, &body.d, &scheme.w) {
         return None;
     }
     let then = body.previous.as_mut()?;
     then.swap(&mut body.x, &mut body.d);
     let led = state.targets.iter().map(|target| target.mat);
     let (x, then) = (&body.x, &then.x);
-    guard.lead(led, |mat| (x[mat], then[mat]));
-    let sound = guard.finer(&mut guard::Scene {
+    guard.impose(led, |mat| (x[mat], then[mat]));
+    let sound = guard.compute_finer(&mut guard::KernelStage {
         scheme,
         gates: &state.gates,
         body,
@@ -196,7 +196,7 @@ fn finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Optio
         team,
     });
     if let Some(whole) = &state.body.previous {
-        guard.keep(whole, &mut state.body.x, &mut state.body.d);
+        guard.keep_unrelated(whole, &mut state.body.x, &mut state.body.d);
     }
     for body in &state.bodies {
         body.place(&mut state.body);

@@ -132,6 +132,17 @@ impl Lean {
 impl Timeline {
     /// Let a LIA act only from `start` to `stop` [s], with fades that begin on the grid and take 20 ms.
     ///
+    /// ```
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.mas("b", 1e-3, 0.0, 0.0)?);
+    /// let link = network.spring("tie", a, b, 500.0, 0.01, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// timeline.couple(&network, link, 1.0, Some(3.0))?; // it acts from 1 s to 3 s
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// Unless the LIA is a single link without times yet, and `stop` comes after `start`.
     pub fn couple(
