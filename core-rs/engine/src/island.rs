@@ -22,7 +22,7 @@ pub(crate) use carry::Through;
 pub use fault::{Fault, OnFault};
 pub use ledger::Energy;
 pub use record::Record;
-pub(crate) use record::{Stream, Taken};
+pub(crate) use record::{FramedErgon, Stream};
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ use crate::kernel::Laws;
 use crate::network::Network;
 use crate::scheme::Scheme;
 use crate::state::{Body, Target};
-use crate::timeline::{Drive, Ergon, Gate, Lean, Push};
+use crate::timeline::{Drive, Ergon, Gate, GateContinuation, Push};
 use hand::framed::FramedGesture;
 
 use fault::Mutes;
@@ -50,7 +50,7 @@ pub(crate) struct Script {
     pub(crate) gates: Vec<Gate>,
     drives: Vec<Drive>,
     glides: Vec<glide::Glide>,
-    pub(crate) grips: Vec<hands::Grip>,
+    pub(crate) hand_bindings: Vec<hands::HandBinding>,
     n_keys: usize,
     on_fault: OnFault,
 }
@@ -69,7 +69,7 @@ struct State {
     gates: Vec<f64>,
     gates_next: Vec<f64>,
     /// Of gates that another version stood at elsewhere: from where they come   (n_gates)
-    leans: Vec<Option<Lean>>,
+    gate_continuations: Vec<Option<GateContinuation>>,
     targets: Vec<Target>,
     /// How far layers take each key [m]   (n_keys)
     layers: Vec<f64>,
@@ -79,7 +79,7 @@ struct State {
     unheard: Vec<f64>,
     bodies: Vec<inside::RunningBody>,
     fine: Option<fine::Fine>,
-    touches: Vec<hands::Touch>,
+    hand_states: Vec<hands::HandState>,
     ledger: Option<Ledger>,
     mutes: Mutes,
     /// Where links stiffen.
@@ -186,7 +186,7 @@ impl Island {
     }
 
     /// Ergons since the last call.
-    pub(crate) fn take_ergons(&mut self) -> Vec<Taken> {
+    pub(crate) fn take_ergons(&mut self) -> Vec<FramedErgon> {
         self.state.stream.take()
     }
 

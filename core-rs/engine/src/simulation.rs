@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use crate::gesture::report::Report;
 use crate::interrupt;
-use crate::island::{Island, Taken};
+use crate::island::{FramedErgon, Island};
 use crate::kernel::thread_team::flushed;
 use crate::network::{Error, Network};
 use crate::plan::{IslandPlan, Plan, Unit, whole};
@@ -344,7 +344,7 @@ impl Simulation {
             else {
                 continue;
             };
-            all.extend(island.take_ergons().into_iter().map(|record| Taken {
+            all.extend(island.take_ergons().into_iter().map(|record| FramedErgon {
                 record: Record {
                     mat: whole(&island_plan.to_whole.mats, record.record.mat as usize) as u32,
                     ..record.record
@@ -353,8 +353,8 @@ impl Simulation {
             }));
         }
         // By the frame that they struck in; within it island by island.
-        all.sort_by_key(|taken| taken.frame);
-        all.into_iter().map(|taken| taken.record).collect()
+        all.sort_by_key(|ergon| ergon.frame);
+        all.into_iter().map(|ergon| ergon.record).collect()
     }
 
     /// The energy ledger; `None` where it is not kept or the plan computes anything as oscillators.

@@ -17,7 +17,7 @@ use crate::units::Rate;
 
 pub use drive::{Drive, DriveKind, Source};
 pub use gate::GRID;
-pub(crate) use gate::{Gate, Lean, Ramp};
+pub(crate) use gate::{Gate, GateContinuation, Ramp};
 pub(crate) use glide::Glide;
 pub use hand::{Hand, HandWay};
 pub(crate) use push::{Push, pushes};

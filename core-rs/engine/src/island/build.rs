@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::fault::Mutes;
 use super::fine::Fine;
 use super::hand::framed::FramedGesture;
-use super::hands::{Touch as HandTouch, grips};
+use super::hands::{HandState, hand_bindings};
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::{Island, OnFault, Script, State, Stream};
@@ -90,7 +90,7 @@ impl Island {
         let ledger = options
             .ledger
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
-        let grips = grips(&timeline.drives);
+        let hand_bindings = hand_bindings(&timeline.drives);
         let state = State {
             frame: 0,
             voices,
@@ -99,7 +99,7 @@ impl Island {
             ergons: 0,
             gates: vec![0.0; timeline.gates.len()],
             gates_next: vec![0.0; timeline.gates.len()],
-            leans: vec![None; timeline.gates.len()],
+            gate_continuations: vec![None; timeline.gates.len()],
             layers: vec![0.0; timeline.keys.len()],
             targets: Vec::new(),
             laws,
@@ -107,7 +107,7 @@ impl Island {
             unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,
-            touches: vec![HandTouch::default(); grips.len()],
+            hand_states: vec![HandState::default(); hand_bindings.len()],
             ledger,
             mutes: Mutes::new(&scheme),
             guard,
@@ -124,7 +124,7 @@ impl Island {
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
-            grips,
+            hand_bindings,
             n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
         };
