@@ -12,6 +12,8 @@ mod vector;
 mod whole;
 
 pub(crate) use filter::lowest_modes;
+#[cfg(test)]
+pub(crate) use lanczos::Largest;
 pub(crate) use lanczos::largest;
 pub(crate) use lowest::lowest;
 pub(crate) use whole::whole;
