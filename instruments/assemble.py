@@ -39,7 +39,7 @@ class Assembly:
         With `reach` s the part lies behind a lever: the scene sees s times its movement, and power
         is kept, so m, k and z are seen as m/s², k/s², z/s² and every length as s times itself.
         """
-        self.network.part(name, ca_rate=ca_rate, every=every if every > 1 else None)
+        self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
         for module in modules:
             if module.kind in HOLDERS:
                 fields = _seen(module.fields, reach)

@@ -1,4 +1,4 @@
-"""OSC beside a performance: sockets and a thread of its own, with bounds on what is answered."""
+"""OSC for a performance: sockets, a thread of its own, and bounds on the number of answers."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ class Osc:
                 return  # it is over
 
     def _wonder(self, address: str) -> None:
-        """An address that nobody knows: once each, and only so many a second."""
+        """Report an unknown address: once each, and only so many a second."""
         if address in self._unknown or len(self._unknown) >= _MOST_KNOWN or not self._may_speak():
             return
         self._unknown.add(address)

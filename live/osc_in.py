@@ -72,7 +72,7 @@ def table(
 
 
 def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
-    """Player → those of the instruments `parts` that no key but the player's reaches by links."""
+    """Player → the instruments of `parts` that links connect with no key but the player's."""
     reached = {key: _reached(piece, key) for key in piece.keys}
     found = {}
     for player in piece.players.values():
@@ -82,7 +82,7 @@ def alone(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _reached(piece: Piece, key: str) -> set[str]:
-    """Instruments that hang together with a key, but for those behind other keys."""
+    """Instruments that links connect with a key, but for those behind other keys."""
     near: dict[str, set[str]] = {}
     for ends in _ties(piece):
         for end in ends:

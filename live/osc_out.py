@@ -29,7 +29,7 @@ class HearingClock:
     """The instants at which frames are heard, from what the sound server reports."""
 
     def __init__(self, rate: float, start: int) -> None:
-        """Frames at `rate` [Hz], of which `start` was the first to be played."""
+        """Begin with frame `start`, at `rate` frames a second."""
         self._rate, self._start = rate, start
         self._seen: deque[tuple[float, float]] = deque()
         self._dropped = 0
@@ -142,7 +142,7 @@ class _From:
         self._next = next(self._events, None)
 
     def before(self, frame: int) -> Iterator[Event]:
-        """Those that come before a frame and were not asked for yet."""
+        """The events before a frame that were not returned yet."""
         while self._next is not None and self._next[0] < frame:
             event, self._next = self._next, next(self._events, None)
             yield event

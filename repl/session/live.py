@@ -55,7 +55,7 @@ class LiveEngine:
         self._n_silences = 0
         # Once it is closed: its last status, and the events that were not reported.
         self._last: _core.Status | None = None
-        self._left: list[tuple[int, str, float]] = []
+        self._left: list[_core.PerformanceEvent] = []
 
     @property
     def performance(self) -> _core.Performance:
@@ -168,7 +168,7 @@ class LiveEngine:
             self._sound = len(sound)
         return found
 
-    def _real_now(self, event: tuple[int, str, float]) -> dict[str, bool]:
+    def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
         _, what, number = event
         if what == "gone":
             return dict.fromkeys(self._on_board[int(number)], False)

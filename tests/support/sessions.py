@@ -26,9 +26,15 @@ class Stepped:
     """A session on a score's text; `sound` (n_frames, n_channels) is what it has played."""
 
     def __init__(
-        self, text: str, folder: Path, *, journal: bool = True, keeps: bool = True
+        self,
+        text: str,
+        folder: Path,
+        *,
+        name: str = "score.yaml",
+        journal: bool = True,
+        keeps: bool = True,
     ) -> None:
-        path = folder / "score.yaml"
+        path = folder / name
         path.write_text(text, encoding="utf-8")
         texts = Texts.read(path)
         version = Version(0, "", texts, piece_of(texts))

@@ -7,6 +7,7 @@ use pyo3::types::PyDict;
 
 use crate::error::{from_engine, from_fault, refused, word};
 use crate::frames::rows_mut;
+use crate::named::{FinerPart, MutedPart};
 use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
@@ -240,14 +241,24 @@ impl Simulation {
         Ok(columns)
     }
 
-    /// Parts put to silence (name, frame).
-    fn muted(&self) -> Vec<(String, u64)> {
-        self.0.muted()
+    /// Parts that were muted.
+    fn muted(&self) -> Vec<MutedPart> {
+        let muted = self.0.muted().into_iter();
+        muted
+            .map(|(name, frame)| MutedPart { name, frame })
+            .collect()
     }
 
-    /// Parts of which frames were computed finer (name, frames, steps a frame at most).
-    fn finer(&self) -> Vec<(String, u64, u32)> {
-        self.0.finer()
+    /// Parts with frames that were computed finer.
+    fn finer(&self) -> Vec<FinerPart> {
+        let finer = self.0.finer().into_iter();
+        finer
+            .map(|(name, frames, steps)| FinerPart {
+                name,
+                frames,
+                steps,
+            })
+            .collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! STRING, PLATE and BANK: where the masses lie, what links them, and how they are tuned.
 //!
-//! Topologies are pure: masses and springs of 1. Masses are numbered row by row and links come in long runs of
-//! constant offset, over which the kernel loops.
+//! A topology has masses and springs of 1. Masses are numbered row by row, and links come in long runs of constant
+//! offset, over which the kernels loop.
 
 mod bank;
 mod plate;
@@ -15,7 +15,7 @@ pub use plate::{Rim, Shape, plate};
 pub use string::{Ends, string};
 pub use tune::{Tuned, tune};
 
-/// Most MATs of one generator: enough for an hour of patience, too few to fill the memory.
+/// Most MATs of one generator: they fit the memory.
 pub const MAX_MASSES: usize = 2_000_000;
 
 /// Links of one factor: link i of the run joins points a + i and b + i.
@@ -27,31 +27,31 @@ pub struct LinkRun {
     pub b: usize,
     /// How many links.
     pub len: usize,
-    /// Of the generator's k and z: 1, or a string's `stiffness`.
+    /// Factor of the generator's k and z: 1, or the `stiffness` of a string.
     pub factor: f64,
 }
 
-/// What a generator makes: points 0..n_mat are MATs, n_mat..n_mat + n_fixed are SOLs.
+/// The network that a generator makes: points 0..n_mat are MATs, n_mat..n_mat + n_fixed are SOLs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Topology {
-    /// MATs.
+    /// Number of MATs.
     pub n_mat: usize,
-    /// SOLs.
+    /// Number of SOLs.
     pub n_fixed: usize,
-    /// Links.
+    /// The links.
     pub runs: Vec<LinkRun>,
-    /// The middle MAT.
+    /// Index of the middle MAT.
     pub centre: usize,
     /// (x, y) [m] of every point, the body 1 m wide and centred on (0, 0); (n_mat + n_fixed,).
     pub positions: Vec<[f64; 2]>,
-    /// The lowest non-rigid λ where a formula gives it.
-    closed: Option<f64>,
+    /// The lowest λ that is not rigid, where a formula gives it.
+    lowest_lambda: Option<f64>,
 }
 
-/// A generator that cannot be made.
+/// Why a generator is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GeneratorError {
-    /// Too few or too many.
+    /// A number of things that is out of range.
     #[error("{what} must be from {least} to {most}; here it is {got}.")]
     Count {
         /// The field.
@@ -73,11 +73,13 @@ pub enum GeneratorError {
         /// What was given.
         got: f64,
     },
-    /// Nothing moves against anything.
+    /// No two masses can move against each other.
     #[error("A body of one free mass has no mode to tune; give it more masses, or fix its edge.")]
     NoMode,
-    /// Above half the rate no discrete network can have the pitch.
-    #[error("A discrete network at {rate} Hz cannot sound at {f} Hz: it ends at half its rate.")]
+    /// A pitch above half the rate of a discrete network.
+    #[error(
+        "A discrete network at {rate} Hz cannot sound at {f} Hz: its frequencies end at half its rate."
+    )]
     Pitch {
         /// Asked frequency [Hz].
         f: f64,
@@ -110,7 +112,7 @@ fn positive(what: &'static str, got: f64) -> Result<(), GeneratorError> {
 }
 
 impl Topology {
-    /// Whether nothing holds the body in place: it has a rigid mode.
+    /// Whether no point is fixed, so that the body has a rigid mode.
     pub fn is_rigid(&self) -> bool {
         self.n_fixed == 0
     }
@@ -121,7 +123,7 @@ impl Topology {
         for run in &self.runs {
             let LinkRun { a, b, len, factor } = *run;
             if a + len <= self.n_mat && b + len <= self.n_mat {
-                // Each end in a loop of its own: what is written then never overlaps what is read.
+                // A loop for each end: no loop writes what it reads.
                 let (xa, xb) = (&x[a..a + len], &x[b..b + len]);
                 for (y, (xa, xb)) in y[a..a + len].iter_mut().zip(xa.iter().zip(xb)) {
                     *y += factor * (xa - xb);

@@ -63,7 +63,7 @@ impl Run {
             Kind::Ref => (self.k, 0.0, self.z),
             Kind::But(_) => return None,
             Kind::Lnl { law, rate, .. } => {
-                let Hardening { k, q, z } = law.hardens()?;
+                let Hardening { k, q, z } = law.hardening_spring()?;
                 (k, q, z.unwrap_or(0.0) * rate)
             }
         };
@@ -133,6 +133,20 @@ impl Scheme {
     }
 
     /// The stability certificate of the scheme.
+    ///
+    /// ```
+    /// use ergon_engine::scheme::Scheme;
+    /// use ergon_engine::{Network, Rate};
+    ///
+    /// let mut network = Network::new();
+    /// let (a, b) = (network.mas("a", 1e-3, 0.0, 0.0)?, network.sol("b", 0.0)?);
+    /// network.spring("s", a, b, 500.0, 0.0, 0.0)?;
+    /// let rate = Rate::new(44_100.0)?;
+    /// assert!(Scheme::new(&network, rate)?.certify(&network)?.lambda_max < 4.0);
+    /// network.spring("stiff", a, b, 1e9, 0.0, 0.0)?;
+    /// assert!(Scheme::new(&network, rate)?.certify(&network).is_err()); // it would diverge
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`Error`] where a force at rest is not finite.

@@ -1,11 +1,11 @@
-//! PLATE: masses in a mesh.
+//! PLATE: masses in a plane mesh.
 
 use std::f64::consts::FRAC_PI_2;
 
 use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
 use crate::maths::{sin, sqrt};
 
-/// The mesh.
+/// The shape of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// Six neighbours, `radius` rings round the centre: 1 + 3r(r+1) masses.
@@ -14,12 +14,12 @@ pub enum Shape {
     Square,
 }
 
-/// What holds the edge.
+/// How the edge is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rim {
-    /// Nothing.
+    /// Not at all.
     Free,
-    /// One more ring, of SOLs.
+    /// By one more ring, of SOLs.
     Fixed,
 }
 
@@ -31,7 +31,7 @@ impl Shape {
         }
     }
 
-    /// Half of the directions in which a site has neighbours (the others are the way back).
+    /// Half of the directions in which a site has neighbours; the other half are their opposites.
     fn directions(self) -> &'static [(isize, isize)] {
         match self {
             // Two axes of the mesh at 60°, and the one between.
@@ -40,7 +40,7 @@ impl Shape {
         }
     }
 
-    /// In which ring a site lies; for a square's far corners, which no neighbour reaches, in none.
+    /// The ring of a site; none for the corners of a fixed square, which have no neighbour inside.
     fn ring(self, (x, y): (isize, isize), outer: usize, fixed: bool) -> Option<usize> {
         let (x, y, z) = (x.unsigned_abs(), y.unsigned_abs(), (x + y).unsigned_abs());
         match self {
@@ -49,7 +49,7 @@ impl Shape {
         }
     }
 
-    /// Where a site lies, in links' lengths.
+    /// Position of a site, in lengths of a link.
     fn place(self, (x, y): (isize, isize)) -> [f64; 2] {
         let (x, y) = (x as f64, y as f64);
         match self {
@@ -59,8 +59,8 @@ impl Shape {
         }
     }
 
-    /// The lowest λ of a square, from those of two strings.
-    fn lowest(self, radius: usize, rim: Rim) -> Option<f64> {
+    /// The lowest λ of a square that is not rigid, from those of two strings; `None` for other shapes.
+    fn lowest_lambda(self, radius: usize, rim: Rim) -> Option<f64> {
         let side = (2 * radius + 1) as f64;
         let string = |gaps: f64| 4.0 * sin(FRAC_PI_2 / gaps) * sin(FRAC_PI_2 / gaps);
         match (self, rim) {
@@ -71,10 +71,19 @@ impl Shape {
     }
 }
 
-/// No point lies here.
+/// Index of a site without a point.
 const NOWHERE: usize = usize::MAX;
 
 /// A mesh of `radius` rings round its centre.
+///
+/// ```
+/// use ergon_engine::generator::{Rim, Shape, plate};
+///
+/// let topology = plate(Shape::Hex, 3, Rim::Free)?;
+/// assert_eq!(topology.n_mat, 1 + 6 + 12 + 18);
+/// assert!(topology.is_rigid());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// More than [`MAX_MASSES`].
@@ -101,7 +110,7 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     }
     let n_mat = shape.masses(radius);
     let mut links = Links::new();
-    // One direction after the other, so that a row (in a square every row) joins into one run.
+    // One direction after the other, so that the links of a row form one run.
     for (right, up) in shape.directions() {
         for cell in 0..side * side {
             let (x, y) = site(cell);
@@ -124,6 +133,6 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
         runs: links.runs,
         centre: n_mat / 2,
         positions: points.iter().map(place).collect(),
-        closed: shape.lowest(radius, rim),
+        lowest_lambda: shape.lowest_lambda(radius, rim),
     })
 }

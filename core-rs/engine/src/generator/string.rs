@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
 use crate::maths::sin;
 
-/// Where a string is tied to SOLs.
+/// The ends at which a string is tied to SOLs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ends {
     /// At both ends: n + 1 springs.
@@ -16,11 +16,19 @@ pub enum Ends {
     Left,
 }
 
-/// Most masses of a string with stiffness: its lowest mode is found by iteration, whose steps grow with
-/// the number of masses.
+/// Most masses of a string with stiffness, whose lowest mode is found by an iteration that takes longer for more masses.
 const MAX_STIFF: usize = 20_000;
 
 /// `masses` MATs in a row; `stiffness` s >= 0 adds links of factor s between neighbours but one.
+///
+/// ```
+/// use ergon_engine::generator::{Ends, string};
+///
+/// let topology = string(60, Ends::Fixed, 0.0)?;
+/// assert_eq!((topology.n_mat, topology.n_fixed), (60, 2));
+/// assert!(string(0, Ends::Fixed, 0.0).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// Numbers out of range.
@@ -63,7 +71,7 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
             links.join(n - 2, n + 1, stiffness);
         }
     }
-    // Fixed points lie half a metre to either side; free ends too.
+    // The ends lie at ±0.5 m, fixed or free.
     let (first, gaps) = (
         f64::from(left),
         (n - 1) as f64 + f64::from(left) + f64::from(right),
@@ -86,6 +94,6 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
         runs: links.runs,
         centre: n / 2,
         positions,
-        closed: known.then(|| 4.0 * sin(angle) * sin(angle)),
+        lowest_lambda: known.then(|| 4.0 * sin(angle) * sin(angle)),
     })
 }

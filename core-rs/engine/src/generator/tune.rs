@@ -1,4 +1,4 @@
-//! From pitch and decay to springs and dampers, by the network's own lowest mode.
+//! Springs and dampers for a pitch and a decay, by the lowest mode of the network.
 
 use std::f64::consts::TAU;
 
@@ -20,9 +20,9 @@ impl Topology {
     /// The lowest non-rigid λ of the network with masses and springs of 1 (and of `stiffness`).
     ///
     /// # Errors
-    /// [`GeneratorError::NoMode`] where nothing can move against anything.
+    /// [`GeneratorError::NoMode`] where no two masses can move against each other.
     pub fn lowest(&self) -> Result<f64, GeneratorError> {
-        if let Some(lambda) = self.closed {
+        if let Some(lambda) = self.lowest_lambda {
             return Ok(lambda);
         }
         let rigid = self.is_rigid().then(|| vec![1.0; self.n_mat]);
@@ -39,6 +39,15 @@ impl Topology {
 /// `mass` is each MAT's [kg]; with `discrete` it is the algorithmic M at that rate, and k and z are the
 /// algorithmic K and Z whose discrete network has a pole of exactly `f` and `t60`. Otherwise
 /// ω₁² = (2πf)² + σ₁² is the undamped frequency, k = m ω₁²/λ₁ and z = 2σ₁k/ω₁².
+///
+/// ```
+/// use ergon_engine::generator::{Ends, string, tune};
+///
+/// let topology = string(60, Ends::Fixed, 0.0)?;
+/// let tuned = tune(&topology, 1e-3, 220.0, Some(3.0), None)?; // masses of 1 g, 220 Hz, 3 s
+/// assert!(tuned.k > 0.0 && tuned.z > 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// Numbers out of range, a body without modes, a pitch beyond half the discrete rate.

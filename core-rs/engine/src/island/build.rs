@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::fault::Mutes;
 use super::fine::Fine;
 use super::hand::framed::FramedGesture;
-use super::hands::{Touch as HandTouch, grips};
+use super::hands::{HandState, hand_bindings};
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::strike_points;
@@ -91,7 +91,7 @@ impl Island {
         let ledger = options
             .ledger
             .then(|| Ledger::new(&scheme, &timeline.gates, &mut body));
-        let grips = grips(&timeline.drives);
+        let hand_bindings = hand_bindings(&timeline.drives);
         let strike_points = strike_points(&timeline.drives);
         let state = State {
             frame: 0,
@@ -101,7 +101,7 @@ impl Island {
             ergons: 0,
             gates: vec![0.0; timeline.gates.len()],
             gates_next: vec![0.0; timeline.gates.len()],
-            leans: vec![None; timeline.gates.len()],
+            gate_continuations: vec![None; timeline.gates.len()],
             layers: vec![0.0; timeline.keys.len()],
             targets: Vec::new(),
             laws,
@@ -109,7 +109,7 @@ impl Island {
             unheard: vec![0.0; scheme.n_out()],
             bodies,
             fine,
-            touches: vec![HandTouch::default(); grips.len()],
+            hand_states: vec![HandState::default(); hand_bindings.len()],
             impulses: vec![0.0; strike_points.len()],
             ledger,
             mutes: Mutes::new(&scheme),
@@ -127,7 +127,7 @@ impl Island {
             gates: timeline.gates.clone(),
             drives: timeline.drives.clone(),
             glides,
-            grips,
+            hand_bindings,
             strike_points,
             n_keys: timeline.keys.len(),
             on_fault: options.on_fault,
@@ -333,7 +333,7 @@ fn free_key(
     let part = mats.part[key.struck] as usize;
     // A gesture is written for the key as it will be.
     let closing = timeline.gates.iter().filter(|gate| gate.closes());
-    let own = network.alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
+    let own = network.part_alone(part, &closing.map(|gate| gate.links()).collect::<Vec<_>>());
     let inside = |mat: usize| own.mat(mat);
     let couplings = timeline.gates.iter().filter(|gate| !gate.is_ramp());
     for link in couplings.map(|gate| gate.link) {

@@ -371,7 +371,7 @@ fn joint(
     let instants = (0..=steps).map(|j| j as f64 / steps as f64);
     let (way, rest) = match &cell {
         Some(cell) => (
-            instants.map(|at| cell.way(at, rate)).collect(),
+            instants.map(|at| cell.interpolation(at, rate)).collect(),
             mats.rest[mat],
         ),
         None => (instants.map(|at| (1.0 - at, at)).collect(), 0.0),

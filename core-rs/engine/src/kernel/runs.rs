@@ -40,7 +40,7 @@ pub(crate) fn links(
                     f[i] = contact(but, run, xb[i] - xa[i] - run.rest, db[i] - da[i]);
                 }
             }
-            Kind::Lnl { law, rate, room } => match law.hardens() {
+            Kind::Lnl { law, rate, room } => match law.hardening_spring() {
                 Some(by) => hardening(by, *rate, run.rest, &ends, f),
                 None => {
                     let Ends { xa, xb, da, db } = ends;

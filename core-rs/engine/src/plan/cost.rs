@@ -37,7 +37,7 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     for run in network.runs() {
         let each = match &run.kind {
             LinkKind::Ref if run.len > 1 => Costs::of("link"),
-            LinkKind::Lnl(law) if law.hardens().is_none() => Costs::of("expression"),
+            LinkKind::Lnl(law) if law.hardening_spring().is_none() => Costs::of("expression"),
             LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
             LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
             _ => Costs::of("single"),
@@ -79,7 +79,7 @@ fn slow_cost(slow: &Slow) -> f64 {
     let n = slow.free.len() as f64;
     let kick = n * (2.0 * n * Costs::of("port") + Costs::of("mat"));
     let each = Costs::of("slow") + slow.ports.len() as f64 * Costs::of("mat");
-    kick / f64::from(slow.flow.every) + each
+    kick / f64::from(slow.flow.macrostep) + each
 }
 
 /// What a bank costs a frame [ns].

@@ -34,6 +34,19 @@ impl Timeline {
     /// Let a MAT have other K, Z and M up to `start`, and the network's own from `stop` on [s], evenly between (of what a
     /// frame takes of them), on the grid.
     ///
+    /// ```
+    /// use ergon_engine::network::Tie;
+    /// use ergon_engine::{Network, Rate, Timeline};
+    ///
+    /// let mut network = Network::new();
+    /// let tie = Tie::Physical { k: 100.0, z: 0.1 };
+    /// let bell = network.cel("bell", 0.002, tie, 0.0, 0.0, 0.0)?;
+    /// let mut timeline = Timeline::new(Rate::new(44_100.0)?);
+    /// // From 50 N/m at 1 s to the 100 N/m of the network at 2 s.
+    /// timeline.glide(&network, bell, [50.0, 0.1, 0.002], (1.0, 2.0))?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// Unless the MAT moves and does not glide yet, the numbers are numbers, and `stop` comes after `start`.
     pub fn glide(

@@ -310,7 +310,7 @@ fn a_slow_body_goes_on() {
     let network = |k: f64| {
         let mut network = Network::new();
         network.part("key", None);
-        network.every(8);
+        network.macrostep(8);
         let tie = Tie::Physical { k: 200.0, z: 0.4 };
         network.cel("m", 0.08, tie, 0.0, 2e-3, 0.0).unwrap();
         network.mas("n", 0.03, 0.0, 0.0).unwrap();

@@ -103,7 +103,7 @@ fn stage() -> Stage {
         gain: 1.0,
         limiter: Limiter::new(RATE, 2, 1.0).unwrap(),
         n_frames: None,
-        every: EVERY,
+        tick_frames: EVERY,
         hands: vec![hand; 2],
         bars: (0..).map(|bar| bar * 4_410).take(1_000).collect(),
         frozen: Vec::new(),
@@ -186,7 +186,7 @@ fn changes_are_done_at_their_frames() {
             (frames[3], EventKind::Late(of_another)),
         ]
     );
-    player.links.feed.close();
+    player.connections.feed.close();
     drop(player);
     this.close(Duration::from_secs(10)).unwrap();
 
@@ -444,7 +444,7 @@ fn a_tick_does_not_allocate() {
             match tick {
                 // The key is looked for by a thread that waits; ticks here do not, until it is found.
                 2_000 => {
-                    while !player.slots[1].is_there() && player.links.commands.is_empty() {
+                    while !player.slots[1].is_there() && player.connections.commands.is_empty() {
                         std::thread::yield_now();
                     }
                 }

@@ -77,7 +77,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
     linear.runs.retain(|run| match &run.kind {
         Kind::Ref => true,
         Kind::But(_) => false,
-        Kind::Lnl { law, .. } => law.hardens().is_some(),
+        Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
     Ok(top(&linear, network, 0.0, super::EXPLICIT)?.lambda)
 }

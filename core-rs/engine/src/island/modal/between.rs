@@ -25,7 +25,7 @@ impl RunningModal {
         let way = |mode: usize, j: usize| {
             modes[mode]
                 .cell
-                .map_or((0.0, 0.0), |cell| cell.way(part(j), rate))
+                .map_or((0.0, 0.0), |cell| cell.interpolation(part(j), rate))
         };
         let kick = |mode: usize, j: usize| {
             modes[mode]

@@ -91,7 +91,7 @@ impl PortedBody {
         match &self.inside {
             BodyPlan::Modal(_) => self.kept.clone(),
             BodyPlan::Mesh(mesh) => mesh::numbers(mesh),
-            BodyPlan::Slow(slow) => vec![slow.flow.every],
+            BodyPlan::Slow(slow) => vec![slow.flow.macrostep],
         }
     }
 }
@@ -270,7 +270,7 @@ fn hub(island: &Subset, timeline: &Timeline, found: Vec<(Body, BodyPlan)>) -> Cu
                 0
             }
         };
-        loosen(&mut hub.network, &inside);
+        set_free(&mut hub.network, &inside);
         bodies.push(PortedBody {
             mats: body.mats.len(),
             links: body.links.len(),
@@ -306,24 +306,24 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
 }
 
 /// The ports of a body as masses that move as freely.
-pub(in crate::plan) fn loosen(hub: &mut Network, inside: &BodyPlan) {
+pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
     match inside {
         BodyPlan::Modal(modal) => {
             let step = modal.rate.step();
             let is_discrete = modal.modes.first().is_some_and(|mode| mode.cell.is_none());
             let unit = if is_discrete { 1.0 } else { step * step };
             for (at, port) in modal.ports.iter().enumerate() {
-                hub.loosen(port.mat, unit / modal.give(at));
+                hub.set_free(port.mat, unit / modal.give(at));
             }
         }
         BodyPlan::Mesh(mesh) => {
             for &(own, mat) in &mesh.ports {
-                hub.loosen(mat, mesh.network.mats().m[own]);
+                hub.set_free(mat, mesh.network.mats().m[own]);
             }
         }
         BodyPlan::Slow(slow) => {
             for &(own, mat) in &slow.ports {
-                hub.loosen(mat, slow.network.mats().m[slow.free[own]]);
+                hub.set_free(mat, slow.network.mats().m[slow.free[own]]);
             }
         }
     }

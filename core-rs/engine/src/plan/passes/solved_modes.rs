@@ -45,7 +45,7 @@ impl<'a> Memo<'a> {
         rate: Rate,
     ) -> Result<Modes, NoModes> {
         let is_ours = |solved: &&Arc<Solved>| {
-            solved.rate.hertz() == rate.hertz() && solved.network.begins_as(network)
+            solved.rate.hertz() == rate.hertz() && solved.network.is_same_from_start(network)
         };
         let at_hand = self.found.borrow().iter().find(is_ours).cloned();
         let known = at_hand.or_else(|| self.known.iter().find(is_ours).cloned());
@@ -77,7 +77,7 @@ impl<'a> Memo<'a> {
 
     fn keep(&self, solved: Arc<Solved>) {
         let mut found = self.found.borrow_mut();
-        found.retain(|other| !solved.network.begins_as(&other.network));
+        found.retain(|other| !solved.network.is_same_from_start(&other.network));
         found.push(solved);
     }
 }

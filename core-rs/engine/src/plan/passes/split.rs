@@ -72,7 +72,7 @@ pub(in crate::plan) fn split(
                 let gesture = if same {
                     gesture.clone()
                 } else {
-                    Arc::new((**gesture).clone().on(key))
+                    Arc::new((**gesture).clone().on_key(key))
                 };
                 own.timeline.gestures.push(gesture);
                 own.gestures.push(index as u32);

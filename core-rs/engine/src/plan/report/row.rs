@@ -168,7 +168,7 @@ impl Row {
                 left_out: found.left_out,
             },
             BodyPlan::Mesh(mesh) => Computed::Mesh(mesh.way.facts().name, mesh.substeps),
-            BodyPlan::Slow(slow) => Computed::Slow(slow.flow.every),
+            BodyPlan::Slow(slow) => Computed::Slow(slow.flow.macrostep),
         };
         let ns = cost::body_cost(&found.inside);
         Self::new(found.parts.clone(), [found.mats, found.links], what).costing(

@@ -110,7 +110,7 @@ impl<'a> Map<'a> {
             _ => None,
         };
         let slow: Vec<&Slow> = bodies().filter_map(of).collect();
-        let every: Vec<u64> = slow.iter().map(|slow| slow.flow.every.into()).collect();
+        let every: Vec<u64> = slow.iter().map(|slow| slow.flow.macrostep.into()).collect();
         let frames = every.iter().copied().fold(1, together);
         let quickest = every.iter().copied().min()?;
         let is_partial = bodies().any(|inside| matches!(inside, BodyPlan::Mesh(_)));
