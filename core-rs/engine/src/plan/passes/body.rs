@@ -45,7 +45,7 @@ pub(in crate::plan) fn bank(
         Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow)
             if !is_discrete && !timeline.is_open =>
         {
-            complex_body::bank(subset, timeline.rate, budget, pinned, &strikes)
+            complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, memo)
         }
         known => known,
     }

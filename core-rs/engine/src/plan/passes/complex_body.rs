@@ -11,6 +11,7 @@ use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impul
 use crate::plan::passes::cells::hear;
 use crate::plan::passes::complex_modes::{ComplexModes, Pole, Sum};
 use crate::plan::passes::linear::NoModes;
+use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::truncate::{self, FIRST, KeptModes};
 use crate::units::Rate;
 
@@ -22,11 +23,12 @@ pub(in crate::plan) fn bank(
     budget: &Budget,
     pinned: Option<&[Vec<u32>]>,
     strikes: &Blows,
+    memo: &Memo<'_>,
 ) -> Result<Body, NoModes> {
     let network = &subset.network;
     let (sums, held) = heard(network);
     let struck: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
-    let modes = ComplexModes::new(network, &sums, &struck, rate)?;
+    let modes = memo.complex(network, &sums, &struck, rate)?;
     let own = Complex {
         modes: &modes,
         strikes,

@@ -38,10 +38,12 @@ pub(crate) enum NoModes {
     Stiff,
     /// Rounding in its eigenvalue problem would be heard.
     Inexact,
+    /// So many points of it are touched that its complex modes cost more than stepping it.
+    Ports,
 }
 
 impl NoModes {
-    const ALL: [Self; 13] = [
+    const ALL: [Self; 14] = [
         Self::NotLinear,
         Self::Coupled,
         Self::OtherRate,
@@ -55,6 +57,7 @@ impl NoModes {
         Self::Pinned,
         Self::Stiff,
         Self::Inexact,
+        Self::Ports,
     ];
 
     /// Whether a plan can have told this.
@@ -77,6 +80,9 @@ impl NoModes {
             Self::Pinned => "the given plan selects other modes",
             Self::Stiff => "a link to its body is too stiff for modes that feel it once a frame",
             Self::Inexact => "its damping is too strong for its modes to be computed exactly",
+            Self::Ports => {
+                "others touch so many of its points that modes would cost more than steps"
+            }
             Self::ForceHeard => "an output listens to a force inside it",
         }
     }

@@ -9,9 +9,10 @@ use crate::network::forest::ends;
 use crate::network::{Network, Subset, Term};
 use crate::plan::budget::Budget;
 use crate::plan::choice::Choice;
+use crate::plan::cost;
 use crate::plan::passes::body::{blows, heard};
 use crate::plan::passes::complex_body::{self, Part};
-use crate::plan::passes::complex_modes::{ComplexModes, Sum};
+use crate::plan::passes::complex_modes::Sum;
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::{self, Ways};
 use crate::plan::passes::modes::{Modes, Row};
@@ -21,6 +22,10 @@ use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::passes::wiring::{Body, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
+
+/// A body goes by complex modes where they cost so many times what stepping it costs at most: they are exact, which no
+/// stepping at as many times the rate is.
+const MOST: f64 = 2.0;
 
 /// An island cut into what is stepped and bodies.
 pub(in crate::plan) struct Cut {
@@ -67,11 +72,11 @@ pub(in crate::plan) fn cut(
     if budget.takes_modes() {
         for body in wiring.bodies(network, false) {
             let found_modes = match modal(network, timeline, &body, memo) {
-                Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body),
-                known => known,
+                Err(NoModes::Damping) if takes_complex => complex(network, timeline, &body, memo),
+                known => known.map(BodyPlan::Modal),
             };
             match found_modes {
-                Ok(modal) => found.push((body, BodyPlan::Modal(modal))),
+                Ok(modal) => found.push((body, modal)),
                 Err(reason) => why = Some(reason),
             }
         }
@@ -208,7 +213,12 @@ fn modal(
 }
 
 /// A body by its complex modes; ports by their index in the island.
-fn complex(network: &Network, timeline: &Timeline, body: &Body) -> Result<Modal, NoModes> {
+fn complex(
+    network: &Network,
+    timeline: &Timeline,
+    body: &Body,
+    memo: &Memo<'_>,
+) -> Result<BodyPlan, NoModes> {
     let rate = timeline.rate;
     let subset = network.subset(&body.mats, &body.guests, &body.links);
     let outputs = heard(&subset.network)?;
@@ -223,7 +233,7 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body) -> Result<Modal,
         .collect();
     let rows = ports.iter().map(|&mat| vec![(mat, 1.0)]);
     let sums: Vec<Sum> = rows.chain(outputs.rows).map(Sum::of).collect();
-    let modes = ComplexModes::new(&subset.network, &sums, &points, rate)?;
+    let modes = memo.complex(&subset.network, &sums, &points, rate)?;
     let every: Vec<usize> = (0..modes.len()).collect();
     let (n_ports, all) = (ports.len(), complex_body::parts(&modes, &every, rate));
     let shape = |row: usize| -> Vec<f64> {
@@ -239,7 +249,7 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body) -> Result<Modal,
             .collect()
     };
     let still = modes.rest[n_ports..].iter().zip(&outputs.held);
-    Ok(Modal {
+    let found = Modal {
         kept: (0..all.len() as u32).collect(),
         turned: None,
         modes: all.iter().map(part).collect(),
@@ -269,7 +279,12 @@ fn complex(network: &Network, timeline: &Timeline, body: &Body) -> Result<Modal,
             ports: (0..n_ports).map(answers).collect(),
             struck: (n_ports..points.len()).map(answers).collect(),
         }),
-    })
+    };
+    // The same masses module by module, as often as they may cost.
+    let stepped = MOST * cost::stepped_cost(&found.of, &Timeline::new(rate));
+    let found = BodyPlan::Modal(found);
+    let is_cheap = cost::body_cost(&found) <= stepped;
+    is_cheap.then_some(found).ok_or(NoModes::Ports)
 }
 
 /// A part of a complex mode as a mode that answers by itself.
