@@ -2,7 +2,6 @@
 
 use crate::bank::{Oscillator, Strikes};
 use crate::cell::{Response, recurrence};
-use crate::kernel::bank::LANES;
 use crate::maths::{cos, exp, expm1, sin};
 use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
@@ -14,6 +13,9 @@ use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::truncate::{self, FIRST, KeptModes};
 use crate::units::Rate;
+
+/// Modes are left out where the others then cost so many times what all cost at most: all of them are exact.
+const WORTH: f64 = 0.5;
 
 /// The complex modes of an island, as many as this score excites and the budget asks for, or those that were decided
 /// for before.
@@ -190,11 +192,11 @@ pub(in crate::plan) fn response(modes: &ComplexModes, own: &Part, point: usize) 
 }
 
 impl Complex<'_> {
-    /// All modes, where they take no more groups of lanes than those that were kept.
+    /// All modes, but where those that were kept cost less by enough.
     fn filled(&self, kept: KeptModes) -> KeptModes {
         let all: Vec<usize> = (0..self.modes.len()).collect();
-        let groups = |some: &[usize]| parts(self.modes, some, self.rate).len().div_ceil(LANES);
-        if groups(&kept.modes) < groups(&all) {
+        let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
+        if cost(&kept.modes) <= WORTH * cost(&all) {
             return kept;
         }
         KeptModes {

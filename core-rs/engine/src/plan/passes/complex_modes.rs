@@ -18,7 +18,7 @@ use crate::units::Rate;
 /// Most undamped modes that damping may couple: an eigenvalue problem of 256 states takes 0.06 s, one of 512 half a second.
 const COUPLED_MAX: usize = 256;
 /// Most masses of a body with dampers of its own: coupling of all its modes is looked for.
-const DAMPED_MAX: usize = 600;
+const DAMPED_MAX: usize = 300;
 /// Coupling below this, relative to the strongest damping, is rounding.
 const ROUNDING: f64 = 1e-15;
 /// Most of ‖E‖ [1/s]: after a second the motion is off by −120 dB.
