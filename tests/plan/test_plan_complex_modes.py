@@ -136,7 +136,7 @@ j: {{RES: {{between: [b, c], K: 3000}}}}
 d: {{FRO: {{between: [w, b], Z: {Z}}}}}
 """
     text = score(modules, "{a: {SOX: a}, b: {SOX: b}, f: {SOF: {FRO: d}}}")
-    sound = played(text)
+    sound = played(text, method="modal")
     exact = solve(read(text), len(sound)).sound
     assert off_db(sound, exact) <= EXACT_DB
 

@@ -2,6 +2,7 @@
 
 use crate::bank::{Oscillator, Strikes};
 use crate::cell::{Response, recurrence};
+use crate::kernel::bank::LANES;
 use crate::maths::{cos, exp, expm1, sin};
 use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
@@ -196,7 +197,8 @@ impl Complex<'_> {
     fn filled(&self, kept: KeptModes) -> KeptModes {
         let all: Vec<usize> = (0..self.modes.len()).collect();
         let cost = |some: &[usize]| parts(self.modes, some, self.rate).len() as f64;
-        if cost(&kept.modes) <= WORTH * cost(&all) {
+        // A group of lanes costs the same, full or not.
+        if cost(&all) > LANES as f64 && cost(&kept.modes) <= WORTH * cost(&all) {
             return kept;
         }
         KeptModes {
