@@ -21,6 +21,7 @@ _HOW = {
     "stepped": "module by module, CA",
     "oscillators": "each by its own poles",
     "modes": "by modes",
+    "complex modes": "by complex modes",
     "ca2p": "CA in two passes",
     "bm4": "splitting of order 4",
     "ieq": "quadratised energy",
@@ -29,6 +30,7 @@ _HOW = {
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
+_EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
 _HEAD = ("part", "modules", "computed", "error", "cost", "stable", "left out")
 
 
@@ -137,7 +139,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     computed = _HOW[row.what]
     if row.modes is not None:
         kept, of = row.modes
-        computed = plural(kept, "mode") + ("" if kept == of else f" of {of:,}")
+        computed = plural(kept, _mode(row)) + ("" if kept == of else f" of {of:,}")
     if row.macrostep is not None:
         computed += f", once in {plural(row.macrostep, 'frame')}"
     if row.oversampling > 1:
@@ -146,7 +148,7 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         computed += f", contacts ×{row.contact_substeps}"
     is_left_out = row.what in ("unheard", "still")
     error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
-    if row.what not in ("modes", "oscillators", "unheard", "still") and row.error_db is None:
+    if row.what not in _EXACT and row.error_db is None:
         error = "not measured"
     if row.preserved:
         error += ", preserved"
@@ -174,6 +176,10 @@ def _summary(made: Plan) -> str:
     return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {made.hash[:12]}\n"
 
 
+def _mode(row: PlanRow) -> str:
+    return "complex mode" if row.what == "complex modes" else "mode"
+
+
 def _often(times: int) -> str:
     return "once a frame" if times == 1 else f"{times} times a frame"
 
@@ -190,7 +196,8 @@ def _why(row: PlanRow) -> list[str]:
         said.append("  Nothing ever moves it: what is heard of it is a constant.")
     elif row.modes is not None:
         kept, of = row.modes
-        said.append(f"  It is linear: {plural(kept, 'mode')} of {of:,} are computed, each exactly.")
+        some = f"{plural(kept, _mode(row))} of {of:,}"
+        said.append(f"  It is linear: {some} are computed, each exactly.")
         if row.left_out_db is not None:
             said.append(f"  The others together would be {-row.left_out_db:.0f} dB below the rest.")
     elif row.macrostep is not None:

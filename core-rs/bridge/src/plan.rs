@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ergon_engine::plan::{self, Budget, CachedReport, Computed, Measured, Reason};
+use ergon_engine::plan::{self, Budget, CachedReport, Computed, Measured, ModeKind, Reason};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
@@ -206,12 +206,21 @@ impl PlanRow {
             Computed::Mesh(way, _) => (way, None, None),
             Computed::Slow(_) => ("e4", None, None),
             Computed::Oscillators => ("oscillators", None, None),
-            Computed::Modes { of, kept, left_out } => {
+            Computed::Modes {
+                kind,
+                of,
+                kept,
+                left_out,
+            } => {
+                let what = match kind {
+                    ModeKind::Normal => "modes",
+                    ModeKind::Complex => "complex modes",
+                };
                 let count = ModeCount {
                     computed: kept,
                     total: of,
                 };
-                ("modes", Some(count), left_out)
+                (what, Some(count), left_out)
             }
             Computed::LeftOut(Reason::Unheard) => ("unheard", None, None),
             Computed::LeftOut(Reason::Still) => ("still", None, None),

@@ -4,8 +4,11 @@
 //! x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M = m/T² gives exactly its samples where κ and ζ
 //! come from the poles of the solution. T is the step, θ the angle and r the decay of one step.
 
+mod response;
 #[cfg(test)]
 mod tests;
+
+pub(crate) use response::{Response, recurrence};
 
 use std::f64::consts::{LN_10, TAU};
 
@@ -28,7 +31,7 @@ pub struct Ratios {
 
 impl Ratios {
     /// The ratios whose poles are r e^{±iθ}, with r = e^-s.
-    fn of_poles(s: f64, theta: f64) -> Self {
+    pub(crate) fn of_poles(s: f64, theta: f64) -> Self {
         let (loss, half) = (-expm1(-s), sin(0.5 * theta));
         Self {
             kappa: loss * loss + 4.0 * exp(-s) * (half * half),

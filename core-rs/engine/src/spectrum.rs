@@ -1,8 +1,10 @@
-//! Ends of the spectrum of a symmetric operator that is only known by what it does to a vector.
+//! Eigenvalues: the ends of the spectrum of a symmetric operator that is only known by what it does to a vector, all of a
+//! dense symmetric matrix, all of one that is not symmetric.
 //!
 //! Deterministic to the bit: start vectors are fixed, sums are taken in a fixed order.
 
 mod filter;
+mod general;
 mod jacobi;
 mod lanczos;
 mod lowest;
@@ -12,6 +14,7 @@ mod vector;
 mod whole;
 
 pub(crate) use filter::lowest_modes;
+pub(crate) use general::{General, general, inverse};
 #[cfg(test)]
 pub(crate) use lanczos::Largest;
 pub(crate) use lanczos::largest;

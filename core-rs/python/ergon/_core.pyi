@@ -688,6 +688,7 @@ class PlanRow:
         "stepped",
         "oscillators",
         "modes",
+        "complex modes",
         "ca2p",
         "bm4",
         "ieq",

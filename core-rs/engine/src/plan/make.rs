@@ -8,6 +8,7 @@ use crate::plan::budget::Budget;
 use crate::plan::choice::{Choice, Pins, another};
 use crate::plan::cost;
 use crate::plan::passes::assemble::Assembled;
+use crate::plan::passes::audible::ModeKind;
 use crate::plan::passes::body;
 use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
@@ -163,7 +164,9 @@ impl Maker<'_> {
                 Ok(mut found) => {
                     found.bank.is_open = own.timeline.is_open;
                     found.bank.kept = found.kept.numbers();
-                    found.bank.of = Some(Arc::new(subset.network.clone()));
+                    // What takes over from it asks for normal modes.
+                    let is_normal = found.kind == ModeKind::Normal;
+                    found.bank.of = is_normal.then(|| Arc::new(subset.network.clone()));
                     for (&output, rest) in subset.outputs.iter().zip(&found.rest) {
                         self.plan.still[output as usize] += rest;
                     }

@@ -11,9 +11,11 @@ pub(super) struct Between {
     /// Weights of a mode's position now and at the next frame that make where it is at j/S   (n_groups, S + 1)
     way: Vec<Vec<[Lanes; 2]>>,
     /// What an impulse at j/S moves a mode by at the next frame, and has to add at the one after, for its
-    /// motion to be exact from then on   (n_groups, S)
-    kick: Vec<Vec<[Lanes; 2]>>,
+    /// motion to be exact from then on   (n_groups, S), of complex modes for each port   (n_ports, n_groups, S)
+    kick: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
+
+const WHOLE: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
     /// Make tables for `steps` instants of a frame: for continuous modes alone.
@@ -23,14 +25,19 @@ impl RunningModal {
         let square = rate.step() * rate.step();
         let part = |j: usize| j as f64 / steps as f64;
         let way = |mode: usize, j: usize| {
-            modes[mode]
-                .cell
-                .map_or((0.0, 0.0), |cell| cell.interpolation(part(j), rate))
+            let own = plan.response(mode);
+            own.map_or((0.0, 0.0), |own| own.interpolation(part(j), rate))
         };
-        let kick = |mode: usize, j: usize| {
-            modes[mode]
-                .cell
-                .map_or([0.0; 2], |cell| cell.split(square, part(j), rate))
+        let kick = |port: usize, mode: usize, j: usize| {
+            let own = match &plan.answers {
+                Some(answers) => Some(answers.ports[port][mode]),
+                None => plan.response(mode),
+            };
+            own.map_or([0.0; 2], |own| own.split(square, part(j), rate))
+        };
+        let n_tables = match &plan.answers {
+            Some(answers) => answers.ports.len(),
+            None => 1,
         };
         let table = |group: usize, j: usize, of: &dyn Fn(usize, usize) -> [f64; 2]| {
             [0, 1].map(|which| lanes(modes, group, |mode| of(mode, j)[which]))
@@ -42,8 +49,14 @@ impl RunningModal {
                 .clone()
                 .map(|group| (0..=steps).map(|j| table(group, j, &pair)).collect())
                 .collect(),
-            kick: groups
-                .map(|group| (0..steps).map(|j| table(group, j, &kick)).collect())
+            kick: (0..n_tables)
+                .map(|port| {
+                    let kick = |mode: usize, j: usize| kick(port, mode, j);
+                    let groups = groups.clone();
+                    groups
+                        .map(|group| (0..steps).map(|j| table(group, j, &kick)).collect())
+                        .collect()
+                })
                 .collect(),
         });
     }
@@ -51,6 +64,10 @@ impl RunningModal {
     /// What an impulse at one port moves another by, `t` [s] later [m/N·s].
     pub(crate) fn response(&self, from: usize, to: usize, t: f64) -> f64 {
         let plan = &self.script.plan;
+        if let Some(answers) = &plan.answers {
+            let terms = answers.ports[from].iter().zip(&plan.ports[to].shape);
+            return terms.map(|(answer, share)| share * answer.at(t)).sum();
+        }
         let shapes = plan.ports[from].shape.iter().zip(&plan.ports[to].shape);
         let terms = plan.modes.iter().zip(shapes);
         terms
@@ -77,10 +94,16 @@ impl RunningModal {
         self.back(&script);
         self.quiet = 0;
         let Some(between) = &self.between else { return };
-        for (group, table) in between.kick.iter().enumerate() {
+        let is_complex = script.plan.answers.is_some();
+        for (group, table) in between.kick[if is_complex { port } else { 0 }]
+            .iter()
+            .enumerate()
+        {
             let rows = &script.rows[group];
             let mut kicks = [Lanes::ZERO; 2];
-            ports::kick(impulses, table, &rows[port], &mut kicks);
+            // Answers of complex modes have their shares in them.
+            let share = if is_complex { &WHOLE } else { &rows[port] };
+            ports::kick(impulses, table, share, &mut kicks);
             ports::add(&mut self.pending[group], &kicks[1], 1.0);
             ports::add(&mut self.motions[group].now, &kicks[0], 1.0);
             for (row, shape) in rows.iter().enumerate() {

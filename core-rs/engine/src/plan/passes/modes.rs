@@ -33,6 +33,7 @@ impl Modes {
     /// The modes of a network that is one linear body; each row is a weighted sum of positions.
     pub(crate) fn new(network: &Network, rows: &[Row], rate: Rate) -> Result<Self, NoModes> {
         let linear = Linear::new(network, rate)?;
+        let [alpha, beta] = linear.proportion.ok_or(NoModes::Damping)?;
         let n = linear.free.len();
         let mats = network.mats();
         let slot = |mat: usize| linear.free.binary_search(&mat).ok();
@@ -71,10 +72,7 @@ impl Modes {
                 }
             })
             .collect();
-        let zeta = lambda
-            .iter()
-            .map(|lambda| linear.alpha + linear.beta * lambda)
-            .collect();
+        let zeta = lambda.iter().map(|lambda| alpha + beta * lambda).collect();
         let force = seen.pop().unwrap_or_default();
         let v0 = seen.pop().unwrap_or_default();
         let x0 = seen.pop().unwrap_or_default();

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 use crate::network::Network;
+use crate::plan::passes::complex_modes::{ComplexModes, Sum};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
@@ -17,11 +18,20 @@ pub(in crate::plan) struct Solved {
     modes: Modes,
 }
 
+/// The complex modes of one body, at every rate the same, or why it has none.
+struct SolvedComplex {
+    network: Network,
+    outputs: Vec<Sum>,
+    struck: Vec<usize>,
+    modes: Result<Arc<ComplexModes>, NoModes>,
+}
+
 /// What is known of bodies, and what a plan on its way finds out.
 #[derive(Default)]
 pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<Solved>],
     found: RefCell<Vec<Arc<Solved>>>,
+    complex: RefCell<Vec<SolvedComplex>>,
 }
 
 impl<'a> Memo<'a> {
@@ -29,6 +39,7 @@ impl<'a> Memo<'a> {
         Self {
             known,
             found: RefCell::default(),
+            complex: RefCell::default(),
         }
     }
 
@@ -73,6 +84,39 @@ impl<'a> Memo<'a> {
             modes,
         }));
         Ok(own)
+    }
+
+    /// As [`ComplexModes::new`], found once for all rates at which an island is tried.
+    pub(in crate::plan) fn complex(
+        &self,
+        network: &Network,
+        outputs: &[Sum],
+        struck: &[usize],
+        rate: Rate,
+    ) -> Result<Arc<ComplexModes>, NoModes> {
+        let mut all = self.complex.borrow_mut();
+        let is_ours = |own: &&SolvedComplex| {
+            own.outputs == outputs
+                && own.struck == struck
+                && own.network.is_same_from_start(network)
+        };
+        let modes = match all.iter().find(is_ours) {
+            Some(own) => own.modes.clone()?,
+            None => {
+                let modes = ComplexModes::new(network, outputs, struck, rate).map(Arc::new);
+                all.push(SolvedComplex {
+                    network: network.clone(),
+                    outputs: outputs.to_vec(),
+                    struck: struck.to_vec(),
+                    modes: modes.clone(),
+                });
+                modes?
+            }
+        };
+        match modes.unfit(rate) {
+            Some(why) => Err(why),
+            None => Ok(modes),
+        }
     }
 
     fn keep(&self, solved: Arc<Solved>) {
