@@ -165,9 +165,8 @@ def _cel(assembly: Assembly, name: str, f: _Fields) -> int:
 
 
 def _string(assembly: Assembly, name: str, f: _Fields) -> int:
-    return assembly.network.string(
-        name, **_pick(f, "masses", "M", "f", "t60", "ends", "stiffness", "hardening")
-    )
+    options = ("masses", "M", "f", "t60", "ends", "stiffness", "inharmonicity", "hardening")
+    return assembly.network.string(name, **_pick(f, *options))
 
 
 def _plate(assembly: Assembly, name: str, f: _Fields) -> int:

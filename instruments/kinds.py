@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from ergon.instruments.stiff import INHARMONICITY
 from ergon.notation.tables import kinds as k
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import (
@@ -158,7 +159,18 @@ def _generators() -> dict[str, Record]:
         f,
         t60,
         Field("ends", choice("fixed", "free", "left"), "which ends are held", "fixed"),
-        Field("stiffness", k.RATIO, "springs to neighbours but one, over those between", 0.0),
+        Field(
+            "stiffness",
+            k.RATIO,
+            "springs to neighbours but one, which lower partials (see inharmonicity)",
+            0.0,
+        ),
+        Field(
+            "inharmonicity",
+            INHARMONICITY,
+            "B of partials f·n·√((1 + B·n²)/(1 + B)), or the wire that has it",
+            shown="that of a row of springs",
+        ),
         hardening,
         *starts,
     )

@@ -203,6 +203,15 @@ def _lnl(kind: str, values: Values) -> None:
         values.error("E111", message, "points")
 
 
+def _string(kind: str, values: Values) -> None:
+    if values.written("inharmonicity") and values.written("stiffness"):
+        message = (
+            f"{values.context.of('stiffness')}: `inharmonicity` is written too; keep "
+            "`inharmonicity`, which raises high partials as bending does"
+        )
+        values.error("E111", message, "stiffness")
+
+
 _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "RES": (_needs("K"),),
     "FRO": (_needs("Z"),),
@@ -210,6 +219,7 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "CEL": (_cel,),
     "BUT": (_but,),
     "LNL": (_lnl,),
+    "STRING": (_string,),
 }
 
 

@@ -131,7 +131,7 @@ impl Network {
     }
 
     /// A row of MAS, tuned so that its lowest mode is f.
-    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, hardening=0.0))]
+    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, inharmonicity=None, hardening=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn string(
         &mut self,
@@ -143,10 +143,14 @@ impl Network {
         t60: Option<f64>,
         ends: &str,
         stiffness: f64,
+        inharmonicity: Option<f64>,
         hardening: f64,
     ) -> PyResult<usize> {
         let ends = word("ends", ends, &words::ENDS)?;
-        let topology = computing(py, || generator::string(masses, ends, stiffness))?;
+        let topology = computing(py, || match inharmonicity {
+            None => generator::string(masses, ends, stiffness),
+            Some(b) => generator::stiff_string(masses, ends, b),
+        })?;
         self.mesh(py, name, topology, [M, f, hardening], t60)
     }
 

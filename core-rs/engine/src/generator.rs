@@ -4,7 +4,9 @@
 //! constant offset, over which the kernel loops.
 
 mod bank;
+mod fit;
 mod plate;
+mod stiff_string;
 mod string;
 #[cfg(test)]
 mod tests;
@@ -12,6 +14,7 @@ mod tune;
 
 pub use bank::{BankCell, BankForm, Place, Spread, bank};
 pub use plate::{Rim, Shape, plate};
+pub use stiff_string::stiff_string;
 pub use string::{Ends, string};
 pub use tune::{Tuned, tune};
 
@@ -27,8 +30,11 @@ pub struct LinkRun {
     pub b: usize,
     /// How many links.
     pub len: usize,
-    /// Of the generator's k and z: 1, or a string's `stiffness`.
+    /// Of the generator's k and z: 1, or a string's `stiffness`; negative where a body resists bending, whose
+    /// links together are passive.
     pub factor: f64,
+    /// Whether `hardening` acts on them.
+    pub hardens: bool,
 }
 
 /// What a generator makes: points 0..n_mat are MATs, n_mat..n_mat + n_fixed are SOLs.
@@ -72,6 +78,17 @@ pub enum GeneratorError {
         range: &'static str,
         /// What was given.
         got: f64,
+    },
+    /// A string whose lattice is too coarse for its partials.
+    #[error(
+        "A string of {masses} masses cannot have its first 20 partials within 1 cent of this inharmonicity; give it \
+         {enough} masses or more."
+    )]
+    FewMasses {
+        /// How many were given.
+        masses: usize,
+        /// How many are enough.
+        enough: usize,
     },
     /// Nothing moves against anything.
     #[error("A body of one free mass has no mode to tune; give it more masses, or fix its edge.")]
@@ -119,7 +136,9 @@ impl Topology {
     pub fn apply(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         for run in &self.runs {
-            let LinkRun { a, b, len, factor } = *run;
+            let LinkRun {
+                a, b, len, factor, ..
+            } = *run;
             if a + len <= self.n_mat && b + len <= self.n_mat {
                 // Each end in a loop of its own: what is written then never overlaps what is read.
                 let (xa, xb) = (&x[a..a + len], &x[b..b + len]);
@@ -155,15 +174,23 @@ impl Links {
     }
 
     fn join(&mut self, a: usize, b: usize, factor: f64) {
+        self.join_bent(a, b, factor, true);
+    }
+
+    /// A link of a body that resists bending, of either sign; its stretching alone hardens.
+    fn join_bent(&mut self, a: usize, b: usize, factor: f64, hardens: bool) {
+        let goes_on = |run: &LinkRun| {
+            (run.a + run.len, run.b + run.len) == (a, b)
+                && (run.factor, run.hardens) == (factor, hardens)
+        };
         match self.runs.last_mut() {
-            Some(run) if run.a + run.len == a && run.b + run.len == b && run.factor == factor => {
-                run.len += 1;
-            }
+            Some(run) if goes_on(run) => run.len += 1,
             _ => self.runs.push(LinkRun {
                 a,
                 b,
                 len: 1,
                 factor,
+                hardens,
             }),
         }
     }

@@ -238,9 +238,14 @@ class Network:
         t60: float | None = None,
         ends: Literal["fixed", "free", "left"] = "fixed",
         stiffness: float = 0.0,
+        inharmonicity: float | None = None,
         hardening: float = 0.0,
     ) -> int:
-        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s]."""
+        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
+
+        With `inharmonicity` B (which takes the place of `stiffness`) its first 20 partials are
+        f·n·√((1 + B·n²)/(1 + B)), within 1 cent.
+        """
     def plate(
         self,
         name: str,

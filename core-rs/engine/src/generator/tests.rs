@@ -368,3 +368,65 @@ proptest! {
         }
     }
 }
+
+// Every partial that the masses hold, against dense eigenvalues of the links that were made.
+#[test]
+fn partials_of_a_stiff_string_are_in_tune() {
+    for ends in [Ends::Fixed, Ends::Free, Ends::Left] {
+        for masses in [30, 60, 101] {
+            for b in [0.0, 1e-4, 3e-4, 1e-3] {
+                let string = stiff_string(masses, ends, b).expect("string");
+                let mut values: Vec<f64> = dense(&string)
+                    .symmetric_eigenvalues()
+                    .iter()
+                    .copied()
+                    .collect();
+                values.sort_by(f64::total_cmp);
+                values.drain(..usize::from(string.is_rigid()));
+                assert!(close(string.lowest().expect("mode"), values[0], 1e-9));
+                for (i, value) in values.iter().enumerate().take(20) {
+                    let n = (i + 1 + i * usize::from(ends == Ends::Left)) as f64;
+                    let wanted = n * ((1.0 + b * n * n) / (1.0 + b)).sqrt();
+                    let cents = 1200.0 * ((value / values[0]).sqrt() / wanted).log2();
+                    assert!(
+                        cents.abs() < 1.0,
+                        "{masses} {ends:?} {b}: partial {n}, {cents}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_stiff_string_that_cannot_be_is_refused() {
+    let sentence = |masses, b| {
+        let error = stiff_string(masses, Ends::Fixed, b).expect_err("refused");
+        error.to_string()
+    };
+    assert!(sentence(0, 1e-4).contains("`masses`"));
+    assert!(sentence(60, -1e-4).contains("`inharmonicity`"));
+    assert!(sentence(60, f64::NAN).contains("`inharmonicity`"));
+    assert!(sentence(5_001, 1e-4).contains("5000"));
+    let coarse = sentence(20, 1e-3);
+    let enough: usize = coarse
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .next_back()
+        .expect("a number");
+    assert!(stiff_string(enough, Ends::Fixed, 1e-3).is_ok(), "{coarse}");
+}
+
+/// Bending is no stretching: it does not harden.
+#[test]
+fn only_links_between_neighbours_harden() {
+    let string = stiff_string(40, Ends::Fixed, 5e-4).expect("string");
+    let hard: usize = string
+        .runs
+        .iter()
+        .filter(|run| run.hardens)
+        .map(|run| run.len)
+        .sum();
+    assert_eq!(hard, 41);
+    assert!(string.runs.iter().any(|run| run.factor < 0.0));
+}

@@ -203,7 +203,7 @@ impl Network {
         let mut laws: Vec<(f64, Arc<Law>)> = Vec::new();
         for run in &topology.runs {
             let (k, z) = (tuned.k * run.factor, tuned.z * run.factor);
-            let kind = if hardening == 0.0 {
+            let kind = if hardening == 0.0 || !run.hardens {
                 LinkKind::Ref
             } else if let Some((_, law)) = laws.iter().find(|(factor, _)| *factor == run.factor) {
                 LinkKind::Lnl(law.clone())
