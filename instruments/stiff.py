@@ -1,8 +1,9 @@
-"""How stiff a string is: its inharmonicity, as a number or from what it is made of."""
+"""How stiff a string is, bent or stretched: as a number, or from what it is made of."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.tables import kinds as k
@@ -40,3 +41,29 @@ _WIRE = Record(
     _coefficient,
 )
 INHARMONICITY = Either(k.INHARMONICITY, _WIRE)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretched:
+    """A wire whose tension rises as it is stretched: E·A/(2·L³) [N/m³], for one gap."""
+
+    per_gap: float
+
+    def of(self, masses: int, ends: str) -> float:
+        """The q of q·S·d on every link of a row of masses."""
+        gaps = masses - 1 + {"fixed": 2, "left": 1, "free": 0}[ends]
+        return self.per_gap * gaps * gaps
+
+
+def _stretched(values: Values) -> Stretched:
+    area = math.pi * float(values["radius"]) ** 2
+    return Stretched(float(values["young"]) * area / (2.0 * float(values["length"]) ** 3))
+
+
+_STRETCHED = Record(
+    "wire",
+    "a round wire that is stretched: q = E·A·n²/(2·L³), n gaps between masses",
+    _WIRE.fields[:2] + _WIRE.fields[3:],
+    _stretched,
+)
+STRETCHING = Either(k.HARDENING, _STRETCHED)

@@ -4,8 +4,12 @@
 //! constant offset, over which the kernel loops.
 
 mod bank;
+mod bent_plate;
 mod fit;
+mod loss;
 mod plate;
+mod rectangle;
+mod sparse;
 mod stiff_string;
 mod string;
 #[cfg(test)]
@@ -13,6 +17,8 @@ mod tests;
 mod tune;
 
 pub use bank::{BankCell, BankForm, Place, Spread, bank};
+pub use bent_plate::bent_plate;
+pub use loss::{Decay, Losses, tune_points};
 pub use plate::{Rim, Shape, plate};
 pub use stiff_string::stiff_string;
 pub use string::{Ends, string};
@@ -50,8 +56,16 @@ pub struct Topology {
     pub centre: usize,
     /// (x, y) [m] of every point, the body 1 m wide and centred on (0, 0); (n_mat + n_fixed,).
     pub positions: Vec<[f64; 2]>,
+    /// Each MAT's mass over the mean one; empty where all are equal   (n_mat,)
+    pub shares: Vec<f64>,
+    /// Whether nothing keeps it from tilting, as it resists curvature alone.
+    tilts: bool,
     /// The lowest non-rigid λ where a formula gives it.
     closed: Option<f64>,
+    /// Whether its fixed points lie before and after its masses, so that a path of links is one run.
+    pub(crate) in_line: bool,
+    /// A plainer body of which this one's matrix is a polynomial, with the coefficients from the first power on.
+    plain: Option<(Box<Topology>, Vec<f64>)>,
 }
 
 /// A generator that cannot be made.
@@ -90,6 +104,24 @@ pub enum GeneratorError {
         /// How many are enough.
         enough: usize,
     },
+    /// Decays that change too fast with pitch, or too slowly.
+    #[error(
+        "No dampers of this body give a decay of {t60:.3} s at {f:.0} Hz beside the others; {nearest:.3} s would be \
+         the nearest. Leave the point out, or take one nearer to that."
+    )]
+    Decays {
+        /// Where [Hz].
+        f: f64,
+        /// What was asked for [s].
+        t60: f64,
+        /// What can be had [s].
+        nearest: f64,
+    },
+    /// A shape that only a plate with bending has.
+    #[error(
+        "A disc is a plate that bends: write `bending: true` beside it, or take the shape hex."
+    )]
+    Flat,
     /// Nothing moves against anything.
     #[error("A body of one free mass has no mode to tune; give it more masses, or fix its edge.")]
     NoMode,
@@ -127,6 +159,34 @@ fn positive(what: &'static str, got: f64) -> Result<(), GeneratorError> {
 }
 
 impl Topology {
+    /// MATs of equal mass that nothing is known of.
+    fn new(n_mat: usize, runs: Vec<LinkRun>, positions: Vec<[f64; 2]>) -> Self {
+        Self {
+            n_mat,
+            n_fixed: positions.len() - n_mat,
+            runs,
+            centre: n_mat / 2,
+            positions,
+            shares: Vec::new(),
+            tilts: false,
+            closed: None,
+            in_line: false,
+            plain: None,
+        }
+    }
+
+    /// With its fixed points before and after its masses, or beside them.
+    #[must_use]
+    pub fn in_line(mut self, in_line: bool) -> Self {
+        self.in_line = in_line;
+        self
+    }
+
+    /// A MAT's mass over the mean one.
+    pub fn share(&self, mat: usize) -> f64 {
+        self.shares.get(mat).copied().unwrap_or(1.0)
+    }
+
     /// Whether nothing holds the body in place: it has a rigid mode.
     pub fn is_rigid(&self) -> bool {
         self.n_fixed == 0

@@ -9,7 +9,7 @@
 use std::f64::consts::PI;
 
 use super::fit::{least_squares, polynomial};
-use super::string::{Ends, Row};
+use super::string::{Ends, Row, string};
 use super::{GeneratorError, Links, Topology, count};
 use crate::maths::{log, sin};
 
@@ -84,12 +84,9 @@ pub fn stiff_string(
         }
     }
     Ok(Topology {
-        n_mat: masses,
-        n_fixed: row.n_fixed(),
-        runs: links.runs,
-        centre: masses / 2,
-        positions: row.positions,
         closed: Some(lowest),
+        plain: Some((Box::new(string(masses, ends, 0.0)?), coefficients)),
+        ..Topology::new(masses, links.runs, row.positions)
     })
 }
 

@@ -68,12 +68,8 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
     };
     let known = !stiff && (ends != Ends::Free || n > 1);
     Ok(Topology {
-        n_mat: n,
-        n_fixed: row.n_fixed(),
-        runs: links.runs,
-        centre: n / 2,
-        positions: row.positions,
         closed: known.then(|| 4.0 * sin(angle) * sin(angle)),
+        ..Topology::new(n, links.runs, row.positions)
     })
 }
 

@@ -1,6 +1,7 @@
 //! A linear body: masses and springs as matrices, and its damping where that goes with them.
 
 use crate::network::{LinkKind, MatKind, Network};
+use crate::plan::passes::viscosity::Viscosity;
 use crate::units::Rate;
 
 /// Relative difference at which two dampings are one: what a score's digits and rounding leave.
@@ -78,7 +79,7 @@ impl NoModes {
     }
 }
 
-/// M, K and Z of a linear body; Z = α·M + β·K.
+/// M, K and Z of a linear body; Z = α·M + β·K, or another matrix of the same modes.
 pub(crate) struct Linear {
     /// MATs that move, by their index in the network   (n)
     pub(crate) free: Vec<usize>,
@@ -90,6 +91,8 @@ pub(crate) struct Linear {
     pub(crate) force: Vec<f64>,
     pub(crate) alpha: f64,
     pub(crate) beta: f64,
+    /// Z, where it is no sum of M and K.
+    pub(crate) viscosity: Option<Viscosity>,
     /// The discrete network is the truth: M, K, Z are algorithmic.
     pub(crate) is_discrete: bool,
 }
@@ -108,13 +111,17 @@ impl Linear {
         let n = free.len();
         let root: Vec<f64> = free.iter().map(|&i| mats.m[i].sqrt()).collect();
         let mut damping = Damping::default();
+        let mut is_sum = Ok(());
         let (mut stiffness, mut force) = (vec![0.0; n * n], vec![0.0; n]);
         let slot = |mat: usize| free.binary_search(&mat).ok();
         for run in network.runs() {
             if !matches!(run.kind, LinkKind::Ref) {
+                is_sum?;
                 return Err(NoModes::NotLinear);
             }
-            damping.link(run.k, run.z)?;
+            if is_sum.is_ok() {
+                is_sum = damping.link(run.k, run.z);
+            }
             for i in 0..run.len {
                 let (a, b) = (run.a + i, run.b + i);
                 let (sa, sb) = (slot(a), slot(b));
@@ -142,9 +149,23 @@ impl Linear {
             };
             stiffness[own * n + own] += k / mats.m[i];
             force[own] += k * mats.rest[i];
-            damping.mass(mats.m[i], k, z)?;
+            if is_sum.is_ok() {
+                is_sum = damping.mass(mats.m[i], k, z);
+            }
         }
+        let viscosity = match is_sum {
+            Ok(()) => None,
+            Err(why) => {
+                let viscosity = Viscosity::new(network, &free, &root);
+                Some(
+                    viscosity
+                        .filter(|own| own.shares_modes(&stiffness))
+                        .ok_or(why)?,
+                )
+            }
+        };
         Ok(Self {
+            viscosity,
             alpha: damping.alpha.unwrap_or(0.0),
             beta: damping.beta.unwrap_or(0.0),
             free,

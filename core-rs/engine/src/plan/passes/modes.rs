@@ -3,6 +3,7 @@
 use crate::cell::{Cell, Ratios};
 use crate::network::Network;
 use crate::plan::passes::linear::{Linear, NoModes};
+use crate::plan::passes::viscosity::{PROBES, Viscosity, probe};
 use crate::spectrum::whole;
 use crate::units::Rate;
 
@@ -58,6 +59,12 @@ impl Modes {
         seen.push(weighted(&|own, i| linear.root[own] * mats.x0[i]));
         seen.push(weighted(&|own, i| linear.root[own] * mats.v0[i]));
         seen.push(weighted(&|own, _| linear.force[own] / linear.root[own]));
+        if let Some(viscosity) = &linear.viscosity {
+            let probes: Vec<Vec<f64>> = (0..PROBES).map(|which| probe(n, which)).collect();
+            let images: Vec<Vec<f64>> = probes.iter().map(|probe| viscosity.times(probe)).collect();
+            seen.extend(probes);
+            seen.extend(images);
+        }
         let (lambda, mut seen) = whole(linear.stiffness, &seen).ok_or(NoModes::NotFinite)?;
         let top = lambda.last().copied().unwrap_or(0.0);
         // A body that nothing holds has a mode at 0, to rounding.
@@ -71,10 +78,14 @@ impl Modes {
                 }
             })
             .collect();
-        let zeta = lambda
-            .iter()
-            .map(|lambda| linear.alpha + linear.beta * lambda)
-            .collect();
+        let zeta = if linear.viscosity.is_some() {
+            let images = seen.split_off(seen.len() - PROBES);
+            let probes = seen.split_off(seen.len() - PROBES);
+            Viscosity::of_modes(&probes, &images).ok_or(NoModes::Damping)?
+        } else {
+            let loss = |lambda: &f64| linear.alpha + linear.beta * lambda;
+            lambda.iter().map(loss).collect()
+        };
         let force = seen.pop().unwrap_or_default();
         let v0 = seen.pop().unwrap_or_default();
         let x0 = seen.pop().unwrap_or_default();
