@@ -587,16 +587,15 @@ fn decays(body: &Topology, losses: &Losses, mass: f64) -> Vec<(f64, f64)> {
     found
 }
 
-/// Between the two modes around it, straight in logarithms.
+/// Of a mode there, or between the two modes around it, straight in logarithms.
 fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
+    if let Some(own) = modes.iter().find(|mode| (mode.0 / f - 1.0).abs() < 1e-6) {
+        return own.1;
+    }
     let above = modes
         .partition_point(|mode| mode.0 < f)
         .clamp(1, modes.len() - 1);
     let ((f1, t1), (f2, t2)) = (modes[above - 1], modes[above]);
-    // A pair of one pitch.
-    if f2 - f1 <= 1e-6 * f1 {
-        return t1;
-    }
     t1 * (t2 / t1).powf((f / f1).ln() / (f2 / f1).ln())
 }
 
