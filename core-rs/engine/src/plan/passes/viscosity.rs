@@ -12,12 +12,14 @@ const SAME: f64 = 1e-9;
 /// Likewise of the losses that several vectors tell; modes of nearly one frequency mix.
 const AGREE: f64 = 1e-6;
 
+/// One end and its share, the other (none where it is held) and its share, z.
+type Damper = (usize, f64, Option<(usize, f64)>, f64);
+
 /// M^-½ Z M^-½ of a body.
 pub(crate) struct Viscosity {
     /// Of each mass by itself   (n)
     ties: Vec<f64>,
-    /// One end and its share, the other (none where it is held) and its share, z.
-    links: Vec<(usize, f64, Option<(usize, f64)>, f64)>,
+    links: Vec<Damper>,
 }
 
 impl Viscosity {
