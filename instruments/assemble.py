@@ -126,8 +126,9 @@ def _seen(fields: _Fields, reach: float) -> _Fields:
     for name in _PER_LENGTH_SQUARED:
         if seen.get(name) is not None:
             seen[name] /= reach * reach
-    if seen.get("hardening"):
-        seen["hardening"] /= reach**4  # q·(x/s)³/s
+    for name in ("hardening", "stretching"):
+        if seen.get(name):
+            seen[name] /= reach**4  # q·(x/s)³/s
     if seen.get("exponent", 1.0) != 1.0:
         # K·(p/s)^α/s: the first power is in the square above.
         seen["K"] *= reach / _core.pow(reach, seen["exponent"])
@@ -165,15 +166,14 @@ def _cel(assembly: Assembly, name: str, f: _Fields) -> int:
 
 
 def _string(assembly: Assembly, name: str, f: _Fields) -> int:
-    return assembly.network.string(
-        name, **_pick(f, "masses", "M", "f", "t60", "ends", "stiffness", "hardening")
-    )
+    options = ("masses", "M", "f", "t60", "ends", "stiffness", "inharmonicity", "hardening")
+    return assembly.network.string(name, **_pick(f, *options, "stretching"))
 
 
 def _plate(assembly: Assembly, name: str, f: _Fields) -> int:
-    return assembly.network.plate(
-        name, **_pick(f, "shape", "radius", "M", "f", "t60", "rim", "hardening")
-    )
+    form = ("sides",) if f["shape"] == "rectangle" else ("shape", "radius")
+    options = (*form, "M", "f", "t60", "rim", "bending", "hardening")
+    return assembly.network.plate(name, **_pick(f, *options))
 
 
 def _bank(assembly: Assembly, name: str, f: _Fields) -> int:

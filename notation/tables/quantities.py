@@ -72,6 +72,10 @@ MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
 POSITION = _dimension("length", _LENGTH, "1mm", high=1e3, low=-1e3)
+SIZE = _dimension("length", _LENGTH, "0.5mm", "positive", high=1e3)
+PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive")
+INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high=0.1)
+POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high=0.5)
 SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high=1e6, low=-1e6)
 PUSH = _dimension("force", "N mN:-3 kN:3", "-5N")
 FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
@@ -106,7 +110,10 @@ CONSTANT = _dimension("constant of a law", _LAW_UNITS, "900N/m")
 
 _ALL_UNITS = tuple(
     (unit, d.name)
-    for d in (MASS, STIFFNESS, DAMPING, POSITION, SPEED, FORCE, IMPULSE, FREQUENCY, DURATION, LEVEL)
+    for d in (
+        *(MASS, STIFFNESS, DAMPING, POSITION, SPEED, FORCE, IMPULSE, FREQUENCY, DURATION, LEVEL),
+        PRESSURE,
+    )
     for unit in d.units
 )
 

@@ -26,7 +26,7 @@ _OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
 _RETUNED = ("f", "t60", "M")  # of a single generator, beside `like` or `from`
 _UNITS = {
     **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
-    **{"X0": "m", "V0": "m/s", "hardening": "N/m3"},
+    **{"X0": "m", "V0": "m/s", "hardening": "N/m3", "stretching": "N/m3"},
 }
 _LN_1000 = 6.907755278982137  # a decay by 60 dB
 _AMOUNT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s.+-]*[^\s.+-]*)")

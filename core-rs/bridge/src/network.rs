@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use ergon_engine::generator::{self, BankForm, GeneratorError, Topology};
+use ergon_engine::generator::{self, BankForm, Decay, GeneratorError, Shape, Topology};
 use ergon_engine::network::{self, But, Term, Tie};
 use ergon_engine::scheme::{Means, Scheme, StabilityGuarantee};
 use ergon_engine::units::Rate;
@@ -17,6 +17,13 @@ use crate::law::{Law, entry, named_row};
 use crate::named::{LawUse, Mode, Place};
 use crate::words;
 use crate::work::computing;
+
+/// The decay of the lowest mode [s], or decays [s] at frequencies [Hz].
+#[derive(FromPyObject)]
+enum Decays {
+    Lowest(f64),
+    Points(Vec<(f64, f64)>),
+}
 
 /// (first, count, weight) of modules in an output.
 type Ranges = Vec<(usize, usize, f64)>;
@@ -132,7 +139,7 @@ impl Network {
     }
 
     /// A row of MAS, tuned so that its lowest mode is f.
-    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, hardening=0.0))]
+    #[pyo3(signature = (name, *, masses, M, f, t60=None, ends="fixed", stiffness=0.0, inharmonicity=None, hardening=0.0, stretching=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn string(
         &mut self,
@@ -141,18 +148,24 @@ impl Network {
         masses: usize,
         M: f64,
         f: f64,
-        t60: Option<f64>,
+        t60: Option<Decays>,
         ends: &str,
         stiffness: f64,
+        inharmonicity: Option<f64>,
         hardening: f64,
+        stretching: f64,
     ) -> PyResult<usize> {
         let ends = word("ends", ends, &words::ENDS)?;
-        let topology = computing(py, || generator::string(masses, ends, stiffness))?;
-        self.mesh(py, name, topology, [M, f, hardening], t60)
+        let topology = computing(py, || match inharmonicity {
+            None => generator::string(masses, ends, stiffness),
+            Some(b) => generator::stiff_string(masses, ends, b),
+        })?;
+        let topology = topology.map(|topology| topology.in_line(stretching > 0.0));
+        self.mesh(py, name, topology, [M, f, hardening, stretching], t60)
     }
 
     /// A mesh, tuned so that its lowest non-rigid mode is f.
-    #[pyo3(signature = (name, *, shape, radius, M, f, t60=None, rim="free", hardening=0.0))]
+    #[pyo3(signature = (name, *, shape="hex", radius=0, sides=None, M, f, t60=None, rim="free", bending=None, hardening=0.0))]
     #[allow(non_snake_case, clippy::too_many_arguments)]
     fn plate(
         &mut self,
@@ -160,16 +173,24 @@ impl Network {
         name: &str,
         shape: &str,
         radius: usize,
+        sides: Option<(usize, usize)>,
         M: f64,
         f: f64,
-        t60: Option<f64>,
+        t60: Option<Decays>,
         rim: &str,
+        bending: Option<f64>,
         hardening: f64,
     ) -> PyResult<usize> {
-        let shape = word("shape", shape, &words::SHAPES)?;
+        let shape = match sides {
+            Some((across, up)) => Shape::Rectangle { across, up },
+            None => word("shape", shape, &words::SHAPES)?,
+        };
         let rim = word("rim", rim, &words::RIMS)?;
-        let topology = computing(py, || generator::plate(shape, radius, rim))?;
-        self.mesh(py, name, topology, [M, f, hardening], t60)
+        let topology = computing(py, || match bending {
+            None => generator::plate(shape, radius, rim),
+            Some(poisson) => generator::bent_plate(shape, radius, rim, poisson),
+        })?;
+        self.mesh(py, name, topology, [M, f, hardening, 0.0], t60)
     }
 
     /// Many CELs with frequencies over a range.
@@ -394,13 +415,21 @@ impl Network {
         py: Python<'_>,
         name: &str,
         topology: Result<Topology, GeneratorError>,
-        [mass, f, hardening]: [f64; 3],
-        t60: Option<f64>,
+        [mass, f, hardening, stretching]: [f64; 4],
+        decays: Option<Decays>,
     ) -> PyResult<usize> {
+        let decay = match &decays {
+            None => Decay::Lowest(None),
+            Some(Decays::Lowest(t60)) => Decay::Lowest(Some(*t60)),
+            Some(Decays::Points(points)) => Decay::Points(points),
+        };
         let topology =
             topology.map_err(|error| from_engine(self.0.refused(name, &error.to_string())))?;
-        computing(py, || self.0.mesh(name, &topology, mass, f, t60, hardening))?
-            .map_err(from_engine)
+        let laws = [hardening, stretching];
+        computing(py, || {
+            self.0.stretched_mesh(name, &topology, mass, f, decay, laws)
+        })?
+        .map_err(from_engine)
     }
 
     fn there(&self, index: usize) -> PyResult<()> {

@@ -48,6 +48,8 @@ pub struct Law {
     damping: Option<Program>,
     reach: f64,
     hardening: Option<Hardening>,
+    /// q of q·S·d, S the sum of the squares of all elongations of its run [N/m³]; 0 for a law of one link.
+    shared: f64,
     native: Option<native::Native>,
 }
 
@@ -122,8 +124,33 @@ impl Law {
             damping: damping.as_ref().map(Program::new),
             reach: 1.0,
             hardening: None,
+            shared: 0.0,
             native: None,
         })
+    }
+
+    /// The tension that stretching brings to all links of a run alike: q·S·d, S the sum of the squares of all their
+    /// elongations (Kirchhoff 1876, Carrier 1945), `q` >= 0 [N/m³]. It stores ¼·q·S².
+    pub fn shared(q: f64) -> Self {
+        Self {
+            elastic: Elastic::None,
+            damping: None,
+            reach: 1.0,
+            hardening: None,
+            shared: q,
+            native: None,
+        }
+    }
+
+    /// The stiffness that all links of a run have in common where `squares` is the sum of the squares of their
+    /// elongations [N/m]; 0 for a law of one link.
+    pub(crate) fn tension(&self, squares: f64) -> f64 {
+        self.shared * squares
+    }
+
+    /// Whether its force is a function of the whole run.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.shared != 0.0
     }
 
     /// The law k·d + q·d³ of a hardening spring (k [N/m], q [N/m³]) with a damper z [N·s/m].

@@ -66,6 +66,12 @@ pub(crate) fn forces(
     for run in network.runs().iter().filter(|run| !closed(run.first)) {
         let ca = network.parts().get(run.part).and_then(|part| part.ca_rate);
         let ca_step = ca.map_or(1.0, Rate::step);
+        let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
+        let squares = || (0..run.len).map(|i| elongation(i) * elongation(i)).sum();
+        let tension = match &run.kind {
+            LinkKind::Lnl(law) if law.is_shared() => law.tension(squares()),
+            _ => 0.0,
+        };
         for i in 0..run.len {
             let (a, b) = (run.a + i, run.b + i);
             let e = x[b] - x[a] - run.rest;
@@ -73,6 +79,7 @@ pub(crate) fn forces(
             let v = (mats.v0[b] - mats.v0[a]) * ca_step;
             let f = match &run.kind {
                 LinkKind::Ref => run.k * e + run.z * v,
+                LinkKind::Lnl(law) if law.is_shared() => tension * e,
                 LinkKind::Lnl(law) => law.force(e, v),
                 LinkKind::But(but) => {
                     let s = kernel::side(but);

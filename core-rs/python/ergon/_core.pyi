@@ -289,27 +289,39 @@ class Network:
         masses: int,
         M: float,
         f: float,
-        t60: float | None = None,
+        t60: float | Sequence[tuple[float, float]] | None = None,
         ends: Literal["fixed", "free", "left"] = "fixed",
         stiffness: float = 0.0,
+        inharmonicity: float | None = None,
         hardening: float = 0.0,
+        stretching: float = 0.0,
     ) -> int:
-        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s]."""
+        """`masses` MAS in a row of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
+
+        `stretching` is q of q·S·d [N/m³] on every link, S the sum of the squares of all elongations. `t60` may be (f [Hz], t60 [s]) of two modes or more, within 1 %.
+        With `inharmonicity` B (which takes the place of `stiffness`) its first 20 partials are
+        f·n·√((1 + B·n²)/(1 + B)), within 1 cent.
+        """
     def plate(
         self,
         name: str,
         *,
-        shape: Literal["hex", "square"],
-        radius: int,
+        shape: Literal["hex", "square", "disc"] = "hex",
+        radius: int = 0,
+        sides: tuple[int, int] | None = None,
         M: float,
         f: float,
-        t60: float | None = None,
+        t60: float | Sequence[tuple[float, float]] | None = None,
         rim: Literal["free", "fixed"] = "free",
+        bending: float | None = None,
         hardening: float = 0.0,
     ) -> int:
         """A mesh of whole mass M [kg], whose lowest vibrating mode has f [Hz] and t60 [s].
 
-        `hex` has `radius` rings around its centre, `square` has 2·radius+1 masses a side.
+        `hex` and `disc` have `radius` rings around the centre, `square` has 2·radius+1 masses a side, a rectangle has
+        `sides` (across, up). `bending` is Poisson's ratio of a plate that resists curvature, on a rim that is free, or
+        held at rest and free to turn; a disc takes no other. `t60` may be (f [Hz], t60 [s]) of two modes or more,
+        within 1 %.
         """
     def bank(
         self,

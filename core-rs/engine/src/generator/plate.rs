@@ -2,6 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use super::rectangle::rectangle;
 use super::{GeneratorError, Links, MAX_MASSES, Topology, count};
 use crate::maths::{sin, sqrt};
 
@@ -12,6 +13,15 @@ pub enum Shape {
     Hex,
     /// Four neighbours, 2r + 1 masses a side.
     Square,
+    /// Four neighbours, so many masses a side; `radius` means nothing.
+    Rectangle {
+        /// Masses of a row.
+        across: usize,
+        /// Rows.
+        up: usize,
+    },
+    /// Rings of 6, 12, 18 … masses; only with bending.
+    Disc,
 }
 
 /// How the edge is held.
@@ -28,6 +38,8 @@ impl Shape {
         match self {
             Self::Hex => 1 + 3 * radius * (radius + 1),
             Self::Square => (2 * radius + 1) * (2 * radius + 1),
+            Self::Rectangle { across, up } => across.saturating_mul(up),
+            Self::Disc => Self::Hex.masses(radius),
         }
     }
 
@@ -36,7 +48,7 @@ impl Shape {
         match self {
             // Two axes of the mesh at 60°, and the one between.
             Self::Hex => &[(1, 0), (0, 1), (-1, 1)],
-            Self::Square => &[(1, 0), (0, 1)],
+            _ => &[(1, 0), (0, 1)],
         }
     }
 
@@ -45,7 +57,7 @@ impl Shape {
         let (x, y, z) = (x.unsigned_abs(), y.unsigned_abs(), (x + y).unsigned_abs());
         match self {
             Self::Hex => Some(x.max(y).max(z)),
-            Self::Square => (!(fixed && x == outer && y == outer)).then_some(x.max(y)),
+            _ => (!(fixed && x == outer && y == outer)).then_some(x.max(y)),
         }
     }
 
@@ -55,7 +67,7 @@ impl Shape {
         match self {
             // Rows of triangles lie √3/2 apart, each shifted by a half.
             Self::Hex => [x + 0.5 * y, 0.5 * sqrt(3.0) * y],
-            Self::Square => [x, y],
+            _ => [x, y],
         }
     }
 
@@ -88,6 +100,11 @@ const NOWHERE: usize = usize::MAX;
 /// # Errors
 /// More than [`MAX_MASSES`].
 pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, GeneratorError> {
+    match shape {
+        Shape::Rectangle { across, up } => return rectangle(across, up, rim == Rim::Fixed),
+        Shape::Disc => return Err(GeneratorError::Flat),
+        Shape::Hex | Shape::Square => {}
+    }
     let most = (0..)
         .take_while(|radius| shape.masses(radius + 1) <= MAX_MASSES)
         .count();
@@ -128,11 +145,7 @@ pub fn plate(shape: Shape, radius: usize, rim: Rim) -> Result<Topology, Generato
     let width = (2 * outer).max(1) as f64;
     let place = |cell: &usize| shape.place(site(*cell)).map(|at| at / width);
     Ok(Topology {
-        n_mat,
-        n_fixed: points.len() - n_mat,
-        runs: links.runs,
-        centre: n_mat / 2,
-        positions: points.iter().map(place).collect(),
         lowest_lambda: shape.lowest_lambda(radius, rim),
+        ..Topology::new(n_mat, links.runs, points.iter().map(place).collect())
     })
 }

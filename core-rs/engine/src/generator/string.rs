@@ -47,12 +47,8 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
             got: stiffness,
         });
     }
-    let (left, right) = match ends {
-        Ends::Fixed => (true, true),
-        Ends::Left => (true, false),
-        Ends::Free => (false, false),
-    };
-    let n = masses;
+    let row = Row::new(masses, ends);
+    let (left, right, n) = (row.left, row.right, masses);
     let mut links = Links::new();
     if left {
         links.join(n, 0, 1.0);
@@ -71,15 +67,6 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
             links.join(n - 2, n + 1, stiffness);
         }
     }
-    // The ends lie at ±0.5 m, fixed or free.
-    let (first, gaps) = (
-        f64::from(left),
-        (n - 1) as f64 + f64::from(left) + f64::from(right),
-    );
-    let at = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
-    let mut positions: Vec<[f64; 2]> = (0..n).map(|i| at(first + i as f64)).collect();
-    positions.extend(left.then(|| at(0.0)));
-    positions.extend(right.then(|| at(gaps)));
     // λ₁ = 4 sin²(angle).
     let wide = n as f64;
     let angle = match ends {
@@ -89,11 +76,43 @@ pub fn string(masses: usize, ends: Ends, stiffness: f64) -> Result<Topology, Gen
     };
     let known = !stiff && (ends != Ends::Free || n > 1);
     Ok(Topology {
-        n_mat: n,
-        n_fixed: usize::from(left) + usize::from(right),
-        runs: links.runs,
-        centre: n / 2,
-        positions,
         lowest_lambda: known.then(|| 4.0 * sin(angle) * sin(angle)),
+        ..Topology::new(n, links.runs, row.positions)
     })
+}
+
+/// Where masses in a row lie, and which of its ends are held.
+pub(super) struct Row {
+    pub(super) left: bool,
+    pub(super) right: bool,
+    /// (x, y) [m] of masses and fixed points   (n_mat + n_fixed,)
+    pub(super) positions: Vec<[f64; 2]>,
+}
+
+impl Row {
+    pub(super) fn new(masses: usize, ends: Ends) -> Self {
+        let (left, right) = match ends {
+            Ends::Fixed => (true, true),
+            Ends::Left => (true, false),
+            Ends::Free => (false, false),
+        };
+        // Fixed points lie half a metre to either side; free ends too.
+        let (first, gaps) = (
+            f64::from(left),
+            (masses - 1) as f64 + f64::from(left) + f64::from(right),
+        );
+        let at = |place: f64| [if gaps > 0.0 { place / gaps - 0.5 } else { 0.0 }, 0.0];
+        let mut positions: Vec<[f64; 2]> = (0..masses).map(|i| at(first + i as f64)).collect();
+        positions.extend(left.then(|| at(0.0)));
+        positions.extend(right.then(|| at(gaps)));
+        Self {
+            left,
+            right,
+            positions,
+        }
+    }
+
+    pub(super) fn n_fixed(&self) -> usize {
+        usize::from(self.left) + usize::from(self.right)
+    }
 }

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::{GeneratorError, Topology, positive};
 use crate::cell::{self, decay};
+use crate::maths::sqrt;
 use crate::spectrum;
 use crate::units::Rate;
 
@@ -25,9 +26,31 @@ impl Topology {
         if let Some(lambda) = self.lowest_lambda {
             return Ok(lambda);
         }
-        let rigid = self.is_rigid().then(|| vec![1.0; self.n_mat]);
-        let mut apply = |x: &[f64], y: &mut [f64]| self.apply(x, y);
-        spectrum::lowest(self.n_mat, &mut apply, rigid.as_slice())
+        // In coordinates √M·x the matrix stays symmetric where masses differ.
+        let root: Vec<f64> = (0..self.n_mat).map(|i| sqrt(self.share(i))).collect();
+        let mut own = vec![0.0; self.n_mat];
+        let mut apply = |x: &[f64], y: &mut [f64]| {
+            if self.shares.is_empty() {
+                return self.apply(x, y);
+            }
+            own.iter_mut()
+                .zip(x.iter().zip(&root))
+                .for_each(|(own, (x, root))| *own = x / root);
+            self.apply(&own, y);
+            y.iter_mut().zip(&root).for_each(|(y, root)| *y /= root);
+        };
+        let mut rigid: Vec<Vec<f64>> = Vec::new();
+        if self.is_rigid() {
+            rigid.push(root.clone());
+        }
+        if self.tilts {
+            let along = |axis: usize| {
+                let places = self.positions.iter().zip(&root);
+                places.map(|(place, root)| place[axis] * root).collect()
+            };
+            rigid.extend([along(0), along(1)]);
+        }
+        spectrum::lowest(self.n_mat, &mut apply, &rigid)
             .map(|mode| mode.lambda)
             .filter(|lambda| *lambda > 0.0)
             .ok_or(GeneratorError::NoMode)

@@ -76,7 +76,9 @@ impl Law {
         scratch: &mut Scratch,
         room: &mut [f64],
     ) {
-        if let Some(native) = &self.native {
+        if self.is_shared() {
+            self.shared_run(d, out);
+        } else if let Some(native) = &self.native {
             native.run(d, v, out, &scratch.numbers, room);
         } else if let [out] = out {
             // Most LNLs of a score stand alone in their run.
@@ -90,7 +92,9 @@ impl Law {
     ///
     /// `d`, `out`: (n_links,); `scratch` is this law's own.
     pub(crate) fn spring_run(&self, d: &[f64], out: &mut [f64], scratch: &mut Scratch) {
-        if let [out] = out {
+        if self.is_shared() {
+            self.shared_run(d, out);
+        } else if let [out] = out {
             *out = self.spring(d[0]);
         } else {
             run(self, Part::Elastic, d, &[], out, scratch);
@@ -105,6 +109,13 @@ impl Law {
             *out = self.drag(d[0], v[0]);
         } else {
             run(self, Part::Damping, d, v, out, scratch);
+        }
+    }
+
+    fn shared_run(&self, d: &[f64], out: &mut [f64]) {
+        let tension = self.tension(d.iter().map(|d| d * d).sum());
+        for (out, d) in out.iter_mut().zip(d) {
+            *out = tension * d;
         }
     }
 

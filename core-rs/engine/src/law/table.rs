@@ -33,7 +33,7 @@ impl Law {
     }
 
     pub(super) fn table(&self) -> Option<Table> {
-        if self.hardening_spring().is_some() {
+        if self.hardening_spring().is_some() || self.is_shared() {
             return None;
         }
         let mut table = Table {

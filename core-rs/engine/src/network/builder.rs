@@ -7,7 +7,7 @@ use super::kinds::{Error, Tie};
 use super::{LinkKind, Mat, MatKind, Network, Output, Part, Run, Term};
 use crate::cell::{self, Cell};
 use crate::chance::Chance;
-use crate::generator::{self, BankForm, Topology};
+use crate::generator::{self, BankForm, Decay, Losses, Topology};
 use crate::interrupt;
 use crate::law::Law;
 use crate::units::Rate;
@@ -141,8 +141,8 @@ impl Network {
         Ok(first)
     }
 
-    /// Add a string or a plate of total mass `mass` [kg] whose lowest mode has the frequency `f` [Hz] and the decay time
-    /// `t60` [s]; returns the index of the first mass.
+    /// Add a string or a plate of total mass `mass` [kg] whose lowest mode has the frequency `f` [Hz], and which has
+    /// the `decay`; returns the index of the first mass.
     ///
     /// ```
     /// use ergon_engine::Network;
@@ -158,40 +158,84 @@ impl Network {
     /// # Errors
     /// [`Error::Refused`] with the name of the module where a number is out of range, the mesh cannot have the pitch, or
     /// the network is full.
-    pub fn mesh(
+    pub fn mesh<'a>(
         &mut self,
         name: &str,
         topology: &Topology,
         mass: f64,
         f: f64,
-        t60: Option<f64>,
+        decay: impl Into<Decay<'a>>,
         hardening: f64,
+    ) -> Result<usize, Error> {
+        self.stretched_mesh(name, topology, mass, f, decay, [hardening, 0.0])
+    }
+
+    /// The same with the `stretching` of a row of masses, whose links in line share one tension: `hardening` and
+    /// `stretching` are q of q·d³ and of q·S·d [N/m³], S the sum of the squares of all elongations.
+    ///
+    /// # Errors
+    /// As [`Network::mesh`].
+    pub fn stretched_mesh<'a>(
+        &mut self,
+        name: &str,
+        topology: &Topology,
+        mass: f64,
+        f: f64,
+        decay: impl Into<Decay<'a>>,
+        [hardening, stretching]: [f64; 2],
     ) -> Result<usize, Error> {
         self.check(
             name,
             &[
                 ("M", mass, Rule::Positive),
                 ("hardening", hardening, Rule::NotNegative),
+                ("stretching", stretching, Rule::NotNegative),
             ],
         )?;
-        self.check_tuning(name, f, t60)?;
+        let decay = decay.into();
+        let lowest = match decay {
+            Decay::Lowest(t60) => t60,
+            Decay::Points(_) => None,
+        };
+        self.check_tuning(name, f, lowest)?;
         self.room(name, topology.n_mat + topology.n_fixed)?;
         let each = mass / topology.n_mat as f64;
-        let tuned = generator::tune(topology, each, f, t60, self.ca_rate())
-            .map_err(|error| self.refused(name, &error.to_string()))?;
-        let first = self.n_mat();
+        let losses = match decay {
+            Decay::Lowest(t60) => {
+                let tuned = generator::tune(topology, each, f, t60, self.ca_rate());
+                tuned.map(|tuned| Losses {
+                    tuned,
+                    ground: 0.0,
+                    dampers: Vec::new(),
+                })
+            }
+            Decay::Points(points) => {
+                generator::tune_points(topology, each, f, points, self.ca_rate())
+            }
+        };
+        let losses = losses.map_err(|error| self.refused(name, &error.to_string()))?;
+        let tuned = losses.tuned;
+        let (n, n_fixed) = (topology.n_mat, topology.n_fixed);
+        let before = usize::from(topology.in_line && n_fixed > 0);
+        let first = self.n_mat() + before;
         let part = self.current();
-        for (i, place) in topology.positions.iter().enumerate() {
-            let (kind, m) = if i < topology.n_mat {
-                (MatKind::Mas, each)
+        // Points are the MATs, then the fixed ones; in line the first of these lies before the MATs.
+        let order = (n..n + before).chain(0..n).chain(n + before..n + n_fixed);
+        for i in order {
+            let place = &topology.positions[i];
+            let share = topology.share(i);
+            let (kind, m, z) = if i >= topology.n_mat {
+                (MatKind::Sol, 0.0, 0.0)
+            } else if losses.ground > 0.0 {
+                (MatKind::Cel, each * share, losses.ground * share)
             } else {
-                (MatKind::Sol, 0.0)
+                (MatKind::Mas, each * share, 0.0)
             };
             self.mats.push(Mat {
                 kind,
                 m,
                 k: 0.0,
-                z: 0.0,
+                z,
                 rest: 0.0,
                 x0: 0.0,
                 v0: 0.0,
@@ -200,21 +244,32 @@ impl Network {
             });
         }
         let full = self.full_name(name);
-        self.names
-            .add_mats(first, topology.n_mat, true, full.clone(), topology.centre);
-        self.names.add_mats(
-            first + topology.n_mat,
-            topology.n_fixed,
-            true,
-            format!("{full}.end"),
-            0,
-        );
+        let end = format!("{full}.end");
+        if before > 0 {
+            self.names
+                .add_mats(first - 1, 1, false, format!("{end}.0"), 0);
+            self.names
+                .add_mats(first, n, true, full.clone(), topology.centre);
+            if n_fixed > 1 {
+                self.names
+                    .add_mats(first + n, 1, false, format!("{end}.1"), 0);
+            }
+        } else {
+            self.names
+                .add_mats(first, n, true, full.clone(), topology.centre);
+            self.names.add_mats(first + n, n_fixed, true, end, 0);
+        }
         let links = self.n_lia;
         // Runs of one factor share a law.
         let mut laws: Vec<(f64, Arc<Law>)> = Vec::new();
+        let point = |i: usize| match i {
+            i if i < n || before == 0 => first + i,
+            i if i == n => first - 1,
+            i => first + i - 1,
+        };
         for run in &topology.runs {
             let (k, z) = (tuned.k * run.factor, tuned.z * run.factor);
-            let kind = if hardening == 0.0 {
+            let kind = if hardening == 0.0 || !run.hardens {
                 LinkKind::Ref
             } else if let Some((_, law)) = laws.iter().find(|(factor, _)| *factor == run.factor) {
                 LinkKind::Lnl(law.clone())
@@ -224,7 +279,17 @@ impl Network {
                 laws.push((run.factor, law.clone()));
                 LinkKind::Lnl(law)
             };
-            self.add_run(kind, first + run.a, first + run.b, run.len, [k, z, 0.0]);
+            self.add_run(kind, point(run.a), point(run.b), run.len, [k, z, 0.0]);
+        }
+        for run in &losses.dampers {
+            let (a, b) = (point(run.a), point(run.b));
+            self.add_run(LinkKind::Ref, a, b, run.len, [0.0, run.factor, 0.0]);
+        }
+        if stretching > 0.0 {
+            let law = Arc::new(Law::shared(stretching));
+            let links = n_fixed + n - 1;
+            let path = first - before;
+            self.add_run(LinkKind::Lnl(law), path, path + 1, links, [0.0; 3]);
         }
         self.names
             .add_links(links, self.n_lia - links, true, format!("{full}.link"));

@@ -37,7 +37,9 @@ pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     for run in network.runs() {
         let each = match &run.kind {
             LinkKind::Ref if run.len > 1 => Costs::of("link"),
-            LinkKind::Lnl(law) if law.hardening_spring().is_none() => Costs::of("expression"),
+            LinkKind::Lnl(law) if law.hardening_spring().is_none() && !law.is_shared() => {
+                Costs::of("expression")
+            }
             LinkKind::Lnl(_) if run.len > 1 => Costs::of("law"),
             LinkKind::But(but) if but.contact == Contact::Exact => Costs::of("contact"),
             _ => Costs::of("single"),

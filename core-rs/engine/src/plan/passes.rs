@@ -18,4 +18,5 @@ pub(in crate::plan) mod slow;
 pub(in crate::plan) mod solved_modes;
 pub(in crate::plan) mod split;
 pub(in crate::plan) mod truncate;
+pub(in crate::plan) mod viscosity;
 pub(in crate::plan) mod wiring;

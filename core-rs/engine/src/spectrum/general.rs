@@ -9,11 +9,11 @@ mod schur;
 mod tests;
 mod triangular;
 
-pub use inverse::inverse;
+pub(crate) use inverse::inverse;
 
 /// Eigenvalues and eigenvectors of a real matrix.
 #[derive(Clone, Debug)]
-pub struct General {
+pub(crate) struct General {
     /// Eigenvalues: real and imaginary part; conjugate pairs lie together, the positive imaginary part first   (n)
     pub values: Vec<(f64, f64)>,
     /// An eigenvector in each row; of a pair its real part, then its imaginary part   (n, n)
@@ -23,7 +23,7 @@ pub struct General {
 /// The eigenvalues and eigenvectors of `matrix` (n, n), row after row.
 ///
 /// `None` where a number is not finite or QR does not converge.
-pub fn general(mut matrix: Vec<f64>) -> Option<General> {
+pub(crate) fn general(mut matrix: Vec<f64>) -> Option<General> {
     let n = matrix.len().isqrt();
     if !matrix.iter().all(|x| x.is_finite()) {
         return None;

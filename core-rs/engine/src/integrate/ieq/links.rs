@@ -47,6 +47,9 @@ pub(in super::super) fn takes(mesh: &Mesh, network: &Network) -> Result<(), Erro
     }
     for run in &mesh.others {
         let why = match &run.kind {
+            Kind::Lnl { law, .. } if law.is_shared() => Some(
+                "method ieq steps link by link, and the tension of a stretched string is one of all its links",
+            ),
             Kind::Lnl { law, .. } if !law.has_closed_energy() => {
                 Some("ieq needs a law by points or a polynomial, whose energy is known")
             }

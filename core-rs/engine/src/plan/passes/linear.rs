@@ -1,6 +1,7 @@
 //! A linear body: masses, springs and dampers as matrices, and whether its damping goes with the others.
 
 use crate::network::{LinkKind, MatKind, Network};
+use crate::plan::passes::viscosity::Viscosity;
 use crate::units::Rate;
 
 /// Relative difference at which two dampings are one: what a score's digits and rounding leave.
@@ -102,6 +103,8 @@ pub(crate) struct Linear {
     pub(crate) proportion: Option<[f64; 2]>,
     /// Its dampers   (as many as there are)
     pub(crate) dampers: Vec<Damper>,
+    /// Its damping, where it is no sum of mass and stiffness and yet has their modes.
+    pub(crate) viscosity: Option<Viscosity>,
     /// The discrete network is the truth: M, K, Z are algorithmic.
     pub(crate) is_discrete: bool,
 }
@@ -178,9 +181,16 @@ impl Linear {
             }
         }
         let known = proportion.ok();
+        let viscosity = match known {
+            Some(()) => None,
+            None => {
+                Viscosity::new(network, &free, &root).filter(|own| own.shares_modes(&stiffness))
+            }
+        };
         Ok(Self {
             proportion: known.map(|()| [damping.alpha.unwrap_or(0.0), damping.beta.unwrap_or(0.0)]),
             dampers,
+            viscosity,
             free,
             root,
             stiffness,
