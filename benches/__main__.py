@@ -24,6 +24,7 @@ from benches.measure import Row
 from benches.mesh import mesh
 from benches.midi_clock import midi_clock
 from benches.native import Loops, compiler
+from benches.planning import planning
 from benches.quetzalcoatl import quetzalcoatl
 from benches.repl import repl
 from benches.soak import soak, soak_live
@@ -47,6 +48,7 @@ def main(arguments: list[str]) -> int:
         "laws": laws,
         "gesture": hands.gesture,
         "check": reading.check,
+        "planning": planning,
         "start": reading.start,
         "repl": repl,
         "interrupts": interrupts,

@@ -20,6 +20,8 @@ use crate::units::Rate;
 const HAIR: f64 = 1e-9;
 /// A mode's answer to an impulse costs as much as so many products: it has an exponential and a sine.
 const RESPONSE: u64 = 200;
+/// A sum of products costs as much as so many of them before the first.
+const LOOP: u64 = 16;
 
 /// A point that contacts touch.
 #[derive(Clone, Debug)]
@@ -286,7 +288,9 @@ impl Fine {
                     }
                 }
                 (None, Some(cell)) => {
-                    for (j, &impulse) in given.iter().enumerate() {
+                    let pushes = given.iter().enumerate();
+                    for (j, &impulse) in pushes.filter(|(_, impulse)| **impulse != 0.0) {
+                        self.work.products += 2 * RESPONSE;
                         let alpha = j as f64 / script.steps as f64;
                         let [now, later] = cell.split(impulse, alpha, script.rate);
                         body.push(joint.mat, now);
@@ -335,7 +339,7 @@ impl Fine {
                         for (x, by) in way.iter_mut().zip(moves) {
                             *x += by * impulse;
                         }
-                        self.work.products += moves.len().min(stride - j) as u64;
+                        self.work.products += LOOP + moves.len().min(stride - j) as u64;
                     }
                 }
             }

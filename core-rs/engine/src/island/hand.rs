@@ -2,5 +2,6 @@
 
 pub(crate) mod framed;
 pub(crate) mod free;
+mod leap;
 mod particle;
 pub(crate) mod voice;

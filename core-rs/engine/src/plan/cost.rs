@@ -2,6 +2,7 @@
 
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
+use crate::island::mesh::Mesh;
 use crate::island::slow::Slow;
 use crate::network::{Contact, LinkKind, Network};
 use crate::plan::BankPlan;
@@ -60,13 +61,26 @@ pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
             modal.modes.len() as f64 * (Costs::of("mode") + rows as f64 * Costs::of("port"))
         }
         BodyPlan::Mesh(mesh) => {
-            let rung = |&&(way, steps, _): &&(MeshMethod, u32, f64)| {
-                (way, steps) == (mesh.way, mesh.substeps)
-            };
-            let times = LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times);
-            times * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
+            times(mesh) * stepped_cost(&mesh.network, &Timeline::new(mesh.rate))
         }
         BodyPlan::Slow(slow) => slow_cost(slow),
+    }
+}
+
+/// How many times a step of CA a mesh takes a frame.
+fn times(mesh: &Mesh) -> f64 {
+    let rung =
+        |&&(way, steps, _): &&(MeshMethod, u32, f64)| (way, steps) == (mesh.way, mesh.substeps);
+    LADDER.iter().find(rung).map_or(1.0, |&(_, _, times)| times)
+}
+
+/// What a body takes in a trial a frame beyond [`body_cost`] [ns]: rows of a small plate are shorter than what the
+/// table was measured with.
+pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
+    const ROW: f64 = 2.5;
+    match inside {
+        BodyPlan::Mesh(mesh) => times(mesh) * ROW * mesh.network.runs().len() as f64,
+        BodyPlan::Modal(_) | BodyPlan::Slow(_) => 0.0,
     }
 }
 

@@ -289,11 +289,15 @@ impl Maker<'_> {
         let (mut subset, mut stay) = multirate::settle(subset, own, self.budget);
         let (found, growth) = loop {
             let assemble = |how: (u32, Ways<'_>)| {
-                Assembled::new(&subset, own, self.budget, how, pin, &self.memo)
+                let island = Assembled::new(&subset, own, self.budget, how, pin, &self.memo);
+                self.allowance.spend(self.memo.take_work());
+                island
             };
             // What grows at once is not worth a pilot.
             let mut judged = match assemble((1, Ways::Budget)) {
-                Ok(island) if subset.network.has_slow_parts() => multirate::certify(&island),
+                Ok(island) if subset.network.has_slow_parts() => {
+                    multirate::certify(&island, &self.allowance)
+                }
                 _ => Ok(None),
             };
             if judged.is_ok() {
@@ -306,7 +310,7 @@ impl Maker<'_> {
                 };
                 // Where all of it goes more often its map is another.
                 if found.island.island_plan.oversampling > 1 {
-                    judged = multirate::certify(&found.island);
+                    judged = multirate::certify(&found.island, &self.allowance);
                 }
                 if let Ok(growth) = judged {
                     break (found, growth);

@@ -8,6 +8,7 @@ pub(crate) use carry::{VoiceCarry, shared};
 
 use super::framed::{FramedGesture, Leg};
 use super::free::{FreeKey, Motion, Room};
+use super::leap::Leap;
 use super::particle::Flight;
 use crate::gesture::quintic::Knot;
 use crate::gesture::report::Report;
@@ -141,6 +142,7 @@ impl Voice {
             coast: free.clone(),
             laws,
             targets: Vec::new(),
+            leap: Leap::new(&script.free),
         };
         Self {
             free,

@@ -117,12 +117,18 @@ fn is_more(network: &Network, than: &Network) -> bool {
 
 /// How much an island with slow parts grows from kick to kick; `None`: it has none. Where it does grow, why they
 /// cannot be slow.
-pub(in crate::plan) fn certify(island: &Assembled) -> Result<Option<Growth>, String> {
+pub(in crate::plan) fn certify(
+    island: &Assembled,
+    allowance: &Allowance,
+) -> Result<Option<Growth>, String> {
     let bodies = &island.island_plan.bodies;
     if !bodies.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
         return Ok(None);
     }
-    let growth = macrostep::growth(&island.island_plan);
+    let Some(growth) = macrostep::growth(&island.island_plan) else {
+        return Err("whether its kicks let the island grow would take long to find out".to_owned());
+    };
+    allowance.spend(growth.work);
     if growth.is_stable() {
         return Ok(Some(growth));
     }
