@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
@@ -207,9 +207,8 @@ def _named(root: document.Mapping, section: str, name: str) -> Iterator[tuple[in
     for _, part in players.values():
         if isinstance(part, document.Sequence):
             for item in part.items:
-                yield from _same(
-                    item.get("play") if isinstance(item, document.Mapping) else None, name
-                )
+                play = item.get("play") if isinstance(item, document.Mapping) else None
+                yield from _in_play(play, name)
         elif isinstance(part, Scalar):
             yield from _in_table(part, name)
     gestures, hands = root.get("gestures"), root.get("players")
@@ -225,10 +224,36 @@ def _same(node: Node | None, name: str) -> Iterator[tuple[int, int]]:
 
 def _in_table(part: Scalar, name: str) -> Iterator[tuple[int, int]]:
     """Where rows of a table name what is played."""
-    own = part.document
     for row, offset in words.rows(part.text):
-        what = words.parse_row(row, offset).play.what
-        if what.text == name:
-            where = part.place_at(what.offset, len(name))
-            start, _ = own.line_span(where.line - own.first_row - 1)
-            yield start + where.column - 1, start + where.column - 1 + len(name)
+        called: list[int] = []
+        play = words.parse_row(row, offset, _noting(name, called)).play
+        yield from _spans(part, name, play, called)
+
+
+def _in_play(node: Node | None, name: str) -> Iterator[tuple[int, int]]:
+    """Where the play of an entry names what is played."""
+    if isinstance(node, Scalar) and not node.is_empty:
+        called: list[int] = []
+        yield from _spans(node, name, words.parse(node.text, 0, _noting(name, called)), called)
+
+
+def _noting(name: str, called: list[int]) -> Callable[[str, int], str]:
+    """Note where a name stands in a pattern."""
+
+    def note(word: str, at: int) -> str:
+        if word == name:
+            called.append(at)
+        return word
+
+    return note
+
+
+def _spans(
+    node: Scalar, name: str, play: words.PlayWords, called: list[int]
+) -> Iterator[tuple[int, int]]:
+    """First and last character of a name in a play, whose pattern calls it at some offsets."""
+    own = node.document
+    for offset in [play.what.offset] if play.what.text == name else sorted({*called}):
+        where = node.place_at(offset, len(name))
+        start, _ = own.line_span(where.line - own.first_row - 1)
+        yield start + where.column - 1, start + where.column - 1 + len(name)

@@ -163,6 +163,18 @@ def test_what_is_renamed_is_renamed_wherever_it_is_named(at: Stepped):
     same_again(at)
 
 
+def test_what_is_renamed_is_renamed_in_patterns(at: Stepped):
+    at.ok("ada plays knock (lean knock) ~ every 1")
+    at.ok("leo plays choose knock lean every 1 chance 0.5")
+    at.run(1.0)
+    at.ok("rename knock tap2")
+    text = at.session.commits.head.texts.text
+    assert "tap2 (lean tap2) ~" in text
+    assert "choose tap2 lean" in text
+    assert "knock" not in text.partition("gestures:")[2]
+    at.run(1.0)
+
+
 def test_a_player_takes_another_key(at: Stepped):
     at.ok("leo takes k1")
     assert at.session.commits.head.piece.players["leo"].key == "k1"
