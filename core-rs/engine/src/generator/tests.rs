@@ -1,5 +1,6 @@
 use super::*;
 use crate::cell;
+use crate::maths::{exp, log};
 use crate::units::Rate;
 use proptest::prelude::*;
 use std::f64::consts::{LN_10, TAU};
@@ -387,7 +388,8 @@ fn partials_of_a_stiff_string_are_in_tune() {
                 for (i, value) in values.iter().enumerate().take(20) {
                     let n = (i + 1 + i * usize::from(ends == Ends::Left)) as f64;
                     let wanted = n * ((1.0 + b * n * n) / (1.0 + b)).sqrt();
-                    let cents = 1200.0 * ((value / values[0]).sqrt() / wanted).log2();
+                    let ratio = (value / values[0]).sqrt() / wanted;
+                    let cents = 1200.0 * log(ratio) / std::f64::consts::LN_2;
                     assert!(
                         cents.abs() < 1.0,
                         "{masses} {ends:?} {b}: partial {n}, {cents}"
@@ -507,7 +509,10 @@ fn a_held_rectangle_has_the_closed_form() {
     let (across, up) = (39, 24);
     let plate = bent_plate(Shape::Rectangle { across, up }, 0, Rim::Fixed, 0.3).expect("plate");
     let values = spectrum_of(&plate);
-    let side = |m: usize, masses: usize| (m as f64 / (masses + 1) as f64).powi(2);
+    let side = |m: usize, masses: usize| {
+        let part = m as f64 / (masses + 1) as f64;
+        part * part
+    };
     let mut wanted: Vec<f64> = (1..9)
         .flat_map(|m| (1..9).map(move |n| side(m, across) + side(n, up)))
         .collect();
@@ -596,7 +601,8 @@ fn decay_at(modes: &[(f64, f64)], f: f64) -> f64 {
         .partition_point(|mode| mode.0 < f)
         .clamp(1, modes.len() - 1);
     let ((f1, t1), (f2, t2)) = (modes[above - 1], modes[above]);
-    t1 * (t2 / t1).powf((f / f1).ln() / (f2 / f1).ln())
+    let part = log(f / f1) / log(f2 / f1);
+    t1 * exp(part * log(t2 / t1))
 }
 
 #[test]
