@@ -289,8 +289,10 @@ def gain(text: str) -> float:
     if word.startswith("x"):
         return factor(text)
     if _NUMBER.fullmatch(word):
-        message = f"{quote(word)} has no unit; write x{word} for a factor, or {word}dB for a level"
-        raise TextError(message, length=len(word), suggestion=f"x{word}", code="E203")
+        factor_like = "" if word.startswith("-") else f"x{word} for a factor, or "
+        message = f"{quote(word)} has no unit; write {factor_like}{word}dB for a level"
+        suggestion = f"x{word}" if factor_like else f"{word}dB"
+        raise TextError(message, length=len(word), suggestion=suggestion, code="E203")
     return _core.decibels(quantity(text, LEVEL))
 
 

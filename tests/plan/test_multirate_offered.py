@@ -58,7 +58,7 @@ def test_a_key_of_many_masses_is_made_slow_and_sounds_as_it_should():
     made = scene()
     plan = _core.Plan(*made, error_db=ASKED_DB)
     key = rows(plan)["key"]
-    assert (key.what, key.every, key.offered) == ("e4", 10, True)
+    assert (key.what, key.macrostep, key.offered) == ("e4", 10, True)
     assert key.preserved
     assert key.error_db is not None
     assert key.error_db <= -75.0

@@ -79,7 +79,7 @@ def test_a_plan_says_that_it_was_cut_short_also_when_it_is_kept(
 def test_the_proof_that_slow_parts_do_not_grow_is_drawn() -> None:
     network = _core.Network()
     for name, every in (("one", 137), ("two", 139)):
-        network.part(name, every=every)
+        network.part(name, macrostep=every)
         mats = [network.cel(f"{name}0", M=0.5, K=20.0, Z=0.01)]
         mats += [network.mas(f"{name}{i}", M=0.5) for i in range(1, 40)]
         for i in range(39):

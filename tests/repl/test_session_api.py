@@ -82,6 +82,13 @@ CALLS: dict[str, Callable[[SessionProxy], Reply]] = {
     "record audio off": lambda s: s.record("audio", file="off"),
     "unmap cc 21": lambda s: s.unmap(cc=21),
     "unmap note C3..C5": lambda s: s.unmap(note="C3..C5"),
+    "rain strikes bell every 1 impulse 2mNs": lambda s: s.strikes(
+        "rain", "bell every 1 impulse 2mNs"
+    ),
+    "bell notes A3 C4 E4 euclid 5 8": lambda s: s.notes("bell", "A3 C4 E4 euclid 5 8"),
+    "set bell.m.f A3 C4 E4 every 1": lambda s: s.set("bell.m.f", "A3 C4 E4 every 1"),
+    "lfo bell.m.K 0.8..1.2 period 4bar": lambda s: s.lfo("bell.m.K", "0.8..1.2 period 4bar"),
+    "lfo bell.m.K off": lambda s: s.lfo("bell.m.K", "off"),
 }
 MORE: dict[str, Callable[[SessionProxy], Reply]] = {
     "ada plays knock every 1/2 touch free do scale 0.8, mirror now": lambda s: s.plays(

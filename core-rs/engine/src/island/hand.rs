@@ -2,6 +2,5 @@
 
 pub(crate) mod framed;
 pub(crate) mod free;
-mod leap;
 mod particle;
 pub(crate) mod voice;

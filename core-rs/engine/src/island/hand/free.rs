@@ -1,8 +1,9 @@
 //! The free key: the key alone, as a gesture was written for it.
 
+pub(crate) mod leap;
+
 use std::sync::Arc;
 
-use super::leap::{self, Leap};
 use crate::interrupt;
 use crate::island::slow::{self, Slow};
 use crate::kernel;
@@ -11,6 +12,7 @@ use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::{Kind, Scheme};
 use crate::state::{Body, Target};
 use crate::timeline::Drive;
+use leap::Leap;
 
 /// Enough for a nonlinear key: the secant multiplies its digits by 1.6 a round.
 const ROUNDS_MAX: usize = 40;

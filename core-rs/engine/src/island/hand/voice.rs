@@ -7,8 +7,8 @@ mod join;
 pub(crate) use carry::{VoiceCarry, shared};
 
 use super::framed::{FramedGesture, Leg};
+use super::free::leap::Leap;
 use super::free::{FreeKey, Motion, Room};
-use super::leap::Leap;
 use super::particle::Flight;
 use crate::gesture::quintic::Knot;
 use crate::gesture::report::Report;

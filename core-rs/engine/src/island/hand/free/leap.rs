@@ -1,6 +1,6 @@
 //! Many frames of a linear key at once: what one frame does is an affine map, and its powers are found by squaring.
 
-use super::free::{FreeKey, Motion};
+use super::{FreeKey, Motion};
 use crate::kernel::Laws;
 use crate::state::Target;
 use crate::timeline::Source;
