@@ -276,6 +276,16 @@ GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "gener
 HOLDERS = (*MATS, *GENERATORS)  # kinds that bring <M> points
 
 
+# Fields of generators that scores of earlier versions could not write, and their defaults: the hash
+# of a score leaves them out there, so that it stays what it was.
+LATER_FIELDS: dict[str, Any] = {
+    "inharmonicity": None,
+    "stretching": 0.0,
+    "sides": None,
+    "bending": None,
+}
+
+
 def tables(ca: bool, names: tuple[str, ...] = tuple(KINDS)) -> dict[str, Record]:
     """Tables by kind, in SI units or under `units: ca`."""
     return {name: KINDS[name].ca_table if ca else KINDS[name].table for name in names}

@@ -9,6 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from ergon.instruments.kinds import LATER_FIELDS
 from ergon.instruments.model import Instrument, Layout, Module, Target
 from ergon.notation.clock.meter import Meter
 from ergon.notation.clock.positions import Length, Position
@@ -350,6 +351,17 @@ _NOT_VALUES = {  # where a thing is written, or its text beside its value
 }
 
 
+def _earlier(value: Any) -> Any:
+    """The fields of a module without later ones that have their defaults."""
+    if not isinstance(value, Mapping):
+        return value
+    return {
+        name: own
+        for name, own in value.items()
+        if name not in LATER_FIELDS or own != LATER_FIELDS[name]
+    }
+
+
 def _chunks(value: Any) -> Iterator[bytes]:
     """A value as bytes, without ambiguity: every item says its type, every group its size."""
     if is_dataclass(value) and not isinstance(value, type):
@@ -361,7 +373,8 @@ def _chunks(value: Any) -> Iterator[bytes]:
             is_untold = f.metadata.get("untold") and not getattr(value, f.name)
             if f.name not in skipped and not is_untold:
                 yield f".{f.name}=".encode()
-                yield from _chunks(getattr(value, f.name))
+                inner = getattr(value, f.name)
+                yield from _chunks(_earlier(inner) if isinstance(value, Module) else inner)
         yield b"}"
     elif isinstance(value, Mapping):
         yield b"m%d" % len(value)
