@@ -133,7 +133,9 @@ class Record(Shape):
         if nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
         values = Values(self, node, context)
-        for word, (key, child) in _whole_numbers(entries, context):
+        is_cut = any(word[:1].isdigit() for word in entries)  # no name begins with a digit
+        whole = _whole_numbers(entries, context) if is_cut else entries.items()
+        for word, (key, child) in whole:
             if (known := self.by_name.get(word)) is not None:
                 values.nodes[word] = child
                 if context.memory is None:

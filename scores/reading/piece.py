@@ -316,6 +316,13 @@ class Piece:
     starts: tuple[Sequence[float] | None, ...] = field(default=(), compare=False, repr=False)
     automation: tuple[Automation, ...] = field(default=(), metadata=UNTOLD)
 
+    def modules(self) -> Iterator[tuple[str, Module]]:
+        """Every module of the keys and instruments, with the name of its part."""
+        for key in self.keys.values():
+            yield from ((key.name, module) for module in key.modules)
+        for instrument in self.instruments.values():
+            yield from ((instrument.name, module) for module in instrument.modules)
+
     def digest(self) -> str:
         """SHA-256 of the values: not of text, comments, order of names, places or paths.
 

@@ -48,7 +48,7 @@ def probed(piece: Piece) -> Probed:
     ends = (end for _, module in contacts for end in module.fields["between"])
     targets = {_identity(target): target for target in (*ends, *_single(piece))}
     kept = list(targets.items())[:MAX_POINTS]
-    kinds = {(part, module.name): module for part, module in _modules(piece)}
+    kinds = {(part, module.name): module for part, module in piece.modules()}
     points = {
         identity: _point(target, number, kinds[target.part, target.module])
         for number, (identity, target) in enumerate(kept)
@@ -80,22 +80,15 @@ def _point(target: Target, output: int, module: Module) -> Point:
     return Point(name, output, module.kind == "SOL")
 
 
-def _modules(piece: Piece) -> Iterator[tuple[str, Module]]:
-    for key in piece.keys.values():
-        yield from ((key.name, module) for module in key.modules)
-    for instrument in piece.instruments.values():
-        yield from ((instrument.name, module) for module in instrument.modules)
-
-
 def _contacts(piece: Piece) -> Iterator[tuple[str, Module]]:
-    for part, module in _modules(piece):
+    for part, module in piece.modules():
         if module.kind == "BUT":
             yield ".".join(filter(None, (part, module.name))), module
 
 
 def _single(piece: Piece) -> Iterable[Target]:
     """Modules of one mass, and the members of others that outputs of the piece listen to."""
-    for part, module in _modules(piece):
+    for part, module in piece.modules():
         is_one = module.kind in HOLDERS and member_count(module.kind, module.fields) == 1
         if is_one and module.kind != "SOL":
             yield Target(part, module.name, 0, 1, "", module.place)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ergon.instruments.kinds import HOLDERS, LINKS
-from ergon.instruments.model import Module, Target
+from ergon.instruments.model import Target
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import heard, targets_of
@@ -37,7 +37,7 @@ def unused(piece: Piece) -> list[Diagnostic]:
     """
     groups = _Groups()
     links = {}
-    for part, module in _modules(piece):
+    for part, module in piece.modules():
         if module.kind in LINKS:
             ends = tuple(end.part for end in module.fields["between"])
             links[part, module.name] = ends
@@ -63,13 +63,6 @@ def unused(piece: Piece) -> list[Diagnostic]:
     return found
 
 
-def _modules(piece: Piece) -> Iterator[tuple[str, Module]]:
-    for key in piece.keys.values():
-        yield from ((key.name, module) for module in key.modules)
-    for instrument in piece.instruments.values():
-        yield from ((instrument.name, module) for module in instrument.modules)
-
-
 def _listened(piece: Piece, links: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:
     """Parts whose movement or force is heard."""
     for _, instrument, output in heard(piece):
@@ -86,7 +79,7 @@ def _moved(piece: Piece) -> Iterator[str]:
             yield player.key
     for strikes in piece.strikes:
         yield from (target.part for target in strikes.to)
-    for part, module in _modules(piece):
+    for part, module in piece.modules():
         to = module.fields.get("to")
         if module.kind in ("ENX", "ENF") and isinstance(to, Target):
             yield to.part
